@@ -1,0 +1,21 @@
+// Shared by the files that bind kernels to Python.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+
+namespace room2dgs {
+
+namespace nb = nanobind;
+template <class T>
+using Array = nb::ndarray<T, nb::c_contig, nb::device::cpu>;
+
+void bind_splat(nb::module_& m);
+void bind_losses(nb::module_& m);
+void bind_train(nb::module_& m);
+
+// True when the processor runs the AVX2 kernels.
+bool has_avx2();
+
+}  // namespace room2dgs

@@ -1,0 +1,22 @@
+#include "bind.h"
+#include "parallel.h"
+
+namespace room2dgs {
+bool has_avx2() {
+#if defined(__x86_64__) || defined(_M_X64)
+  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2");
+#else
+  return false;
+#endif
+}
+}  // namespace room2dgs
+
+NB_MODULE(_C, m) {
+  m.doc() = "Compiled kernels of room2dgs; use the Python functions that wrap them.";
+  m.def("isa", [] { return room2dgs::has_avx2() ? "avx2" : "baseline"; }, "Instruction set of the kernels in use.");
+  m.def("set_threads", &room2dgs::set_threads, nanobind::arg("count"));
+  m.def("threads", &room2dgs::threads);
+  room2dgs::bind_splat(m);
+  room2dgs::bind_losses(m);
+  room2dgs::bind_train(m);
+}

@@ -1,0 +1,1 @@
+"""Captures on disk to a typed `Scene`: cameras, frames, sparse points."""

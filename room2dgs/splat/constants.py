@@ -1,0 +1,12 @@
+"""Numbers that the reference and the compiled kernels must share (surfel.h has the same ones)."""
+
+from __future__ import annotations
+
+ALPHA_MIN = 1.0 / 255.0  # fainter hits are skipped
+ALPHA_MAX = 0.99  # opaque hits are clamped; no gradient through the clamp
+TRANSMITTANCE_MIN = 1e-4  # a pixel is finished once less light than this passes
+FILTER_INVERSE_VARIANCE = 2.0  # screen-space low-pass filter of 2DGS, sigma = sqrt(2)/2 px
+DEN_MIN = 1e-6  # a ray this close to the plane's horizon has no hit
+EDGE_ON = 1e-3  # |cos| between normal and view ray below which a disc is edge-on
+DISTORTION_NEAR_M, DISTORTION_FAR_M = 0.2, 100.0  # 2DGS's depth map for the distortion loss
+SH_DEGREE_OF = {1: 0, 4: 1, 9: 2, 16: 3}  # coefficients -> degree

@@ -1,0 +1,368 @@
+// Blending over one tile, forward and backward: splat by splat, eight pixels of a row at a time, the pixels' state in
+// the first-level cache. Both directions evaluate a hit by the same code, so they take the same branches.
+#include "raster.h"
+#include "surfel.h"
+
+namespace R2_ISA {
+namespace {
+
+using room2dgs::BlendArgs;
+using room2dgs::ImageGradients;
+using room2dgs::Images;
+using room2dgs::Item;
+using room2dgs::kGradients;
+using room2dgs::kTile;
+using room2dgs::kTilePixels;
+using room2dgs::Record;
+
+constexpr int kVectors = kTilePixels / kLanes;  // of a tile; two a row
+constexpr int kPrefetch = 4;
+
+// What a record means on one row of pixels, relative to the row's delta_y.
+struct Row {
+  f8 u0, v0, den0, rho0;
+};
+R2_INLINE Row row_of(const Record& r, float dy) {
+  return {splat(r.auy * dy), splat(r.avy * dy), splat(r.by * dy + 1.0f), splat(kFilterInverseVariance * dy * dy)};
+}
+
+struct Hit {
+  f8 u, v, inverse, rho, z;
+  i8 plane;  // the disc itself is hit; elsewhere its screen-space filter
+};
+R2_INLINE Hit intersect(const Record& r, const Row& row, f8 dx) {
+  Hit h;
+  const f8 den = fma(splat(r.bx), dx, row.den0);
+  h.inverse = 1.0f / den;
+  h.u = fma(splat(r.aux), dx, row.u0) * h.inverse;
+  h.v = fma(splat(r.avx), dx, row.v0) * h.inverse;
+  const f8 rho_plane = fma(h.u, h.u, h.v * h.v);
+  const f8 rho_filter = fma(dx * kFilterInverseVariance, dx, row.rho0);
+  h.plane = (den > kDenMin) & (den <= r.den_max) & (rho_plane <= rho_filter);
+  h.rho = select(h.plane, rho_plane, rho_filter);
+  h.z = select(h.plane, r.z * h.inverse, splat(r.z));
+  return h;
+}
+// Opacity before the clamp; the hit counts where it reaches kAlphaMin.
+R2_INLINE f8 raw_alpha(const Record& r, const Hit& h) { return r.opacity * exp_nonpositive(h.rho * -0.5f); }
+
+// The vectors of a tile that a record can reach.
+struct Window {
+  int row0, row1, half0, half1;
+};
+R2_INLINE Window window_of(const Record& r, int x, int y) {
+  Window w;
+  w.row0 = r.y0 > y ? r.y0 - y : 0;
+  w.row1 = r.y1 < y + kTile - 1 ? r.y1 - y : kTile - 1;
+  w.half0 = r.x0 >= x + kLanes;
+  w.half1 = r.x1 >= x + kLanes;
+  return w;
+}
+
+R2_INLINE f8 shifted_depth(f8 z, f8 first) { return kDistortionScale * (z - first) / (z * first); }
+
+R2_INLINE i8 load_i(const int32_t* p) {
+  i8 r;
+  __builtin_memcpy(&r, p, sizeof r);
+  return r;
+}
+R2_INLINE void store_i(int32_t* p, i8 x) { __builtin_memcpy(p, &x, sizeof x); }
+
+struct alignas(32) ForwardTile {
+  float T[kTilePixels], red[kTilePixels], green[kTilePixels], blue[kTilePixels], depth[kTilePixels];
+  float median[kTilePixels];
+  int32_t last[kTilePixels], median_item[kTilePixels];
+  float nx[kTilePixels], ny[kTilePixels], nz[kTilePixels];
+  float distortion[kTilePixels], first_z[kTilePixels], m1[kTilePixels], m2[kTilePixels];
+};
+
+template <bool kNormal, bool kDistortion>
+void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pairs) {
+  const int x = static_cast<int>(tile % a.tiles_x) * kTile, y = static_cast<int>(tile / a.tiles_x) * kTile;
+  const int columns = a.width - x < kTile ? a.width - x : kTile, rows = a.height - y < kTile ? a.height - y : kTile;
+  ForwardTile s;
+  for (int v = 0; v < kVectors; ++v) {
+    const int p = v * kLanes;
+    const f8 column = iota() + static_cast<float>((v & 1) * kLanes);
+    // pixels beyond the image are finished before they start
+    const i8 inside = (column < static_cast<float>(columns)) & splat_i(v / 2 < rows ? -1 : 0);
+    store(s.T + p, masked(inside, splat(1.0f)));
+    const f8 zero = splat(0);
+    store(s.red + p, zero), store(s.green + p, zero), store(s.blue + p, zero);
+    store(s.depth + p, zero), store(s.median + p, zero);
+    store_i(s.last + p, splat_i(0)), store_i(s.median_item + p, splat_i(-1));
+    if (kNormal) store(s.nx + p, zero), store(s.ny + p, zero), store(s.nz + p, zero);
+    if (kDistortion) store(s.distortion + p, zero), store(s.first_z + p, zero), store(s.m1 + p, zero), store(s.m2 + p, zero);
+  }
+  const Item* items = a.items + a.tile_begin[tile];
+  const int count = static_cast<int>(a.tile_begin[tile + 1] - a.tile_begin[tile]);
+  uint32_t alive = 0;  // a bit a vector
+  for (int row = 0; row < rows; ++row) alive |= (columns > kLanes ? 3u : 1u) << (2 * row);
+  int64_t evaluated = 0;
+
+  for (int j = 0; j < count && alive; ++j) {
+    if (j + kPrefetch < count) __builtin_prefetch(a.records + items[j + kPrefetch].surfel);
+    const Record& r = a.records[items[j].surfel];
+    const Window w = window_of(r, x, y);
+    const f8 x0 = iota() + (static_cast<float>(x) + 0.5f - r.cx);
+    for (int row = w.row0; row <= w.row1; ++row) {
+      const Row on_row = row_of(r, static_cast<float>(y + row) + 0.5f - r.cy);
+      for (int half = w.half0; half <= w.half1; ++half) {
+        const uint32_t bit = 1u << (2 * row + half);
+        if (!(alive & bit)) continue;
+        if (pairs) evaluated += kLanes;
+        const Hit h = intersect(r, on_row, x0 + static_cast<float>(half * kLanes));
+        if (!any(h.rho <= r.rho_max)) continue;
+        const int p = row * kTile + half * kLanes;
+        const f8 T = load(s.T + p);
+        const f8 raw = raw_alpha(r, h);
+        const i8 keep = (raw >= kAlphaMin) & (T >= kTransmittanceMin);
+        if (!any(keep)) continue;
+        const f8 alpha = masked(keep, vmin(raw, splat(kAlphaMax)));
+        const f8 weight = T * alpha, after = T * (1.0f - alpha);
+        store(s.T + p, after);
+        store(s.red + p, fma(weight, splat(r.color[0]), load(s.red + p)));
+        store(s.green + p, fma(weight, splat(r.color[1]), load(s.green + p)));
+        store(s.blue + p, fma(weight, splat(r.color[2]), load(s.blue + p)));
+        store(s.depth + p, fma(weight, h.z, load(s.depth + p)));
+        store_i(s.last + p, select(keep, splat_i(j + 1), load_i(s.last + p)));
+        const i8 crossing = (T > 0.5f) & (after <= 0.5f);
+        if (any(crossing)) {
+          store(s.median + p, select(crossing, h.z, load(s.median + p)));
+          store_i(s.median_item + p, select(crossing, splat_i(j), load_i(s.median_item + p)));
+        }
+        if (kNormal) {
+          store(s.nx + p, fma(weight, splat(r.normal[0]), load(s.nx + p)));
+          store(s.ny + p, fma(weight, splat(r.normal[1]), load(s.ny + p)));
+          store(s.nz + p, fma(weight, splat(r.normal[2]), load(s.nz + p)));
+        }
+        if (kDistortion) {
+          f8 first = load(s.first_z + p);
+          first = select(keep & (first == 0.0f), h.z, first);
+          store(s.first_z + p, first);
+          const f8 mu = masked(keep, shifted_depth(h.z, first));
+          const f8 m1 = load(s.m1 + p), m2 = load(s.m2 + p), wmu = weight * mu;
+          // sum_j w_j (mu - mu_j)^2 over those in front
+          const f8 spread = fma(mu, fma(mu, 1.0f - T, -2.0f * m1), m2);
+          store(s.distortion + p, fma(weight, vmax(spread, splat(0)), load(s.distortion + p)));
+          store(s.m1 + p, m1 + wmu);
+          store(s.m2 + p, fma(wmu, mu, m2));
+        }
+        if (!any(after >= kTransmittanceMin)) alive &= ~bit;
+      }
+    }
+  }
+  if (pairs) *pairs = evaluated;
+
+  const int64_t base = tile * kTilePixels;
+  for (int v = 0; v < kVectors; ++v) {
+    const int p = v * kLanes;
+    store(a.state.transmittance + base + p, load(s.T + p));
+    store_i(a.state.last + base + p, load_i(s.last + p));
+    store_i(a.state.median + base + p, load_i(s.median_item + p));
+    if (kDistortion) {
+      store(a.state.first_z + base + p, load(s.first_z + p));
+      store(a.state.m1 + base + p, load(s.m1 + p));
+      store(a.state.m2 + base + p, load(s.m2 + p));
+    }
+  }
+  for (int row = 0; row < rows; ++row) {
+    const int64_t first = static_cast<int64_t>(y + row) * a.width + x;
+    for (int column = 0; column < columns; ++column) {
+      const int p = row * kTile + column;
+      const int64_t q = first + column;
+      const float T = s.T[p], covered = 1.0f - T;
+      out.color[3 * q] = s.red[p] + T * a.background[0];
+      out.color[3 * q + 1] = s.green[p] + T * a.background[1];
+      out.color[3 * q + 2] = s.blue[p] + T * a.background[2];
+      out.alpha[q] = covered;
+      out.depth[q] = covered > 0 ? s.depth[p] / covered : 0.0f;
+      out.median[q] = s.median[p];
+      if (kNormal) out.normal[3 * q] = s.nx[p], out.normal[3 * q + 1] = s.ny[p], out.normal[3 * q + 2] = s.nz[p];
+      if (kDistortion) out.distortion[q] = s.distortion[p];
+    }
+  }
+}
+
+struct alignas(32) BackwardTile {
+  float T[kTilePixels], behind[kTilePixels];  // `behind`: what the rest of the ray is worth, per unit of light
+  float red[kTilePixels], green[kTilePixels], blue[kTilePixels], depth[kTilePixels], constant[kTilePixels];
+  float median[kTilePixels];
+  int32_t last[kTilePixels], median_item[kTilePixels];
+  float nx[kTilePixels], ny[kTilePixels], nz[kTilePixels];
+  float distortion[kTilePixels], first_z[kTilePixels], m1[kTilePixels], m2[kTilePixels], covered[kTilePixels];
+  int32_t vector_last[kVectors];
+};
+
+template <bool kNormal, bool kDistortion>
+int load_gradients(const BlendArgs& a, const Images& out, const ImageGradients& g, int64_t tile, BackwardTile& s) {
+  const int x = static_cast<int>(tile % a.tiles_x) * kTile, y = static_cast<int>(tile / a.tiles_x) * kTile;
+  const int64_t base = tile * kTilePixels;
+  int tile_last = 0;
+  for (int row = 0; row < kTile; ++row) {
+    for (int column = 0; column < kTile; ++column) {
+      const int p = row * kTile + column;
+      const bool inside = x + column < a.width && y + row < a.height;
+      const int64_t q = inside ? static_cast<int64_t>(y + row) * a.width + x + column : 0;
+      const float on = inside ? 1.0f : 0.0f;
+      const float T = a.state.transmittance[base + p], covered = 1.0f - T;
+      s.T[p] = T;
+      s.last[p] = inside ? a.state.last[base + p] : 0;
+      s.median_item[p] = a.state.median[base + p];
+      s.red[p] = g.color ? on * g.color[3 * q] : 0.0f;
+      s.green[p] = g.color ? on * g.color[3 * q + 1] : 0.0f;
+      s.blue[p] = g.color ? on * g.color[3 * q + 2] : 0.0f;
+      // expected depth = sum w z / covered
+      const float through = g.depth && covered > 0 ? on * g.depth[q] / covered : 0.0f;
+      s.depth[p] = through;
+      s.constant[p] = (g.alpha ? on * g.alpha[q] : 0.0f) - through * (inside ? out.depth[q] : 0.0f);
+      s.median[p] = g.median ? on * g.median[q] : 0.0f;
+      s.behind[p] = a.background[0] * s.red[p] + a.background[1] * s.green[p] + a.background[2] * s.blue[p];
+      if (kNormal) s.nx[p] = on * g.normal[3 * q], s.ny[p] = on * g.normal[3 * q + 1], s.nz[p] = on * g.normal[3 * q + 2];
+      if (kDistortion) {
+        s.distortion[p] = on * g.distortion[q];
+        s.first_z[p] = a.state.first_z[base + p];
+        s.m1[p] = a.state.m1[base + p], s.m2[p] = a.state.m2[base + p];
+        s.covered[p] = covered;
+      }
+      const int v = p / kLanes;
+      if (p % kLanes == 0) s.vector_last[v] = 0;
+      if (s.last[p] > s.vector_last[v]) s.vector_last[v] = s.last[p];
+      if (s.last[p] > tile_last) tile_last = s.last[p];
+    }
+  }
+  return tile_last;
+}
+
+// Lane sums of eight vectors, one a lane, in one fixed order.
+R2_INLINE f8 hsum8(const f8* v) {
+  f8 r;
+#if defined(__AVX2__)
+  const __m256 ab = _mm256_hadd_ps(v[0], v[1]), cd = _mm256_hadd_ps(v[2], v[3]);
+  const __m256 ef = _mm256_hadd_ps(v[4], v[5]), gh = _mm256_hadd_ps(v[6], v[7]);
+  const __m256 abcd = _mm256_hadd_ps(ab, cd), efgh = _mm256_hadd_ps(ef, gh);
+  r = _mm256_add_ps(_mm256_permute2f128_ps(abcd, efgh, 0x20), _mm256_permute2f128_ps(abcd, efgh, 0x31));
+#else
+  for (int k = 0; k < 8; ++k)
+    r[k] = ((v[k][0] + v[k][1]) + (v[k][2] + v[k][3])) + ((v[k][4] + v[k][5]) + (v[k][6] + v[k][7]));
+#endif
+  return r;
+}
+
+template <bool kNormal, bool kDistortion>
+void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradients& g, int64_t tile, float* entries) {
+  const int x = static_cast<int>(tile % a.tiles_x) * kTile, y = static_cast<int>(tile / a.tiles_x) * kTile;
+  BackwardTile s;
+  const int tile_last = load_gradients<kNormal, kDistortion>(a, out, g, tile, s);
+  const Item* items = a.items + a.tile_begin[tile];
+  const int count = static_cast<int>(a.tile_begin[tile + 1] - a.tile_begin[tile]);
+  for (int j = count - 1; j >= tile_last; --j) {  // never blended here
+    float* entry = entries + static_cast<int64_t>(items[j].entry) * kGradients;
+    for (int k = 0; k < kGradients; ++k) entry[k] = 0;
+  }
+  for (int j = tile_last - 1; j >= 0; --j) {
+    if (j >= kPrefetch) __builtin_prefetch(a.records + items[j - kPrefetch].surfel);
+    const Record& r = a.records[items[j].surfel];
+    const Window w = window_of(r, x, y);
+    const f8 x0 = iota() + (static_cast<float>(x) + 0.5f - r.cx);
+    // u, v, den each with moments (1, dx, dy); z; filter (dx, dy); opacity; colour; normal
+    f8 sum[24];
+    for (f8& v : sum) v = splat(0);
+    for (int row = w.row0; row <= w.row1; ++row) {
+      const float dy = static_cast<float>(y + row) + 0.5f - r.cy;
+      const Row on_row = row_of(r, dy);
+      for (int half = w.half0; half <= w.half1; ++half) {
+        const int v = 2 * row + half;
+        if (j >= s.vector_last[v]) continue;
+        const f8 dx = x0 + static_cast<float>(half * kLanes);
+        const Hit h = intersect(r, on_row, dx);
+        if (!any(h.rho <= r.rho_max)) continue;
+        const int p = v * kLanes;
+        const f8 raw = raw_alpha(r, h);
+        const i8 keep = (raw >= kAlphaMin) & (load_i(s.last + p) > j);
+        if (!any(keep)) continue;
+        const f8 alpha = masked(keep, vmin(raw, splat(kAlphaMax)));
+        const f8 T = load(s.T + p) / (1.0f - alpha);
+        store(s.T + p, T);
+        const f8 weight = T * alpha;
+        const f8 red = load(s.red + p), green = load(s.green + p), blue = load(s.blue + p), depth = load(s.depth + p);
+        // what this hit is worth, per unit of its weight
+        f8 worth = fma(red, splat(r.color[0]), fma(green, splat(r.color[1]), fma(blue, splat(r.color[2]), load(s.constant + p))));
+        worth = fma(depth, h.z, worth);
+        f8 gz = weight * depth;
+        if (kNormal) {
+          const f8 nx = load(s.nx + p), ny = load(s.ny + p), nz = load(s.nz + p);
+          worth = fma(nx, splat(r.normal[0]), fma(ny, splat(r.normal[1]), fma(nz, splat(r.normal[2]), worth)));
+          sum[16] = fma(weight, nx, sum[16]), sum[17] = fma(weight, ny, sum[17]), sum[18] = fma(weight, nz, sum[18]);
+        }
+        if (kDistortion) {
+          const f8 gd = load(s.distortion + p), m1 = load(s.m1 + p), A = load(s.covered + p);
+          const f8 mu = masked(keep, shifted_depth(h.z, load(s.first_z + p)));
+          worth = fma(gd, fma(mu, fma(mu, A, -2.0f * m1), load(s.m2 + p)), worth);
+          gz = fma(2.0f * kDistortionScale * gd * weight, fma(mu, A, -m1) / (h.z * h.z), gz);
+        }
+        const f8 behind = load(s.behind + p);
+        const f8 galpha = T * (worth - behind);
+        store(s.behind + p, fma(alpha, worth - behind, behind));
+        gz += masked(load_i(s.median_item + p) == splat_i(j), load(s.median + p));
+        gz = masked(keep, gz);
+        // opacity exp(-rho / 2): no gradient through the clamp
+        const f8 graw = masked(keep & (raw < kAlphaMax), raw * galpha);
+        const f8 gfilter = masked(~h.plane, graw);
+        // masked last: off the plane u, v and 1 / den may be infinite
+        const f8 through = graw * h.inverse;
+        const f8 gu = masked(h.plane, -through * h.u), gv = masked(h.plane, -through * h.v);
+        const f8 gden = masked(h.plane, h.inverse * fma(graw, h.rho, -gz * h.z));
+        const f8 vdy = splat(dy);
+        sum[0] += gu, sum[1] = fma(gu, dx, sum[1]), sum[2] = fma(gu, vdy, sum[2]);
+        sum[3] += gv, sum[4] = fma(gv, dx, sum[4]), sum[5] = fma(gv, vdy, sum[5]);
+        sum[6] += gden, sum[7] = fma(gden, dx, sum[7]), sum[8] = fma(gden, vdy, sum[8]);
+        sum[9] += select(h.plane, gz * h.inverse, gz);
+        sum[10] = fma(gfilter, dx, sum[10]), sum[11] = fma(gfilter, vdy, sum[11]);
+        sum[12] += graw;
+        sum[13] = fma(weight, red, sum[13]), sum[14] = fma(weight, green, sum[14]), sum[15] = fma(weight, blue, sum[15]);
+      }
+    }
+    float* entry = entries + static_cast<int64_t>(items[j].entry) * kGradients;
+    store(entry, hsum8(sum)), store(entry + 8, hsum8(sum + 8));
+    if (kNormal) {
+      const f8 normal = hsum8(sum + 16);
+      for (int k = 0; k < 4; ++k) entry[16 + k] = normal[k];
+    } else {
+      for (int k = 0; k < 4; ++k) entry[16 + k] = 0;
+    }
+  }
+}
+
+void blend(const BlendArgs& a, const Images& out, int64_t tile) {
+  if (out.distortion) return blend_tile<true, true>(a, out, tile, nullptr);
+  if (out.normal) return blend_tile<true, false>(a, out, tile, nullptr);
+  blend_tile<false, false>(a, out, tile, nullptr);
+}
+
+int64_t count_pairs(const BlendArgs& a, const Images& out, int64_t tile) {
+  int64_t pairs = 0;
+  blend_tile<true, false>(a, out, tile, &pairs);
+  return pairs;
+}
+
+void blend_backward(const BlendArgs& a, const Images& out, const ImageGradients& g, int64_t tile, float* entries) {
+  if (g.distortion) {
+    if (g.normal) return blend_tile_backward<true, true>(a, out, g, tile, entries);
+    return blend_tile_backward<false, true>(a, out, g, tile, entries);
+  }
+  if (g.normal) return blend_tile_backward<true, false>(a, out, g, tile, entries);
+  blend_tile_backward<false, false>(a, out, g, tile, entries);
+}
+
+}  // namespace
+
+room2dgs::Kernels blend_kernels() {
+  room2dgs::Kernels k{};
+  k.blend = &blend;
+  k.count_pairs = &count_pairs;
+  k.blend_backward = &blend_backward;
+  return k;
+}
+
+}  // namespace R2_ISA

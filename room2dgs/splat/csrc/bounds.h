@@ -1,0 +1,144 @@
+// Which pixels and tiles a surfel can reach: exact for its opacity, also for a disc that crosses the camera plane.
+//
+// A disc is seen where rho <= rho_max = 2 ln(255 opacity), or where its screen-space filter is.
+#pragma once
+
+#include <math.h>  // the C functions: inline ones of <cmath> must not be shared between instruction sets
+
+#include "raster.h"
+#include "surfel.h"
+
+namespace R2_ISA {
+
+struct Disc {
+  float su, sv;
+  Vec3<float> tu, tv;      // camera frame
+  float cx, cy, dx, dy, z;  // projected centre, p / z_c, z_c
+  float aux, auy, avx, avy, bx, by;
+  bool plane;
+  float rho;
+};
+
+struct Reach {
+  float x0, x1, y0, y1;  // pixel coordinates
+  bool crossing;         // crosses the near plane: tiles are tested one by one
+  float ex, ey, sxx, sxy, syy;  // ellipse: centre relative to (cx, cy) and (x - e)^T S^-1 (x - e) <= 1
+  float filter;          // radius, pixels
+};
+
+R2_INLINE void include(float x, float& low, float& high) {
+  low = x < low ? x : low;
+  high = x > high ? x : high;
+}
+
+// Extremes over the visible part (z >= near) of a disc that crosses the near plane, relative to the projected centre.
+// They lie at the ends of the chord z = near or where the boundary turns; rows L (of one axis) and W (of z) over (u, v).
+R2_INLINE void crossing_extremes(double Lu, double Lv, double Wu, double Wv, double z, double near, double c,
+                                 float& low, float& high) {
+  const double W = ::sqrt(Wu * Wu + Wv * Wv), L = ::sqrt(Lu * Lu + Lv * Lv);
+  const double chord = (near - z) / (c * W);
+  const double phi = ::atan2(Wv, Wu), open = ::acos(chord < -1 ? -1 : (chord > 1 ? 1 : chord));
+  for (int k = -1; k <= 1; k += 2) {
+    const double angle = phi + k * open;
+    include(static_cast<float>(c * (Lu * ::cos(angle) + Lv * ::sin(angle)) / near), low, high);
+  }
+  const double turn = -c * (Lv * Wu - Lu * Wv) / (z * L);
+  if (!(turn >= -1 && turn <= 1)) return;
+  const double theta0 = ::atan2(-Lu, Lv), half = ::acos(turn);
+  for (int k = -1; k <= 1; k += 2) {
+    const double angle = theta0 + k * half;
+    const double depth = z + c * (Wu * ::cos(angle) + Wv * ::sin(angle));
+    if (depth >= near) include(static_cast<float>(c * (Lu * ::cos(angle) + Lv * ::sin(angle)) / depth), low, high);
+  }
+}
+
+R2_INLINE Reach reach_of(const Disc& d, const View& view) {
+  Reach r;
+  r.filter = ::sqrtf(d.rho / kFilterInverseVariance) * 1.0001f + 1e-3f;
+  r.x0 = d.cx - r.filter, r.x1 = d.cx + r.filter;
+  r.y0 = d.cy - r.filter, r.y1 = d.cy + r.filter;
+  r.crossing = false;
+  r.ex = r.ey = 0, r.sxx = r.syy = 1e-12f, r.sxy = 0;
+  if (!d.plane) return r;
+  const float Xu = d.su * view.fx * (d.tu.x - d.dx * d.tu.z), Xv = d.sv * view.fx * (d.tv.x - d.dx * d.tv.z);
+  const float Yu = d.su * view.fy * (d.tu.y - d.dy * d.tu.z), Yv = d.sv * view.fy * (d.tv.y - d.dy * d.tv.z);
+  const float Wu = d.su * d.tu.z, Wv = d.sv * d.tv.z;
+  const float rho = d.rho * 1.0001f;
+  const float radius = ::sqrtf(rho), along = radius * ::sqrtf(Wu * Wu + Wv * Wv);
+  if (d.z - along > view.near) {
+    const float D = 1.0f / (d.z * d.z - along * along);
+    const float s = rho * D;
+    r.ex = -s * (Xu * Wu + Xv * Wv);
+    r.ey = -s * (Yu * Wu + Yv * Wv);
+    r.sxx = r.ex * r.ex + s * (Xu * Xu + Xv * Xv);
+    r.syy = r.ey * r.ey + s * (Yu * Yu + Yv * Yv);
+    r.sxy = r.ex * r.ey + s * (Xu * Yu + Xv * Yv);
+    const float hx = ::sqrtf(r.sxx) * 1.0001f + 1e-3f, hy = ::sqrtf(r.syy) * 1.0001f + 1e-3f;
+    include(d.cx + r.ex - hx, r.x0, r.x1), include(d.cx + r.ex + hx, r.x0, r.x1);
+    include(d.cy + r.ey - hy, r.y0, r.y1), include(d.cy + r.ey + hy, r.y0, r.y1);
+  } else {
+    r.crossing = true;
+    float x0 = 0, x1 = 0, y0 = 0, y1 = 0;
+    crossing_extremes(Xu, Xv, Wu, Wv, d.z, view.near, radius, x0, x1);
+    crossing_extremes(Yu, Yv, Wu, Wv, d.z, view.near, radius, y0, y1);
+    const float mx = 1e-3f * (x1 - x0) + 0.01f, my = 1e-3f * (y1 - y0) + 0.01f;
+    include(d.cx + x0 - mx, r.x0, r.x1), include(d.cx + x1 + mx, r.x0, r.x1);
+    include(d.cy + y0 - my, r.y0, r.y1), include(d.cy + y1 + my, r.y0, r.y1);
+  }
+  return r;
+}
+
+// The x range of ellipse and filter circle over the strip [y0, y1], pixels. False when neither reaches it.
+R2_INLINE bool strip_range(const Disc& d, const Reach& r, float y0, float y1, float& x0, float& x1) {
+  bool found = false;
+  x0 = 1e30f, x1 = -1e30f;
+  const float fy = (d.cy < y0 ? y0 : (d.cy > y1 ? y1 : d.cy)) - d.cy;
+  const float f2 = r.filter * r.filter - fy * fy;
+  if (f2 >= 0) {
+    const float half = ::sqrtf(f2);
+    x0 = d.cx - half, x1 = d.cx + half, found = true;
+  }
+  if (!d.plane) return found;
+  const float hy = ::sqrtf(r.syy), ey = d.cy + r.ey;
+  const float top = y0 > ey - hy ? y0 : ey - hy, bottom = y1 < ey + hy ? y1 : ey + hy;
+  const float slack = 1e-3f * hy + 0.01f;
+  if (top > bottom + slack) return found;
+  const float hx = ::sqrtf(r.sxx), shear = r.sxy / r.syy;
+  const float w2 = r.sxx - r.sxy * shear, width = w2 > 0 ? ::sqrtf(w2) : 0;
+  const float margin = 1e-3f * hx + 0.01f;
+  for (int k = -1; k <= 1; k += 2) {
+    float y = ey + k * r.sxy / hx;  // where the boundary is furthest to this side
+    y = y < top ? top : (y > bottom ? bottom : y);
+    const float t = y - ey, inside = 1.0f - t * t / r.syy;
+    const float x = d.cx + r.ex + shear * t + k * (width * ::sqrtf(inside > 0 ? inside : 0) + margin);
+    if (k < 0) x0 = x < x0 ? x : x0;
+    else x1 = x > x1 ? x : x1;
+  }
+  return true;
+}
+
+// Does a disc that crosses the near plane reach the rectangle? Its visible part is convex on the screen, so either it
+// holds the projected centre or it cuts an edge, where the condition is a quadratic.
+R2_INLINE bool crossing_meets(const Disc& d, float x0, float x1, float y0, float y1) {
+  const double ax = x0 - d.cx, bx = x1 - d.cx, ay = y0 - d.cy, by = y1 - d.cy;
+  const double f = ::sqrt(d.rho / kFilterInverseVariance);
+  if (ax <= f && bx >= -f && ay <= f && by >= -f) return true;
+  const double corner[4][2] = {{ax, ay}, {bx, ay}, {bx, by}, {ax, by}};
+  const double rho = d.rho * 1.001;
+  for (int k = 0; k < 4; ++k) {
+    const double *p = corner[k], *q = corner[(k + 1) & 3];
+    const double ex = q[0] - p[0], ey = q[1] - p[1];
+    const double u0 = d.aux * p[0] + d.auy * p[1], u1 = d.aux * ex + d.auy * ey;
+    const double v0 = d.avx * p[0] + d.avy * p[1], v1 = d.avx * ex + d.avy * ey;
+    const double n0 = 1 + d.bx * p[0] + d.by * p[1], n1 = d.bx * ex + d.by * ey;
+    const double c = u0 * u0 + v0 * v0 - rho * n0 * n0;
+    if (c <= 0 && n0 > 0) return true;
+    const double a = u1 * u1 + v1 * v1 - rho * n1 * n1, b = u0 * u1 + v0 * v1 - rho * n0 * n1;
+    if (a <= 0) continue;  // concave along the edge: its ends decide
+    const double t = -b / a;
+    if (t > 0 && t < 1 && c + b * t <= 0 && n0 + n1 * t > 0) return true;
+  }
+  return false;
+}
+
+}  // namespace R2_ISA

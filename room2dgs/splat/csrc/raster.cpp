@@ -1,0 +1,168 @@
+#include "raster_frame.h"
+
+#include <algorithm>
+#include <cstring>
+#include <mutex>
+
+#include "parallel.h"
+
+namespace room2dgs {
+namespace {
+
+constexpr int64_t kListBlock = 4096;  // depth-sorted surfels a task of the tile lists
+
+Span* room_for_spans(void* context, uint32_t first, uint32_t count) {
+  auto& spans = *static_cast<std::vector<Span>*>(context);
+  if (spans.size() < first + static_cast<size_t>(count)) spans.resize(2 * (first + static_cast<size_t>(count)));
+  return spans.data() + first;
+}
+
+uint32_t depth_key(float depth) {  // positive floats sort as their bits do
+  uint32_t bits;
+  std::memcpy(&bits, &depth, 4);
+  return bits;
+}
+
+}  // namespace
+
+const Kernels& kernels() {
+#if defined(__x86_64__) || defined(_M_X64)
+  static const Kernels table = has_avx2_kernels() ? isa_avx2::raster_kernels() : isa_baseline::raster_kernels();
+#else
+  static const Kernels table = isa_baseline::raster_kernels();
+#endif
+  return table;
+}
+
+void RasterFrame::project(const Camera& view, const SurfelArrays& surfels) {
+  camera = view;
+  count = surfels.count;
+  const int64_t blocks = (count + kProjectBlock - 1) / kProjectBlock;
+  records.grow(count);
+  extents.grow(count);
+  if (static_cast<int64_t>(spans.size()) < blocks) spans.resize(blocks);
+  parallel_for(blocks, [&](int64_t block, int) {
+    const int64_t begin = block * kProjectBlock, end = std::min(begin + kProjectBlock, count);
+    kernels().project(camera, surfels, begin, end, records.data(), extents.data(), {&spans[block], &room_for_spans});
+  });
+  first_entry.grow(count + 1);
+  uint32_t total = 0;
+  visible = 0;
+  for (int64_t i = 0; i < count; ++i) {
+    first_entry[i] = total;
+    total += extents[i].tiles;
+    visible += extents[i].tiles != 0;
+  }
+  first_entry[count] = total;
+  entries = total;
+}
+
+// Least significant digit first, so that equal depths stay in the order of their indices.
+void RasterFrame::sort_by_depth() {
+  order.grow(visible);
+  order_scratch.grow(visible);
+  constexpr int kDigit = 11, kBuckets = 1 << kDigit;
+  std::vector<uint32_t> histogram(3 * kBuckets);
+  int64_t n = 0;
+  for (int64_t i = 0; i < count; ++i) {
+    if (!extents[i].tiles) continue;
+    const uint32_t key = depth_key(extents[i].depth);
+    order[n++] = {key, static_cast<uint32_t>(i)};
+    for (int pass = 0; pass < 3; ++pass) ++histogram[pass * kBuckets + (key >> (pass * kDigit) & (kBuckets - 1))];
+  }
+  for (int pass = 0; pass < 3; ++pass) {
+    uint32_t* bucket = histogram.data() + pass * kBuckets;
+    uint32_t sum = 0;
+    for (int k = 0; k < kBuckets; ++k) sum += std::exchange(bucket[k], sum);
+    const Keyed *from = pass % 2 ? order_scratch.data() : order.data();
+    Keyed* to = pass % 2 ? order.data() : order_scratch.data();
+    for (int64_t k = 0; k < visible; ++k) to[bucket[from[k].key >> (pass * kDigit) & (kBuckets - 1)]++] = from[k];
+  }
+  std::swap(order, order_scratch);
+}
+
+void RasterFrame::list_tiles() {
+  const int64_t tiles = tile_count();
+  const int64_t blocks = (visible + kListBlock - 1) / kListBlock;
+  tile_begin.grow(tiles + 1);
+  block_counts.grow(blocks * tiles);
+  const int tiles_x = camera.tiles_x();
+  auto for_tiles = [&](int64_t block, auto&& visit) {
+    const int64_t begin = block * kListBlock, end = std::min(begin + kListBlock, visible);
+    for (int64_t k = begin; k < end; ++k) {
+      const uint32_t surfel = order[k].index;
+      const Extent& extent = extents[surfel];
+      const Span* span = spans[surfel / kProjectBlock].data() + extent.span;
+      uint32_t entry = first_entry[surfel];
+      for (int row = 0; row < extent.rows; ++row)
+        for (int x = span[row].x0; x < span[row].x1; ++x) visit((extent.row + row) * tiles_x + x, Item{surfel, entry++});
+    }
+  };
+  parallel_for(blocks, [&](int64_t block, int) {
+    uint32_t* counts = block_counts.data() + block * tiles;
+    std::fill(counts, counts + tiles, 0u);
+    for_tiles(block, [&](int tile, Item) { ++counts[tile]; });
+  });
+  uint32_t total = 0;
+  for (int64_t tile = 0; tile < tiles; ++tile) {
+    tile_begin[tile] = total;
+    for (int64_t block = 0; block < blocks; ++block) total += std::exchange(block_counts[block * tiles + tile], total);
+  }
+  tile_begin[tiles] = total;
+  items.grow(total);
+  parallel_for(blocks, [&](int64_t block, int) {
+    uint32_t* next = block_counts.data() + block * tiles;
+    for_tiles(block, [&](int tile, Item item) { items[next[tile]++] = item; });
+  });
+}
+
+BlendArgs RasterFrame::blend_args() {
+  const int64_t pixels = tile_count() * kTilePixels;
+  for (Buffer<float>* buffer : {&transmittance, &first_z, &m1, &m2}) buffer->grow(pixels);
+  for (Buffer<int32_t>* buffer : {&last, &median}) buffer->grow(pixels);
+  BlendArgs args{};
+  args.records = records.data();
+  args.items = items.data();
+  args.tile_begin = tile_begin.data();
+  args.width = camera.width, args.height = camera.height, args.tiles_x = camera.tiles_x();
+  std::copy(background, background + 3, args.background);
+  args.state = {transmittance.data(), last.data(), median.data(), first_z.data(), m1.data(), m2.data()};
+  return args;
+}
+
+void RasterFrame::forward(const Camera& view, const SurfelArrays& surfels, const Images& out) {
+  project(view, surfels);
+  sort_by_depth();
+  list_tiles();
+  const BlendArgs args = blend_args();
+  parallel_for(tile_count(), [&](int64_t tile, int) { kernels().blend(args, out, tile); });
+}
+
+void RasterFrame::backward(const SurfelArrays& surfels, const Images& out, const ImageGradients& gradients,
+                           const SurfelGradients& to, PoseGradient& pose) {
+  const BlendArgs args = blend_args();
+  entry_sums.grow(static_cast<int64_t>(entries) * kGradients);
+  parallel_for(tile_count(),
+               [&](int64_t tile, int) { kernels().blend_backward(args, out, gradients, tile, entry_sums.data()); });
+  const int64_t blocks = (count + kProjectBlock - 1) / kProjectBlock;
+  std::vector<PoseGradient> partial(blocks);
+  parallel_for(blocks, [&](int64_t block, int) {
+    const int64_t begin = block * kProjectBlock, end = std::min(begin + kProjectBlock, count);
+    kernels().project_backward(camera, surfels, extents.data(), first_entry.data(), entry_sums.data(), begin, end, to,
+                               &partial[block]);
+  });
+  pose = {};
+  for (const PoseGradient& p : partial) {
+    for (int k = 0; k < 9; ++k) pose.R[k] += p.R[k];
+    for (int k = 0; k < 3; ++k) pose.t[k] += p.t[k];
+  }
+}
+
+int64_t RasterFrame::count_pairs(const Images& out) {
+  const BlendArgs args = blend_args();
+  int64_t pairs = 0;
+  for (int64_t tile = 0; tile < tile_count(); ++tile) pairs += kernels().count_pairs(args, out, tile);
+  return pairs;
+}
+
+}  // namespace room2dgs

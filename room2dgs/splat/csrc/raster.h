@@ -1,0 +1,110 @@
+// What the stages of the rasterizer hand to one another. Plain data, the same for every instruction set.
+#pragma once
+
+#include <cstdint>
+
+namespace room2dgs {
+
+constexpr int kTile = 16;               // pixels
+constexpr int kTilePixels = kTile * kTile;
+constexpr int kGradients = 20;          // floats that one (surfel, tile) entry gives back; 19 used
+constexpr int64_t kProjectBlock = 1024;  // surfels a task; fixed, so that results do not depend on threads
+
+struct Camera {
+  float R[9], t[3];  // camera = R world + t, row-major
+  float fx, fy, cx, cy;
+  float near;
+  int width, height;
+  int tiles_x() const { return (width + kTile - 1) / kTile; }
+  int tiles_y() const { return (height + kTile - 1) / kTile; }
+};
+
+// Parameters of all surfels: contiguous float32, see splat/types.py.
+struct SurfelArrays {
+  int64_t count;
+  const float *centers, *rotations, *scales, *opacities, *sh;
+  int sh_count;
+};
+struct SurfelGradients {
+  float *centers, *rotations, *scales, *opacities, *sh, *center_px;
+};
+
+// One visible surfel, ready for blending.
+struct Record {
+  float cx, cy, z;
+  float aux, auy, avx, avy, bx, by;
+  float den_max;  // hits nearer than the near plane have a larger `den`
+  float opacity, rho_max;
+  float color[3], normal[3];
+  int16_t x0, x1, y0, y1;  // pixels that it can reach, inclusive
+};
+
+// Tiles [x0, x1) of one tile row that a surfel reaches.
+struct Span {
+  uint16_t x0, x1;
+};
+// Where a surfel goes; `tiles` is 0 when it is not seen.
+struct Extent {
+  float depth;
+  uint32_t tiles;
+  uint32_t span;  // index into its block's spans
+  uint16_t row, rows;
+};
+
+// An element of a tile's list. Entries are numbered surfel by surfel, so that a surfel's gradients lie side by side.
+struct Item {
+  uint32_t surfel, entry;
+};
+
+// Gives room for the spans [first, first + count) of a block, and keeps those before.
+struct SpanSink {
+  void* context;
+  Span* (*room)(void* context, uint32_t first, uint32_t count);
+};
+
+// A pixel's state after the forward pass, tile by tile.
+struct PixelState {
+  float* transmittance;
+  int32_t* last;    // 1 + position in the tile's list of the last surfel blended
+  int32_t* median;  // position of the surfel at which the transmittance crossed a half, or -1
+  float *first_z, *m1, *m2;  // shifted moments for the distortion
+};
+
+struct Images {
+  float *color, *alpha, *depth, *median, *normal, *distortion;  // row-major; normal, distortion may be null
+};
+struct ImageGradients {
+  const float *color, *alpha, *depth, *median, *normal, *distortion;  // null where nothing flows back
+};
+
+struct BlendArgs {
+  const Record* records;
+  const Item* items;
+  const uint32_t* tile_begin;
+  int width, height, tiles_x;
+  float background[3];
+  PixelState state;
+};
+
+// Sums over surfels of the pose's gradient: 9 of R, 3 of t.
+struct PoseGradient {
+  double R[9], t[3];
+};
+
+struct Kernels {
+  void (*project)(const Camera&, const SurfelArrays&, int64_t begin, int64_t end, Record*, Extent*, SpanSink);
+  void (*blend)(const BlendArgs&, const Images&, int64_t tile);
+  int64_t (*count_pairs)(const BlendArgs&, const Images&, int64_t tile);
+  void (*blend_backward)(const BlendArgs&, const Images&, const ImageGradients&, int64_t tile, float* entries);
+  void (*project_backward)(const Camera&, const SurfelArrays&, const Extent*, const uint32_t* first_entry,
+                           const float* entries, int64_t begin, int64_t end, const SurfelGradients&, PoseGradient*);
+};
+
+}  // namespace room2dgs
+
+namespace isa_baseline {
+room2dgs::Kernels raster_kernels();
+}
+namespace isa_avx2 {
+room2dgs::Kernels raster_kernels();
+}

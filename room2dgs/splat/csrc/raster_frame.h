@@ -1,0 +1,81 @@
+// One rendered view: everything that the backward pass needs, in buffers that are used again for the next view.
+#pragma once
+
+#include <cstdlib>
+#include <new>
+#include <utility>
+#include <vector>
+
+#include "raster.h"
+
+namespace room2dgs {
+
+bool has_avx2_kernels();
+const Kernels& kernels();
+
+// Uninitialised memory that only grows; trivially copyable elements.
+template <class T>
+class Buffer {
+ public:
+  Buffer() = default;
+  Buffer(Buffer&& other) noexcept { swap(other); }
+  Buffer& operator=(Buffer&& other) noexcept {
+    swap(other);
+    return *this;
+  }
+  ~Buffer() { std::free(data_); }
+  void grow(int64_t count) {
+    if (count <= capacity_) return;
+    std::free(data_);
+    capacity_ = count + count / 4 + 64;
+    data_ = static_cast<T*>(std::malloc(sizeof(T) * static_cast<size_t>(capacity_)));
+    if (!data_) {
+      capacity_ = 0;
+      throw std::bad_alloc();
+    }
+  }
+  T* data() { return data_; }
+  T& operator[](int64_t i) { return data_[i]; }
+
+ private:
+  void swap(Buffer& other) {
+    std::swap(data_, other.data_);
+    std::swap(capacity_, other.capacity_);
+  }
+  T* data_ = nullptr;
+  int64_t capacity_ = 0;
+};
+
+struct RasterFrame {
+  Camera camera{};
+  float background[3] = {0, 0, 0};
+  int64_t count = 0, visible = 0;
+  uint32_t entries = 0;  // (surfel, tile) pairs
+
+  Buffer<Record> records;
+  Buffer<Extent> extents;
+  std::vector<std::vector<Span>> spans;  // a list a block of surfels
+  Buffer<uint32_t> first_entry, tile_begin, block_counts;
+  struct Keyed {
+    uint32_t key, index;
+  };
+  Buffer<Keyed> order, order_scratch;
+  Buffer<Item> items;
+  Buffer<float> transmittance, first_z, m1, m2, entry_sums;
+  Buffer<int32_t> last, median;
+
+  int64_t tile_count() const { return static_cast<int64_t>(camera.tiles_x()) * camera.tiles_y(); }
+
+  // The stages of `forward`, in order.
+  void project(const Camera& view, const SurfelArrays& surfels);
+  void sort_by_depth();
+  void list_tiles();
+  BlendArgs blend_args();
+
+  void forward(const Camera& view, const SurfelArrays& surfels, const Images& out);
+  void backward(const SurfelArrays& surfels, const Images& out, const ImageGradients& gradients,
+                const SurfelGradients& to, PoseGradient& pose);
+  int64_t count_pairs(const Images& out);
+};
+
+}  // namespace room2dgs

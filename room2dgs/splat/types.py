@@ -1,0 +1,47 @@
+"""Plain tensors in, plain tensors out: what the rasterizer takes and gives."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from torch import Tensor
+
+
+class Surfels(NamedTuple):
+    """2D Gaussian discs in the world frame (eq. 1), activated: metres and probabilities, not logits.
+
+    Attributes:
+        centers: (N, 3) metres.
+        rotations: (N, 4) quaternions (w, x, y, z), normalised inside; the matrix's columns are t_u, t_v, t_w.
+        scales: (N, 2) s_u, s_v > 0, metres.
+        opacities: (N,) in (0, 1).
+        sh: (N, K, 3) spherical-harmonics coefficients, K in {1, 4, 9, 16}; colour = 0.5 + sum_k Y_k(dir) sh_k,
+            clamped below at 0.
+    """
+
+    centers: Tensor
+    rotations: Tensor
+    scales: Tensor
+    opacities: Tensor
+    sh: Tensor
+
+
+class Rendering(NamedTuple):
+    """One view. With w_i = T_i alpha_i the weight of the i-th surfel along the pixel's ray:
+
+    Attributes:
+        color: (H, W, 3) sum w_i c_i + T_end background.
+        alpha: (H, W) sum w_i.
+        depth: (H, W) expected z-depth sum w_i z_i / sum w_i, metres; 0 where alpha is 0.
+        median_depth: (H, W) z-depth of the surfel at which the transmittance falls to 0.5 or less; 0 if it never does.
+        normal: (H, W, 3) sum w_i n_i, world frame, each n_i unit and facing the camera; not normalised.
+        distortion: (H, W) sum_{i>j} w_i w_j (m_i - m_j)^2 with m = far/(far-near) (1 - near/z),
+            near 0.2 m, far 100 m (2DGS).
+    """
+
+    color: Tensor
+    alpha: Tensor
+    depth: Tensor
+    median_depth: Tensor
+    normal: Tensor
+    distortion: Tensor
