@@ -1,4 +1,5 @@
 // Binds the rasterizer. Arrays are float32, contiguous and checked for shape by the Python wrapper (splat/raster.py).
+#include <algorithm>
 #include <chrono>
 #include <memory>
 #include <vector>
@@ -19,9 +20,9 @@ using FloatArray = Array<float>;
 using ConstArray = Array<const float>;
 using MaybeArray = std::optional<FloatArray>;
 
-Camera camera_of(const ConstArray& cam_from_world, const ConstArray& K, int width, int height, float near) {
+Camera camera_of(const Array<const double>& cam_from_world, const Array<const double>& K, int width, int height, double near) {
   Camera c;
-  const float *m = cam_from_world.data(), *k = K.data();
+  const double *m = cam_from_world.data(), *k = K.data();
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) c.R[3 * row + column] = m[4 * row + column];
     c.t[row] = m[4 * row + 3];
@@ -62,7 +63,7 @@ void bind_splat(nb::module_& m) {
       .def(
           "forward",
           [](RasterFrame& f, ConstArray centers, ConstArray rotations, ConstArray scales, ConstArray opacities,
-             ConstArray sh, ConstArray cam_from_world, ConstArray K, int width, int height, float near,
+             ConstArray sh, Array<const double> cam_from_world, Array<const double> K, int width, int height, double near,
              ConstArray background, FloatArray color, FloatArray alpha, FloatArray depth, FloatArray median,
              std::optional<FloatArray> normal, std::optional<FloatArray> distortion) {
             std::copy(background.data(), background.data() + 3, f.background);
@@ -104,6 +105,66 @@ void bind_splat(nb::module_& m) {
           nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(),
           nb::arg().none(), nb::arg().none(), nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg(),
           nb::arg(), nb::arg(), nb::arg(), nb::arg())
+      .def(
+          "time_stages",
+          [](RasterFrame& f, ConstArray centers, ConstArray rotations, ConstArray scales, ConstArray opacities,
+             ConstArray sh, ConstArray color, ConstArray alpha, ConstArray depth, ConstArray median,
+             ConstArray normal) {
+            const SurfelArrays surfels = surfels_of(centers, rotations, scales, opacities, sh);
+            const Images out{const_cast<float*>(color.data()), const_cast<float*>(alpha.data()),
+                             const_cast<float*>(depth.data()), const_cast<float*>(median.data()),
+                             const_cast<float*>(normal.data()), nullptr};
+            nb::dict seconds;
+            Timer timer;
+            f.project(f.camera, surfels);
+            seconds["project"] = timer.lap();
+            f.sort_by_depth();
+            seconds["sort"] = timer.lap();
+            f.list_tiles();
+            seconds["list"] = timer.lap();
+            const BlendArgs args = f.blend_args();
+            parallel_for(f.tile_count(), [&](int64_t tile, int) { kernels().blend(args, out, tile); });
+            seconds["blend"] = timer.lap();
+            return seconds;
+          },
+          "Renders the last view again and gives the seconds of each stage of the forward pass.")
+      .def(
+          "bare_loop",
+          [](RasterFrame& f, ConstArray color, ConstArray alpha, ConstArray depth, ConstArray median, ConstArray normal,
+             std::optional<ConstArray> g_color, int64_t every, int repeats) {
+            const Images out{const_cast<float*>(color.data()), const_cast<float*>(alpha.data()),
+                             const_cast<float*>(depth.data()), const_cast<float*>(median.data()),
+                             const_cast<float*>(normal.data()), nullptr};
+            // the same incoming image serves for all three: only the arithmetic counts
+            const ImageGradients g{data_or_null(g_color), nullptr, depth.data(), nullptr, data_or_null(g_color), nullptr};
+            const BlendArgs args = f.blend_args();
+            f.entry_sums.grow(static_cast<int64_t>(f.entries) * kGradients);
+            double seconds = 0;
+            int64_t pairs = 0;
+            for (int64_t tile = every / 2; tile < f.tile_count(); tile += every) {
+              pairs += kernels().count_pairs(args, out, tile);
+              double best = 1e9;
+              for (int k = 0; k < repeats; ++k) {
+                Timer timer;
+                if (g_color) kernels().blend_backward(args, out, g, tile, f.entry_sums.data());
+                else kernels().blend(args, out, tile);
+                best = std::min(best, timer.lap());
+              }
+              seconds += best;
+            }
+            return nb::make_tuple(seconds, pairs);
+          },
+          nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg("every"), nb::arg("repeats"),
+          "Seconds and (pixel, surfel) pairs of every n-th tile, each run over and over with its data in the cache.")
+      .def(
+          "count_pairs",
+          [](RasterFrame& f, ConstArray color, ConstArray alpha, ConstArray depth, ConstArray median, ConstArray normal) {
+            const Images out{const_cast<float*>(color.data()), const_cast<float*>(alpha.data()),
+                             const_cast<float*>(depth.data()), const_cast<float*>(median.data()),
+                             const_cast<float*>(normal.data()), nullptr};
+            return f.count_pairs(out);
+          },
+          "(pixel, surfel) pairs that the last view evaluates.")
       .def(
           "tiles_of",
           [](RasterFrame& f, FloatArray counts) {

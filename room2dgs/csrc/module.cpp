@@ -12,6 +12,7 @@ bool has_avx2() {
 }  // namespace room2dgs
 
 NB_MODULE(_C, m) {
+  nanobind::set_leak_warnings(false);  // graphs that are alive when the interpreter ends hold frames
   m.doc() = "Compiled kernels of room2dgs; use the Python functions that wrap them.";
   m.def("isa", [] { return room2dgs::has_avx2() ? "avx2" : "baseline"; }, "Instruction set of the kernels in use.");
   m.def("set_threads", &room2dgs::set_threads, nanobind::arg("count"));

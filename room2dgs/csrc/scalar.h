@@ -1,4 +1,4 @@
-// What templated maths needs of a scalar type: fma, vsqrt, select and a mask, for float and for eight lanes.
+// What templated maths needs of a scalar type: fma, vsqrt and select.
 #pragma once
 
 #include "simd.h"
@@ -11,25 +11,15 @@
 
 namespace R2_ISA {
 
-R2_HD float fma(float a, float b, float c) {
+// Fused where the hardware does it, and the same operation in forward and backward everywhere.
+R2_HD double fma(double a, double b, double c) {
 #if defined(__FMA__) || defined(__CUDA_ARCH__)
-  return __builtin_fmaf(a, b, c);
+  return __builtin_fma(a, b, c);
 #else
   return a * b + c;
 #endif
 }
-R2_HD float vsqrt(float x) { return __builtin_sqrtf(x); }
-R2_HD float select(bool mask, float yes, float no) { return mask ? yes : no; }
-
-template <class T>
-struct MaskOf;
-template <>
-struct MaskOf<float> {
-  using type = bool;
-};
-template <>
-struct MaskOf<f8> {
-  using type = i8;
-};
+R2_HD double vsqrt(double x) { return __builtin_sqrt(x); }
+R2_HD double select(bool mask, double yes, double no) { return mask ? yes : no; }
 
 }  // namespace R2_ISA

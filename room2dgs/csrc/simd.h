@@ -81,27 +81,19 @@ R2_INLINE f8 vsqrt(f8 x) {
   return r;
 #endif
 }
-R2_INLINE f8 vround(f8 x) {  // to nearest, for |x| < 2^22
-  const f8 magic = splat(12582912.0f);
-  return (x + magic) - magic;
-}
-
-// exp(x) for x <= 0 with about 1 ulp; 0 below -87.
-R2_INLINE f8 exp_nonpositive(f8 x) {
-  const i8 flush = x < -87.0f;
-  x = vmax(x, splat(-87.0f));
-  const f8 n = vround(x * 1.44269504088896341f);
-  f8 r = fma(n, splat(-0.693359375f), x);
-  r = fma(n, splat(2.12194440e-4f), r);
-  f8 p = splat(1.9875691500e-4f);
-  p = fma(p, r, splat(1.3981999507e-3f));
-  p = fma(p, r, splat(8.3334519073e-3f));
-  p = fma(p, r, splat(4.1665795894e-2f));
-  p = fma(p, r, splat(1.6666665459e-1f));
-  p = fma(p, r, splat(5.0000001201e-1f));
-  p = fma(p, r * r, r + 1.0f);
-  const i8 exponent = (__builtin_convertvector(n, i8) + 127) << 23;
-  return masked(~flush, p * as_float(exponent));
+// 2^x for -24 <= x < 100, relative error below 1e-7; smaller x counts as -24.
+R2_INLINE f8 exp2_from(f8 x) {
+  x = vmax(x, splat(-24.0f));
+  const f8 magic = splat(12582912.0f);  // leaves the rounded x in the low bits
+  const f8 shifted = x + magic;
+  const f8 f = x - (shifted - magic);
+  f8 p = splat(0.001327647129073739f);
+  p = fma(p, f, splat(0.009675540961325169f));
+  p = fma(p, f, splat(0.05550713092088699f));
+  p = fma(p, f, splat(0.24022120237350464f));
+  p = fma(p, f, splat(0.6931469440460205f));
+  p = fma(p, f, splat(1.0000001192092896f));
+  return as_float(as_int(p) + (as_int(shifted) << 23));
 }
 
 // Sum of the lanes in one fixed order.

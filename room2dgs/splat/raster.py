@@ -124,12 +124,12 @@ class _Rasterize(torch.autograd.Function):
         K, background, width, height, near_m, with_normal, with_distortion,
     ):  # fmt: skip
         parameters = [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)]
-        pose = cam_from_world.detach().to(torch.float32).contiguous()
+        pose = cam_from_world.detach().to(torch.float64).contiguous()
         color, normal = torch.empty(height, width, 3), torch.empty(height, width, 3)
         alpha, depth, median, distortion = (torch.empty(height, width) for _ in range(4))
         held = _Held()
         held.frame.forward(
-            *parameters, pose, K.detach().to(torch.float32).contiguous(), width, height, near_m,
+            *parameters, pose, K.detach().to(torch.float64).contiguous(), width, height, near_m,
             background.detach().to(torch.float32).contiguous(), color, alpha, depth, median,
             normal if with_normal or with_distortion else None, distortion if with_distortion else None,
         )  # fmt: skip

@@ -18,46 +18,53 @@ using room2dgs::Record;
 constexpr int kVectors = kTilePixels / kLanes;  // of a tile; two a row
 constexpr int kPrefetch = 4;
 
-// What a record means on one row of pixels, relative to the row's delta_y.
-struct Row {
-  f8 u0, v0, den0, rho0;
+template <int n>
+struct Count {
+  static constexpr int value = n;
 };
-R2_INLINE Row row_of(const Record& r, float dy) {
-  return {splat(r.auy * dy), splat(r.avy * dy), splat(r.by * dy + 1.0f), splat(kFilterInverseVariance * dy * dy)};
-}
+using One = Count<1>;
+using Two = Count<2>;
 
 struct Hit {
-  f8 u, v, inverse, rho, z;
-  i8 plane;  // the disc itself is hit; elsewhere its screen-space filter
+  f8 u, v, inverse, rho, z, raw;  // raw: opacity before the clamp; the hit counts where it reaches kAlphaMin
+  i8 plane;                       // the disc itself is hit; elsewhere its screen-space filter
 };
-R2_INLINE Hit intersect(const Record& r, const Row& row, f8 dx) {
+R2_INLINE Hit intersect(const Record& r, f8 dx, float dy) {
   Hit h;
-  const f8 den = fma(splat(r.bx), dx, row.den0);
+  const f8 den = fma(splat(r.bx), dx, splat(r.by * dy + 1.0f));
   h.inverse = 1.0f / den;
-  h.u = fma(splat(r.aux), dx, row.u0) * h.inverse;
-  h.v = fma(splat(r.avx), dx, row.v0) * h.inverse;
+  h.u = fma(splat(r.aux), dx, splat(r.auy * dy)) * h.inverse;
+  h.v = fma(splat(r.avx), dx, splat(r.avy * dy)) * h.inverse;
   const f8 rho_plane = fma(h.u, h.u, h.v * h.v);
-  const f8 rho_filter = fma(dx * kFilterInverseVariance, dx, row.rho0);
+  const f8 rho_filter = fma(dx * kFilterInverseVariance, dx, splat(kFilterInverseVariance * dy * dy));
   h.plane = (den > kDenMin) & (den <= r.den_max) & (rho_plane <= rho_filter);
   h.rho = select(h.plane, rho_plane, rho_filter);
   h.z = select(h.plane, r.z * h.inverse, splat(r.z));
+  h.raw = exp2_from(fma(h.rho, splat(-0.72134752044f), splat(r.log2_opacity)));
   return h;
 }
-// Opacity before the clamp; the hit counts where it reaches kAlphaMin.
-R2_INLINE f8 raw_alpha(const Record& r, const Hit& h) { return r.opacity * exp_nonpositive(h.rho * -0.5f); }
 
-// The vectors of a tile that a record can reach.
-struct Window {
-  int row0, row1, half0, half1;
+// A tile has two vectors a row. They are worked on two at a time, side by side or one above the other, so that their
+// latencies overlap.
+struct Group {
+  int row[2], half[2], count;
 };
-R2_INLINE Window window_of(const Record& r, int x, int y) {
-  Window w;
-  w.row0 = r.y0 > y ? r.y0 - y : 0;
-  w.row1 = r.y1 < y + kTile - 1 ? r.y1 - y : kTile - 1;
-  w.half0 = r.x0 >= x + kLanes;
-  w.half1 = r.x1 >= x + kLanes;
-  return w;
+// Calls visit(group) for all vectors that a record can reach.
+template <class Visit>
+R2_INLINE void for_groups(const Record& r, int x, int y, const Visit& visit) {
+  const int row0 = r.y0 > y ? r.y0 - y : 0, row1 = r.y1 < y + kTile - 1 ? r.y1 - y : kTile - 1;
+  const int half0 = r.x0 >= x + kLanes, half1 = r.x1 >= x + kLanes;
+  if (half0 != half1) {
+    for (int row = row0; row <= row1; ++row) visit(Group{{row, row}, {0, 1}, 2});
+    return;
+  }
+  int row = row0;
+  for (; row < row1; row += 2) visit(Group{{row, row + 1}, {half0, half0}, 2});
+  if (row == row1) visit(Group{{row, row}, {half0, half0}, 1});
 }
+
+// A record's offset from a tile's first pixel; the centre's rounding is made good here.
+R2_INLINE float offset(int tile, float center, float rest) { return ((static_cast<float>(tile) + 0.5f) - center) - rest; }
 
 R2_INLINE f8 shifted_depth(f8 z, f8 first) { return kDistortionScale * (z - first) / (z * first); }
 
@@ -103,52 +110,69 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
   for (int j = 0; j < count && alive; ++j) {
     if (j + kPrefetch < count) __builtin_prefetch(a.records + items[j + kPrefetch].surfel);
     const Record& r = a.records[items[j].surfel];
-    const Window w = window_of(r, x, y);
-    const f8 x0 = iota() + (static_cast<float>(x) + 0.5f - r.cx);
-    for (int row = w.row0; row <= w.row1; ++row) {
-      const Row on_row = row_of(r, static_cast<float>(y + row) + 0.5f - r.cy);
-      for (int half = w.half0; half <= w.half1; ++half) {
-        const uint32_t bit = 1u << (2 * row + half);
-        if (!(alive & bit)) continue;
-        if (pairs) evaluated += kLanes;
-        const Hit h = intersect(r, on_row, x0 + static_cast<float>(half * kLanes));
-        if (!any(h.rho <= r.rho_max)) continue;
-        const int p = row * kTile + half * kLanes;
-        const f8 T = load(s.T + p);
-        const f8 raw = raw_alpha(r, h);
-        const i8 keep = (raw >= kAlphaMin) & (T >= kTransmittanceMin);
-        if (!any(keep)) continue;
-        const f8 alpha = masked(keep, vmin(raw, splat(kAlphaMax)));
-        const f8 weight = T * alpha, after = T * (1.0f - alpha);
-        store(s.T + p, after);
-        store(s.red + p, fma(weight, splat(r.color[0]), load(s.red + p)));
-        store(s.green + p, fma(weight, splat(r.color[1]), load(s.green + p)));
-        store(s.blue + p, fma(weight, splat(r.color[2]), load(s.blue + p)));
-        store(s.depth + p, fma(weight, h.z, load(s.depth + p)));
-        store_i(s.last + p, select(keep, splat_i(j + 1), load_i(s.last + p)));
-        const i8 crossing = (T > 0.5f) & (after <= 0.5f);
-        if (any(crossing)) {
-          store(s.median + p, select(crossing, h.z, load(s.median + p)));
-          store_i(s.median_item + p, select(crossing, splat_i(j), load_i(s.median_item + p)));
-        }
+    const float ox = offset(x, r.cx, r.cx_rest), oy = offset(y, r.cy, r.cy_rest);
+    const f8 x0 = iota() + ox;
+    auto step = [&](auto lanes, const Group& g) __attribute__((always_inline)) {
+      constexpr int kCount = decltype(lanes)::value;
+      Hit h[kCount];
+      i8 keep[kCount];
+      int p[kCount];
+      f8 T[kCount];
+      for (int k = 0; k < kCount; ++k) {
+        p[k] = g.row[k] * kTile + g.half[k] * kLanes;
+        h[k] = intersect(r, x0 + static_cast<float>(g.half[k] * kLanes), oy + static_cast<float>(g.row[k]));
+        T[k] = load(s.T + p[k]);
+        keep[k] = (h[k].raw >= kAlphaMin) & (T[k] >= kTransmittanceMin);
+      }
+      if (!any(kCount == 2 ? keep[0] | keep[kCount - 1] : keep[0])) return;
+      i8 crossing[kCount];
+      for (int k = 0; k < kCount; ++k) {
+        const int q = p[k];
+        const f8 alpha = masked(keep[k], vmin(h[k].raw, splat(kAlphaMax)));
+        const f8 weight = T[k] * alpha, after = T[k] * (1.0f - alpha);
+        store(s.T + q, after);
+        store(s.red + q, fma(weight, splat(r.color[0]), load(s.red + q)));
+        store(s.green + q, fma(weight, splat(r.color[1]), load(s.green + q)));
+        store(s.blue + q, fma(weight, splat(r.color[2]), load(s.blue + q)));
+        store(s.depth + q, fma(weight, h[k].z, load(s.depth + q)));
+        store_i(s.last + q, select(keep[k], splat_i(j + 1), load_i(s.last + q)));
+        crossing[k] = (T[k] > 0.5f) & (after <= 0.5f);
         if (kNormal) {
-          store(s.nx + p, fma(weight, splat(r.normal[0]), load(s.nx + p)));
-          store(s.ny + p, fma(weight, splat(r.normal[1]), load(s.ny + p)));
-          store(s.nz + p, fma(weight, splat(r.normal[2]), load(s.nz + p)));
+          store(s.nx + q, fma(weight, splat(r.normal[0]), load(s.nx + q)));
+          store(s.ny + q, fma(weight, splat(r.normal[1]), load(s.ny + q)));
+          store(s.nz + q, fma(weight, splat(r.normal[2]), load(s.nz + q)));
         }
         if (kDistortion) {
-          f8 first = load(s.first_z + p);
-          first = select(keep & (first == 0.0f), h.z, first);
-          store(s.first_z + p, first);
-          const f8 mu = masked(keep, shifted_depth(h.z, first));
-          const f8 m1 = load(s.m1 + p), m2 = load(s.m2 + p), wmu = weight * mu;
+          f8 first = load(s.first_z + q);
+          first = select(keep[k] & (first == 0.0f), h[k].z, first);
+          store(s.first_z + q, first);
+          const f8 mu = masked(keep[k], shifted_depth(h[k].z, first));
+          const f8 m1 = load(s.m1 + q), m2 = load(s.m2 + q), wmu = weight * mu;
           // sum_j w_j (mu - mu_j)^2 over those in front
-          const f8 spread = fma(mu, fma(mu, 1.0f - T, -2.0f * m1), m2);
-          store(s.distortion + p, fma(weight, vmax(spread, splat(0)), load(s.distortion + p)));
-          store(s.m1 + p, m1 + wmu);
-          store(s.m2 + p, fma(wmu, mu, m2));
+          const f8 spread = fma(mu, fma(mu, 1.0f - T[k], -2.0f * m1), m2);
+          store(s.distortion + q, fma(weight, vmax(spread, splat(0)), load(s.distortion + q)));
+          store(s.m1 + q, m1 + wmu);
+          store(s.m2 + q, fma(wmu, mu, m2));
         }
-        if (!any(after >= kTransmittanceMin)) alive &= ~bit;
+      }
+      if (any(kCount == 2 ? crossing[0] | crossing[kCount - 1] : crossing[0])) {
+        for (int k = 0; k < kCount; ++k) {
+          store(s.median + p[k], select(crossing[k], h[k].z, load(s.median + p[k])));
+          store_i(s.median_item + p[k], select(crossing[k], splat_i(j), load_i(s.median_item + p[k])));
+        }
+      }
+    };
+    for_groups(r, x, y, [&](const Group& g) __attribute__((always_inline)) {
+      const uint32_t bits = 1u << (2 * g.row[0] + g.half[0]) | 1u << (2 * g.row[1] + g.half[1]);
+      if (!(alive & bits)) return;
+      if (pairs) evaluated += kLanes * g.count;
+      if (g.count == 2) step(Two(), g);
+      else step(One(), g);
+    });
+    if ((j & 7) == 7) {  // which vectors still let light through
+      for (uint32_t left = alive; left; left &= left - 1) {
+        const int v = __builtin_ctz(left);
+        if (!any(load(s.T + v * kLanes) >= kTransmittanceMin)) alive &= ~(1u << v);
       }
     }
   }
@@ -263,66 +287,79 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
   for (int j = tile_last - 1; j >= 0; --j) {
     if (j >= kPrefetch) __builtin_prefetch(a.records + items[j - kPrefetch].surfel);
     const Record& r = a.records[items[j].surfel];
-    const Window w = window_of(r, x, y);
-    const f8 x0 = iota() + (static_cast<float>(x) + 0.5f - r.cx);
+    const float ox = offset(x, r.cx, r.cx_rest), oy = offset(y, r.cy, r.cy_rest);
+    const f8 x0 = iota() + ox;
     // u, v, den each with moments (1, dx, dy); z; filter (dx, dy); opacity; colour; normal
     f8 sum[24];
     for (f8& v : sum) v = splat(0);
-    for (int row = w.row0; row <= w.row1; ++row) {
-      const float dy = static_cast<float>(y + row) + 0.5f - r.cy;
-      const Row on_row = row_of(r, dy);
-      for (int half = w.half0; half <= w.half1; ++half) {
-        const int v = 2 * row + half;
-        if (j >= s.vector_last[v]) continue;
-        const f8 dx = x0 + static_cast<float>(half * kLanes);
-        const Hit h = intersect(r, on_row, dx);
-        if (!any(h.rho <= r.rho_max)) continue;
-        const int p = v * kLanes;
-        const f8 raw = raw_alpha(r, h);
-        const i8 keep = (raw >= kAlphaMin) & (load_i(s.last + p) > j);
-        if (!any(keep)) continue;
-        const f8 alpha = masked(keep, vmin(raw, splat(kAlphaMax)));
-        const f8 T = load(s.T + p) / (1.0f - alpha);
-        store(s.T + p, T);
+    auto step = [&](auto lanes, const Group& group) __attribute__((always_inline)) {
+      constexpr int kCount = decltype(lanes)::value;
+      Hit h[kCount];
+      i8 keep[kCount];
+      int p[kCount];
+      f8 dx[kCount];
+      float dy[kCount];
+      for (int k = 0; k < kCount; ++k) {
+        p[k] = group.row[k] * kTile + group.half[k] * kLanes;
+        dx[k] = x0 + static_cast<float>(group.half[k] * kLanes);
+        dy[k] = oy + static_cast<float>(group.row[k]);
+        h[k] = intersect(r, dx[k], dy[k]);
+        keep[k] = (h[k].raw >= kAlphaMin) & (load_i(s.last + p[k]) > j);
+      }
+      if (!any(kCount == 2 ? keep[0] | keep[kCount - 1] : keep[0])) return;
+      for (int k = 0; k < kCount; ++k) {
+        const int q = p[k];
+        const Hit& hit = h[k];
+        const f8 alpha = masked(keep[k], vmin(hit.raw, splat(kAlphaMax)));
+        const f8 T = load(s.T + q) / (1.0f - alpha);
+        store(s.T + q, T);
         const f8 weight = T * alpha;
-        const f8 red = load(s.red + p), green = load(s.green + p), blue = load(s.blue + p), depth = load(s.depth + p);
+        const f8 red = load(s.red + q), green = load(s.green + q), blue = load(s.blue + q), depth = load(s.depth + q);
         // what this hit is worth, per unit of its weight
-        f8 worth = fma(red, splat(r.color[0]), fma(green, splat(r.color[1]), fma(blue, splat(r.color[2]), load(s.constant + p))));
-        worth = fma(depth, h.z, worth);
+        f8 worth = fma(red, splat(r.color[0]),
+                       fma(green, splat(r.color[1]), fma(blue, splat(r.color[2]), load(s.constant + q))));
+        worth = fma(depth, hit.z, worth);
         f8 gz = weight * depth;
         if (kNormal) {
-          const f8 nx = load(s.nx + p), ny = load(s.ny + p), nz = load(s.nz + p);
+          const f8 nx = load(s.nx + q), ny = load(s.ny + q), nz = load(s.nz + q);
           worth = fma(nx, splat(r.normal[0]), fma(ny, splat(r.normal[1]), fma(nz, splat(r.normal[2]), worth)));
           sum[16] = fma(weight, nx, sum[16]), sum[17] = fma(weight, ny, sum[17]), sum[18] = fma(weight, nz, sum[18]);
         }
         if (kDistortion) {
-          const f8 gd = load(s.distortion + p), m1 = load(s.m1 + p), A = load(s.covered + p);
-          const f8 mu = masked(keep, shifted_depth(h.z, load(s.first_z + p)));
-          worth = fma(gd, fma(mu, fma(mu, A, -2.0f * m1), load(s.m2 + p)), worth);
-          gz = fma(2.0f * kDistortionScale * gd * weight, fma(mu, A, -m1) / (h.z * h.z), gz);
+          const f8 gd = load(s.distortion + q), m1 = load(s.m1 + q), A = load(s.covered + q);
+          const f8 mu = masked(keep[k], shifted_depth(hit.z, load(s.first_z + q)));
+          worth = fma(gd, fma(mu, fma(mu, A, -2.0f * m1), load(s.m2 + q)), worth);
+          gz = fma(2.0f * kDistortionScale * gd * weight, fma(mu, A, -m1) / (hit.z * hit.z), gz);
         }
-        const f8 behind = load(s.behind + p);
+        const f8 behind = load(s.behind + q);
         const f8 galpha = T * (worth - behind);
-        store(s.behind + p, fma(alpha, worth - behind, behind));
-        gz += masked(load_i(s.median_item + p) == splat_i(j), load(s.median + p));
-        gz = masked(keep, gz);
+        store(s.behind + q, fma(alpha, worth - behind, behind));
+        gz += masked(load_i(s.median_item + q) == splat_i(j), load(s.median + q));
+        gz = masked(keep[k], gz);
         // opacity exp(-rho / 2): no gradient through the clamp
-        const f8 graw = masked(keep & (raw < kAlphaMax), raw * galpha);
-        const f8 gfilter = masked(~h.plane, graw);
+        const f8 graw = masked(keep[k] & (hit.raw < kAlphaMax), hit.raw * galpha);
+        const f8 gfilter = masked(~hit.plane, graw);
         // masked last: off the plane u, v and 1 / den may be infinite
-        const f8 through = graw * h.inverse;
-        const f8 gu = masked(h.plane, -through * h.u), gv = masked(h.plane, -through * h.v);
-        const f8 gden = masked(h.plane, h.inverse * fma(graw, h.rho, -gz * h.z));
-        const f8 vdy = splat(dy);
-        sum[0] += gu, sum[1] = fma(gu, dx, sum[1]), sum[2] = fma(gu, vdy, sum[2]);
-        sum[3] += gv, sum[4] = fma(gv, dx, sum[4]), sum[5] = fma(gv, vdy, sum[5]);
-        sum[6] += gden, sum[7] = fma(gden, dx, sum[7]), sum[8] = fma(gden, vdy, sum[8]);
-        sum[9] += select(h.plane, gz * h.inverse, gz);
-        sum[10] = fma(gfilter, dx, sum[10]), sum[11] = fma(gfilter, vdy, sum[11]);
+        const f8 through = graw * hit.inverse;
+        const f8 gu = masked(hit.plane, -through * hit.u), gv = masked(hit.plane, -through * hit.v);
+        const f8 gden = masked(hit.plane, hit.inverse * fma(graw, hit.rho, -gz * hit.z));
+        const f8 vdy = splat(dy[k]);
+        sum[0] += gu, sum[1] = fma(gu, dx[k], sum[1]), sum[2] = fma(gu, vdy, sum[2]);
+        sum[3] += gv, sum[4] = fma(gv, dx[k], sum[4]), sum[5] = fma(gv, vdy, sum[5]);
+        sum[6] += gden, sum[7] = fma(gden, dx[k], sum[7]), sum[8] = fma(gden, vdy, sum[8]);
+        sum[9] += select(hit.plane, gz * hit.inverse, gz);
+        sum[10] = fma(gfilter, dx[k], sum[10]), sum[11] = fma(gfilter, vdy, sum[11]);
         sum[12] += graw;
         sum[13] = fma(weight, red, sum[13]), sum[14] = fma(weight, green, sum[14]), sum[15] = fma(weight, blue, sum[15]);
       }
-    }
+    };
+    for_groups(r, x, y, [&](const Group& group) __attribute__((always_inline)) {
+      const int last0 = s.vector_last[2 * group.row[0] + group.half[0]];
+      const int last1 = s.vector_last[2 * group.row[1] + group.half[1]];
+      if (j >= last0 && j >= last1) return;
+      if (group.count == 2) step(Two(), group);
+      else step(One(), group);
+    });
     float* entry = entries + static_cast<int64_t>(items[j].entry) * kGradients;
     store(entry, hsum8(sum)), store(entry + 8, hsum8(sum + 8));
     if (kNormal) {

@@ -10,23 +10,26 @@
 
 namespace R2_ISA {
 
+// Pixels are tested in float: what is left out here must be out there too.
+constexpr double kLoose = 1.00001, kMarginPx = 1e-3;
+
 struct Disc {
-  float su, sv;
-  Vec3<float> tu, tv;      // camera frame
-  float cx, cy, dx, dy, z;  // projected centre, p / z_c, z_c
-  float aux, auy, avx, avy, bx, by;
+  double su, sv;
+  Vec3<double> tu, tv;      // camera frame
+  double cx, cy, dx, dy, z;  // projected centre, p / z_c, z_c
+  double aux, auy, avx, avy, bx, by;
   bool plane;
-  float rho;
+  double rho;
 };
 
 struct Reach {
-  float x0, x1, y0, y1;  // pixel coordinates
+  double x0, x1, y0, y1;  // pixel coordinates
   bool crossing;         // crosses the near plane: tiles are tested one by one
-  float ex, ey, sxx, sxy, syy;  // ellipse: centre relative to (cx, cy) and (x - e)^T S^-1 (x - e) <= 1
-  float filter;          // radius, pixels
+  double ex, ey, sxx, sxy, syy;  // ellipse: centre relative to (cx, cy) and (x - e)^T S^-1 (x - e) <= 1
+  double filter;         // radius, pixels
 };
 
-R2_INLINE void include(float x, float& low, float& high) {
+R2_INLINE void include(double x, double& low, double& high) {
   low = x < low ? x : low;
   high = x > high ? x : high;
 }
@@ -34,13 +37,13 @@ R2_INLINE void include(float x, float& low, float& high) {
 // Extremes over the visible part (z >= near) of a disc that crosses the near plane, relative to the projected centre.
 // They lie at the ends of the chord z = near or where the boundary turns; rows L (of one axis) and W (of z) over (u, v).
 R2_INLINE void crossing_extremes(double Lu, double Lv, double Wu, double Wv, double z, double near, double c,
-                                 float& low, float& high) {
+                                 double& low, double& high) {
   const double W = ::sqrt(Wu * Wu + Wv * Wv), L = ::sqrt(Lu * Lu + Lv * Lv);
   const double chord = (near - z) / (c * W);
   const double phi = ::atan2(Wv, Wu), open = ::acos(chord < -1 ? -1 : (chord > 1 ? 1 : chord));
   for (int k = -1; k <= 1; k += 2) {
     const double angle = phi + k * open;
-    include(static_cast<float>(c * (Lu * ::cos(angle) + Lv * ::sin(angle)) / near), low, high);
+    include((c * (Lu * ::cos(angle) + Lv * ::sin(angle)) / near), low, high);
   }
   const double turn = -c * (Lv * Wu - Lu * Wv) / (z * L);
   if (!(turn >= -1 && turn <= 1)) return;
@@ -48,40 +51,40 @@ R2_INLINE void crossing_extremes(double Lu, double Lv, double Wu, double Wv, dou
   for (int k = -1; k <= 1; k += 2) {
     const double angle = theta0 + k * half;
     const double depth = z + c * (Wu * ::cos(angle) + Wv * ::sin(angle));
-    if (depth >= near) include(static_cast<float>(c * (Lu * ::cos(angle) + Lv * ::sin(angle)) / depth), low, high);
+    if (depth >= near) include((c * (Lu * ::cos(angle) + Lv * ::sin(angle)) / depth), low, high);
   }
 }
 
 R2_INLINE Reach reach_of(const Disc& d, const View& view) {
   Reach r;
-  r.filter = ::sqrtf(d.rho / kFilterInverseVariance) * 1.0001f + 1e-3f;
+  r.filter = ::sqrt(d.rho / kFilterInverseVariance) * kLoose + kMarginPx;
   r.x0 = d.cx - r.filter, r.x1 = d.cx + r.filter;
   r.y0 = d.cy - r.filter, r.y1 = d.cy + r.filter;
   r.crossing = false;
-  r.ex = r.ey = 0, r.sxx = r.syy = 1e-12f, r.sxy = 0;
+  r.ex = r.ey = 0, r.sxx = r.syy = 1e-12, r.sxy = 0;
   if (!d.plane) return r;
-  const float Xu = d.su * view.fx * (d.tu.x - d.dx * d.tu.z), Xv = d.sv * view.fx * (d.tv.x - d.dx * d.tv.z);
-  const float Yu = d.su * view.fy * (d.tu.y - d.dy * d.tu.z), Yv = d.sv * view.fy * (d.tv.y - d.dy * d.tv.z);
-  const float Wu = d.su * d.tu.z, Wv = d.sv * d.tv.z;
-  const float rho = d.rho * 1.0001f;
-  const float radius = ::sqrtf(rho), along = radius * ::sqrtf(Wu * Wu + Wv * Wv);
+  const double Xu = d.su * view.fx * (d.tu.x - d.dx * d.tu.z), Xv = d.sv * view.fx * (d.tv.x - d.dx * d.tv.z);
+  const double Yu = d.su * view.fy * (d.tu.y - d.dy * d.tu.z), Yv = d.sv * view.fy * (d.tv.y - d.dy * d.tv.z);
+  const double Wu = d.su * d.tu.z, Wv = d.sv * d.tv.z;
+  const double rho = d.rho * kLoose;
+  const double radius = ::sqrt(rho), along = radius * ::sqrt(Wu * Wu + Wv * Wv);
   if (d.z - along > view.near) {
-    const float D = 1.0f / (d.z * d.z - along * along);
-    const float s = rho * D;
+    const double D = 1.0 / (d.z * d.z - along * along);
+    const double s = rho * D;
     r.ex = -s * (Xu * Wu + Xv * Wv);
     r.ey = -s * (Yu * Wu + Yv * Wv);
     r.sxx = r.ex * r.ex + s * (Xu * Xu + Xv * Xv);
     r.syy = r.ey * r.ey + s * (Yu * Yu + Yv * Yv);
     r.sxy = r.ex * r.ey + s * (Xu * Yu + Xv * Yv);
-    const float hx = ::sqrtf(r.sxx) * 1.0001f + 1e-3f, hy = ::sqrtf(r.syy) * 1.0001f + 1e-3f;
+    const double hx = ::sqrt(r.sxx) * kLoose + kMarginPx, hy = ::sqrt(r.syy) * kLoose + kMarginPx;
     include(d.cx + r.ex - hx, r.x0, r.x1), include(d.cx + r.ex + hx, r.x0, r.x1);
     include(d.cy + r.ey - hy, r.y0, r.y1), include(d.cy + r.ey + hy, r.y0, r.y1);
   } else {
     r.crossing = true;
-    float x0 = 0, x1 = 0, y0 = 0, y1 = 0;
+    double x0 = 0, x1 = 0, y0 = 0, y1 = 0;
     crossing_extremes(Xu, Xv, Wu, Wv, d.z, view.near, radius, x0, x1);
     crossing_extremes(Yu, Yv, Wu, Wv, d.z, view.near, radius, y0, y1);
-    const float mx = 1e-3f * (x1 - x0) + 0.01f, my = 1e-3f * (y1 - y0) + 0.01f;
+    const double mx = 1e-4 * (x1 - x0) + kMarginPx, my = 1e-4 * (y1 - y0) + kMarginPx;
     include(d.cx + x0 - mx, r.x0, r.x1), include(d.cx + x1 + mx, r.x0, r.x1);
     include(d.cy + y0 - my, r.y0, r.y1), include(d.cy + y1 + my, r.y0, r.y1);
   }
@@ -89,28 +92,28 @@ R2_INLINE Reach reach_of(const Disc& d, const View& view) {
 }
 
 // The x range of ellipse and filter circle over the strip [y0, y1], pixels. False when neither reaches it.
-R2_INLINE bool strip_range(const Disc& d, const Reach& r, float y0, float y1, float& x0, float& x1) {
+R2_INLINE bool strip_range(const Disc& d, const Reach& r, double y0, double y1, double& x0, double& x1) {
   bool found = false;
-  x0 = 1e30f, x1 = -1e30f;
-  const float fy = (d.cy < y0 ? y0 : (d.cy > y1 ? y1 : d.cy)) - d.cy;
-  const float f2 = r.filter * r.filter - fy * fy;
+  x0 = 1e30, x1 = -1e30;
+  const double fy = (d.cy < y0 ? y0 : (d.cy > y1 ? y1 : d.cy)) - d.cy;
+  const double f2 = r.filter * r.filter - fy * fy;
   if (f2 >= 0) {
-    const float half = ::sqrtf(f2);
+    const double half = ::sqrt(f2);
     x0 = d.cx - half, x1 = d.cx + half, found = true;
   }
   if (!d.plane) return found;
-  const float hy = ::sqrtf(r.syy), ey = d.cy + r.ey;
-  const float top = y0 > ey - hy ? y0 : ey - hy, bottom = y1 < ey + hy ? y1 : ey + hy;
-  const float slack = 1e-3f * hy + 0.01f;
+  const double hy = ::sqrt(r.syy), ey = d.cy + r.ey;
+  const double top = y0 > ey - hy ? y0 : ey - hy, bottom = y1 < ey + hy ? y1 : ey + hy;
+  const double slack = 1e-6 * hy + kMarginPx;
   if (top > bottom + slack) return found;
-  const float hx = ::sqrtf(r.sxx), shear = r.sxy / r.syy;
-  const float w2 = r.sxx - r.sxy * shear, width = w2 > 0 ? ::sqrtf(w2) : 0;
-  const float margin = 1e-3f * hx + 0.01f;
+  const double hx = ::sqrt(r.sxx), shear = r.sxy / r.syy;
+  const double w2 = r.sxx - r.sxy * shear, width = w2 > 0 ? ::sqrt(w2) : 0;
+  const double margin = 1e-6 * hx + kMarginPx;
   for (int k = -1; k <= 1; k += 2) {
-    float y = ey + k * r.sxy / hx;  // where the boundary is furthest to this side
+    double y = ey + k * r.sxy / hx;  // where the boundary is furthest to this side
     y = y < top ? top : (y > bottom ? bottom : y);
-    const float t = y - ey, inside = 1.0f - t * t / r.syy;
-    const float x = d.cx + r.ex + shear * t + k * (width * ::sqrtf(inside > 0 ? inside : 0) + margin);
+    const double t = y - ey, inside = 1.0 - t * t / r.syy;
+    const double x = d.cx + r.ex + shear * t + k * (width * ::sqrt(inside > 0 ? inside : 0) + margin);
     if (k < 0) x0 = x < x0 ? x : x0;
     else x1 = x > x1 ? x : x1;
   }
@@ -119,12 +122,12 @@ R2_INLINE bool strip_range(const Disc& d, const Reach& r, float y0, float y1, fl
 
 // Does a disc that crosses the near plane reach the rectangle? Its visible part is convex on the screen, so either it
 // holds the projected centre or it cuts an edge, where the condition is a quadratic.
-R2_INLINE bool crossing_meets(const Disc& d, float x0, float x1, float y0, float y1) {
+R2_INLINE bool crossing_meets(const Disc& d, double x0, double x1, double y0, double y1) {
   const double ax = x0 - d.cx, bx = x1 - d.cx, ay = y0 - d.cy, by = y1 - d.cy;
   const double f = ::sqrt(d.rho / kFilterInverseVariance);
   if (ax <= f && bx >= -f && ay <= f && by >= -f) return true;
   const double corner[4][2] = {{ax, ay}, {bx, ay}, {bx, by}, {ax, by}};
-  const double rho = d.rho * 1.001;
+  const double rho = d.rho * kLoose;
   for (int k = 0; k < 4; ++k) {
     const double *p = corner[k], *q = corner[(k + 1) & 3];
     const double ex = q[0] - p[0], ey = q[1] - p[1];

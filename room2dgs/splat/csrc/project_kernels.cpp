@@ -2,54 +2,80 @@
 #include "bounds.h"
 #include "raster.h"
 #include "sh.h"
+#include "simd.h"
 
 namespace R2_ISA {
 namespace {
 
-using room2dgs::Camera;
 using room2dgs::Extent;
+using room2dgs::kGradients;
 using room2dgs::kTile;
 using room2dgs::Record;
 using room2dgs::Span;
 using room2dgs::SpanSink;
 using room2dgs::SurfelArrays;
 
-View view_of(const Camera& camera) {
-  View v;
-  for (int k = 0; k < 9; ++k) v.R[k] = camera.R[k];
-  for (int k = 0; k < 3; ++k) v.t[k] = camera.t[k];
-  v.fx = camera.fx, v.fy = camera.fy, v.cx = camera.cx, v.cy = camera.cy;
-  v.near = camera.near, v.width = camera.width, v.height = camera.height;
-  return v;
-}
-
-// Eight values, `stride` floats apart; lanes beyond `lanes` repeat the first.
-R2_INLINE f8 gather(const float* p, int64_t stride, int lanes) {
-  f8 r;
-  for (int k = 0; k < kLanes; ++k) r[k] = p[k < lanes ? k * stride : 0];
-  return r;
-}
-
-R2_INLINE Surfel<f8> load_surfels(const SurfelArrays& s, int64_t i, int lanes) {
+R2_INLINE Surfel<double> load_surfel(const SurfelArrays& s, int64_t i) {
   const float *c = s.centers + 3 * i, *q = s.rotations + 4 * i, *e = s.scales + 2 * i;
-  return {{gather(c, 3, lanes), gather(c + 1, 3, lanes), gather(c + 2, 3, lanes)},
-          gather(q, 4, lanes), gather(q + 1, 4, lanes), gather(q + 2, 4, lanes), gather(q + 3, 4, lanes),
-          gather(e, 2, lanes), gather(e + 1, 2, lanes)};
+  return {{c[0], c[1], c[2]}, q[0], q[1], q[2], q[3], e[0], e[1]};
 }
 
 // Unit direction from the camera to the surfel in the world, and 1 / distance.
-R2_INLINE Vec3<f8> view_direction(const View& view, const Projected<f8>& o, f8& inverse_distance) {
-  inverse_distance = 1.0f / vsqrt(dot(o.p, o.p));
+R2_INLINE Vec3<double> view_direction(const View& view, const Projected<double>& o, double& inverse_distance) {
+  inverse_distance = 1.0 / vsqrt(dot(o.p, o.p));
   return rotate_transposed(view.R, inverse_distance * o.p);
 }
 
-R2_INLINE int first_pixel(float x) { return static_cast<int>(::ceilf(x - 0.5f)); }
-R2_INLINE int last_pixel(float x) { return static_cast<int>(::floorf(x - 0.5f)); }
+// The four side planes of the view, through the camera's centre, normals inwards, for a quick test of spheres.
+struct Frustum {
+  float R[9], t[3], near;
+  float left[2], right[2], top[2], bottom[2];  // (x or y, z) of the unit normal
+};
+R2_INLINE void side_plane(double slope, double sign, float* plane) {
+  const double length = ::sqrt(1 + slope * slope);
+  plane[0] = static_cast<float>(sign / length), plane[1] = static_cast<float>(-sign * slope / length);
+}
+Frustum frustum_of(const View& view) {
+  Frustum f;
+  for (int k = 0; k < 9; ++k) f.R[k] = static_cast<float>(view.R[k]);
+  for (int k = 0; k < 3; ++k) f.t[k] = static_cast<float>(view.t[k]);
+  f.near = static_cast<float>(view.near);
+  const double margin = 4;  // pixels, for the screen-space filter
+  side_plane((-margin - view.cx) / view.fx, 1, f.left);
+  side_plane((view.width + margin - view.cx) / view.fx, -1, f.right);
+  side_plane((-margin - view.cy) / view.fy, 1, f.top);
+  side_plane((view.height + margin - view.cy) / view.fy, -1, f.bottom);
+  return f;
+}
+
+// A bit for each of eight surfels that may be seen: a disc lies in the ball of its largest scale, 3.34 sigma at most.
+R2_INLINE uint32_t maybe_seen(const SurfelArrays& s, const Frustum& f, int64_t i, int lanes) {
+  f8 x = splat(0), y = x, z = x, scale = x, opacity = x;
+  for (int k = 0; k < lanes; ++k) {
+    const float *c = s.centers + 3 * (i + k), *e = s.scales + 2 * (i + k);
+    x[k] = c[0], y[k] = c[1], z[k] = c[2];
+    scale[k] = e[0] > e[1] ? e[0] : e[1];
+    opacity[k] = s.opacities[i + k];
+  }
+  const f8 px = f.R[0] * x + f.R[1] * y + f.R[2] * z + f.t[0];
+  const f8 py = f.R[3] * x + f.R[4] * y + f.R[5] * z + f.t[1];
+  const f8 pz = f.R[6] * x + f.R[7] * y + f.R[8] * z + f.t[2];
+  const f8 reach = -3.34f * scale - 1e-4f * pz;
+  const i8 seen = (pz >= 0.999f * f.near) & (opacity >= kAlphaMin) & (f.left[0] * px + f.left[1] * pz >= reach) &
+                  (f.right[0] * px + f.right[1] * pz >= reach) & (f.top[0] * py + f.top[1] * pz >= reach) &
+                  (f.bottom[0] * py + f.bottom[1] * pz >= reach);
+  uint32_t bits = 0;
+  for (int k = 0; k < lanes; ++k) bits |= (seen[k] ? 1u : 0u) << k;
+  return bits;
+}
+
+R2_INLINE int first_pixel(double x) { return static_cast<int>(::ceil(x - 0.5)); }
+R2_INLINE int last_pixel(double x) { return static_cast<int>(::floor(x - 0.5)); }
 
 // Fills a visible surfel's pixel range, spans and extent. False when it reaches no pixel.
-bool place(const Disc& d, const View& view, Record& record, Extent& extent, SpanSink sink) {
+R2_INLINE bool place(const Disc& d, const View& view, Record& record, Extent& extent, SpanSink sink) {
   const Reach r = reach_of(d, view);
-  const float width = static_cast<float>(view.width), height = static_cast<float>(view.height);
+  const double width = view.width, height = view.height;
   // written so that a NaN fails
   if (!(r.x0 < width && r.x1 > 0 && r.y0 < height && r.y1 > 0)) return false;
   const int x0 = first_pixel(r.x0 > 0 ? r.x0 : 0), x1 = last_pixel(r.x1 < width ? r.x1 : width);
@@ -62,214 +88,166 @@ bool place(const Disc& d, const View& view, Record& record, Extent& extent, Span
   extent.rows = static_cast<uint16_t>(ty1 - ty0 + 1);
   Span* spans = sink.room(sink.context, extent.span, extent.rows);
   uint32_t tiles = 0;
-  if (tx0 == tx1 && ty0 == ty1) {
-    spans[0] = {static_cast<uint16_t>(tx0), static_cast<uint16_t>(tx0 + 1)};
-    tiles = 1;
-  } else {
-    for (int ty = ty0; ty <= ty1; ++ty) {
-      const float sy0 = ty * kTile + 0.5f, sy1 = sy0 + kTile - 1;
-      int a = tx0, b = tx1;
-      if (r.crossing) {
-        while (a <= b && !crossing_meets(d, a * kTile + 0.5f, a * kTile + kTile - 0.5f, sy0, sy1)) ++a;
-        while (b > a && !crossing_meets(d, b * kTile + 0.5f, b * kTile + kTile - 0.5f, sy0, sy1)) --b;
-      } else {
-        float s0, s1;
-        if (strip_range(d, r, sy0, sy1, s0, s1)) {
-          const int p0 = first_pixel(s0 > 0 ? s0 : 0), p1 = last_pixel(s1 < width ? s1 : width);
-          a = p0 / kTile > tx0 ? p0 / kTile : tx0;
-          b = p1 < 0 ? -1 : (p1 / kTile < tx1 ? p1 / kTile : tx1);
-          if (p0 > p1) b = a - 1;
-        } else {
-          b = a - 1;
-        }
-      }
-      if (b < a) a = b = tx0, b = a - 1;
-      spans[ty - ty0] = {static_cast<uint16_t>(a), static_cast<uint16_t>(b + 1)};
-      tiles += static_cast<uint32_t>(b + 1 - a);
+  for (int ty = ty0; ty <= ty1; ++ty) {
+    const double sy0 = ty * kTile + 0.5, sy1 = sy0 + kTile - 1;
+    int a = tx0, b = tx1;
+    if (r.crossing) {
+      while (a <= b && !crossing_meets(d, a * kTile + 0.5, a * kTile + kTile - 0.5, sy0, sy1)) ++a;
+      while (b > a && !crossing_meets(d, b * kTile + 0.5, b * kTile + kTile - 0.5, sy0, sy1)) --b;
+    } else if (tx0 != tx1 || ty0 != ty1) {
+      double s0, s1;
+      const bool found = strip_range(d, r, sy0, sy1, s0, s1);
+      const int p0 = found ? first_pixel(s0 > 0 ? s0 : 0) : 0, p1 = found ? last_pixel(s1 < width ? s1 : width) : -1;
+      a = p0 / kTile > tx0 ? p0 / kTile : tx0;
+      b = p1 < p0 ? a - 1 : (p1 / kTile < tx1 ? p1 / kTile : tx1);
     }
+    if (b < a) a = tx0, b = tx0 - 1;
+    spans[ty - ty0] = {static_cast<uint16_t>(a), static_cast<uint16_t>(b + 1)};
+    tiles += static_cast<uint32_t>(b + 1 - a);
   }
   extent.tiles = tiles;
   return tiles > 0;
 }
 
-void project(const Camera& camera, const SurfelArrays& s, int64_t begin, int64_t end, Record* records,
-             Extent* extents, SpanSink sink) {
-  const View view = view_of(camera);
+R2_INLINE void color_of(const SurfelArrays& s, int64_t i, Vec3<double> direction, double* color) {
+  const float* sh = s.sh + 3 * s.sh_count * i;
+  for (int c = 0; c < 3; ++c) color[c] = 0.5;
+  sh_terms<double>(direction, s.sh_count, [&](int term, double value, double, double, double) {
+    for (int c = 0; c < 3; ++c) color[c] += value * sh[3 * term + c];
+  });
+}
+
+void project(const View& view, const SurfelArrays& s, int64_t begin, int64_t end, Record* records, Extent* extents,
+             SpanSink sink) {
+  const Frustum frustum = frustum_of(view);
   uint32_t span = 0;
-  for (int64_t i = begin; i < end; i += kLanes) {
-    const int lanes = end - i < kLanes ? static_cast<int>(end - i) : kLanes;
-    const Surfel<f8> surfel = load_surfels(s, i, lanes);
-    const Axes<f8> axes = axes_of(surfel);
-    const Projected<f8> o = project(surfel, axes, view);
-    bool evaluated = false;
-    f8 color[3];
+  for (int64_t first = begin; first < end; first += kLanes) {
+    const int lanes = end - first < kLanes ? static_cast<int>(end - first) : kLanes;
+    const uint32_t seen = maybe_seen(s, frustum, first, lanes);
     for (int k = 0; k < lanes; ++k) {
-      Extent& extent = extents[i + k];
+      const int64_t i = first + k;
+      Extent& extent = extents[i];
       extent.tiles = 0;
-      extent.depth = o.p.z[k];
-      const float opacity = s.opacities[i + k];
-      if (!o.front[k] || !(opacity >= kAlphaMin)) continue;
+      if (!(seen >> k & 1)) continue;
+      const Surfel<double> surfel = load_surfel(s, i);
+      const Axes<double> axes = axes_of(surfel);
+      const Projected<double> o = project(surfel, axes, view);
+      if (!o.front) continue;
       Disc d;
-      d.rho = 2.0f * ::logf(opacity / kAlphaMin);
-      d.su = surfel.su[k], d.sv = surfel.sv[k];
-      d.tu = {o.tu.x[k], o.tu.y[k], o.tu.z[k]}, d.tv = {o.tv.x[k], o.tv.y[k], o.tv.z[k]};
-      d.cx = o.cx[k], d.cy = o.cy[k], d.dx = o.dx[k], d.dy = o.dy[k], d.z = o.p.z[k];
-      d.aux = o.aux[k], d.auy = o.auy[k], d.avx = o.avx[k], d.avy = o.avy[k], d.bx = o.bx[k], d.by = o.by[k];
-      d.plane = o.plane[k] != 0;
-      Record& r = records[i + k];
+      d.rho = 2.0 * ::log(static_cast<double>(s.opacities[i]) / kAlphaMin);
+      d.su = surfel.su, d.sv = surfel.sv, d.tu = o.tu, d.tv = o.tv;
+      d.cx = o.cx, d.cy = o.cy, d.dx = o.dx, d.dy = o.dy, d.z = o.p.z;
+      d.aux = o.aux, d.auy = o.auy, d.avx = o.avx, d.avy = o.avy, d.bx = o.bx, d.by = o.by;
+      d.plane = o.plane;
+      Record& r = records[i];
       extent.span = span;
       if (!place(d, view, r, extent, sink)) {
         extent.tiles = 0;
         continue;
       }
       span += extent.rows;
-      if (!evaluated) {  // the colour of eight lanes costs as much as that of one
-        evaluated = true;
-        f8 inverse_distance;
-        const Vec3<f8> direction = view_direction(view, o, inverse_distance);
-        for (int c = 0; c < 3; ++c) color[c] = splat(0.5f);
-        sh_terms<f8>(direction, s.sh_count, [&](int term, f8 value, f8, f8, f8) {
-          const int64_t stride = 3 * s.sh_count;
-          const float* p = s.sh + i * stride + 3 * term;
-          for (int c = 0; c < 3; ++c) color[c] = fma(value, gather(p + c, stride, lanes), color[c]);
-        });
-        for (int c = 0; c < 3; ++c) color[c] = vmax(color[c], splat(0.0f));
-      }
-      r.cx = d.cx, r.cy = d.cy, r.z = d.z;
-      r.aux = d.aux, r.auy = d.auy, r.avx = d.avx, r.avy = d.avy, r.bx = d.bx, r.by = d.by;
-      r.den_max = d.z / view.near;
-      r.opacity = opacity;
-      r.rho_max = d.rho * 1.0001f + 1e-3f;  // a cheap first test; the exact one is on alpha
-      for (int c = 0; c < 3; ++c) r.color[c] = color[c][k];
-      r.normal[0] = o.side[k] * axes.tw.x[k], r.normal[1] = o.side[k] * axes.tw.y[k], r.normal[2] = o.side[k] * axes.tw.z[k];
+      extent.depth = static_cast<float>(o.p.z);
+      r.cx = static_cast<float>(o.cx), r.cy = static_cast<float>(o.cy), r.z = extent.depth;
+      r.cx_rest = static_cast<float>(o.cx - r.cx), r.cy_rest = static_cast<float>(o.cy - r.cy);
+      r.aux = static_cast<float>(o.aux), r.auy = static_cast<float>(o.auy);
+      r.avx = static_cast<float>(o.avx), r.avy = static_cast<float>(o.avy);
+      r.bx = static_cast<float>(o.bx), r.by = static_cast<float>(o.by);
+      r.den_max = static_cast<float>(o.p.z / view.near);
+      r.log2_opacity = static_cast<float>(::log2(static_cast<double>(s.opacities[i])));
+      double inverse_distance, color[3];
+      color_of(s, i, view_direction(view, o, inverse_distance), color);
+      for (int c = 0; c < 3; ++c) r.color[c] = color[c] > 0 ? static_cast<float>(color[c]) : 0.0f;
+      r.normal[0] = static_cast<float>(o.side * axes.tw.x);
+      r.normal[1] = static_cast<float>(o.side * axes.tw.y);
+      r.normal[2] = static_cast<float>(o.side * axes.tw.z);
     }
   }
 }
 
-// Sums a surfel's entries in the order of its tiles.
-R2_INLINE void sum_entries(const float* entries, uint32_t count, float* sums) {
-  f8 a = splat(0), b = splat(0), c = splat(0);
-  for (uint32_t e = 0; e < count; ++e, entries += room2dgs::kGradients) {
-    a += load(entries), b += load(entries + 8);
-    f8 last = splat(0);
-    for (int k = 0; k < 4; ++k) last[k] = entries[16 + k];
-    c += last;
-  }
-  store(sums, a), store(sums + 8, b);
-  for (int k = 0; k < 4; ++k) sums[16 + k] = c[k];
+R2_INLINE void zero(float* p, int64_t count) {
+  for (int64_t k = 0; k < count; ++k) p[k] = 0;
+}
+R2_INLINE void put(float* p, Vec3<double> v) {
+  p[0] = static_cast<float>(v.x), p[1] = static_cast<float>(v.y), p[2] = static_cast<float>(v.z);
+}
+R2_INLINE void add_outer(double* m, Vec3<double> left, Vec3<double> right) {
+  m[0] += left.x * right.x, m[1] += left.x * right.y, m[2] += left.x * right.z;
+  m[3] += left.y * right.x, m[4] += left.y * right.y, m[5] += left.y * right.z;
+  m[6] += left.z * right.x, m[7] += left.z * right.y, m[8] += left.z * right.z;
 }
 
-R2_INLINE void scatter(float* p, int64_t stride, int lanes, f8 value) {
-  for (int k = 0; k < lanes; ++k) p[k * stride] = value[k];
+// Gradient of the colour's coefficients; gives that of the unit direction.
+R2_INLINE Vec3<double> color_backward(const SurfelArrays& s, int64_t i, Vec3<double> direction, const double* g_color,
+                                      float* to_sh) {
+  const float* sh = s.sh + 3 * s.sh_count * i;
+  double color[3], g[3];
+  color_of(s, i, direction, color);
+  for (int c = 0; c < 3; ++c) g[c] = color[c] > 0 ? g_color[c] : 0;
+  Vec3<double> g_direction = {0, 0, 0};
+  sh_terms<double>(direction, s.sh_count, [&](int term, double value, double ddx, double ddy, double ddz) {
+    double through = 0;
+    for (int c = 0; c < 3; ++c) {
+      to_sh[3 * term + c] = static_cast<float>(value * g[c]);
+      through += g[c] * sh[3 * term + c];
+    }
+    g_direction = g_direction + through * Vec3<double>{ddx, ddy, ddz};
+  });
+  return g_direction;
 }
 
-void project_backward(const Camera& camera, const SurfelArrays& s, const Extent* extents, const uint32_t* first_entry,
+void project_backward(const View& view, const SurfelArrays& s, const Extent* extents, const uint32_t* first_entry,
                       const float* entries, int64_t begin, int64_t end, const room2dgs::SurfelGradients& out,
                       room2dgs::PoseGradient* pose) {
-  const View view = view_of(camera);
-  f8 gR[9], gt[3];
-  for (f8& g : gR) g = splat(0);
-  for (f8& g : gt) g = splat(0);
-  const int64_t sh_stride = 3 * s.sh_count;
-  for (int64_t i = begin; i < end; i += kLanes) {
-    const int lanes = end - i < kLanes ? static_cast<int>(end - i) : kLanes;
-    float sums[kLanes][room2dgs::kGradients];
-    i8 seen = splat_i(0);
-    bool any_seen = false;
-    for (int k = 0; k < kLanes; ++k) {
-      const uint32_t count = k < lanes ? extents[i + k].tiles : 0;
-      if (count) {
-        sum_entries(entries + static_cast<int64_t>(first_entry[i + k]) * room2dgs::kGradients, count, sums[k]);
-        seen[k] = -1;
-        any_seen = true;
-      } else {
-        for (float& x : sums[k]) x = 0;
-      }
-    }
-    if (!any_seen) {
-      for (int64_t k = 0; k < 3 * lanes; ++k) out.centers[3 * i + k] = 0;
-      for (int64_t k = 0; k < 4 * lanes; ++k) out.rotations[4 * i + k] = 0;
-      for (int64_t k = 0; k < 2 * lanes; ++k) out.scales[2 * i + k] = out.center_px[2 * i + k] = 0;
-      for (int64_t k = 0; k < lanes; ++k) out.opacities[i + k] = 0;
-      for (int64_t k = 0; k < sh_stride * lanes; ++k) out.sh[sh_stride * i + k] = 0;
+  room2dgs::PoseGradient sum_pose = {};
+  const Vec3<double> translation = {view.t[0], view.t[1], view.t[2]};
+  const int sh_floats = 3 * s.sh_count;
+  for (int64_t i = begin; i < end; ++i) {
+    const uint32_t count = extents[i].tiles;
+    if (!count) {
+      zero(out.centers + 3 * i, 3), zero(out.rotations + 4 * i, 4), zero(out.scales + 2 * i, 2);
+      zero(out.center_px + 2 * i, 2), zero(out.opacities + i, 1), zero(out.sh + sh_floats * i, sh_floats);
       continue;
     }
-    auto sum = [&](int j) {
-      f8 r;
-      for (int k = 0; k < kLanes; ++k) r[k] = sums[k][j];
-      return r;
-    };
-    auto keep = [&](f8 x) { return masked(seen, x); };
-    const Surfel<f8> surfel = load_surfels(s, i, lanes);
-    const Axes<f8> axes = axes_of(surfel);
-    const Projected<f8> o = project(surfel, axes, view);
-    NineGrad<f8> g;
-    const f8 gu = sum(0), gv = sum(3), gden = sum(6);
-    g.aux = sum(1), g.auy = sum(2), g.avx = sum(4), g.avy = sum(5), g.bx = sum(7), g.by = sum(8), g.z = sum(9);
-    g.cx = 2.0f * sum(10) - select(o.plane, gu * o.aux + gv * o.avx + gden * o.bx, splat(0));
-    g.cy = 2.0f * sum(11) - select(o.plane, gu * o.auy + gv * o.avy + gden * o.by, splat(0));
-    scatter(out.center_px + 2 * i, 2, lanes, keep(g.cx));
-    scatter(out.center_px + 2 * i + 1, 2, lanes, keep(g.cy));
-    CameraGrad<f8> c = project_backward(surfel, o, view, g);
-    scatter(out.scales + 2 * i, 2, lanes, keep(c.su));
-    scatter(out.scales + 2 * i + 1, 2, lanes, keep(c.sv));
-    const f8 opacity = gather(s.opacities + i, 1, lanes);
-    scatter(out.opacities + i, 1, lanes, keep(sum(12) / opacity));
+    double sum[kGradients] = {};
+    const float* entry = entries + static_cast<int64_t>(first_entry[i]) * kGradients;
+    for (uint32_t e = 0; e < count; ++e, entry += kGradients)
+      for (int k = 0; k < kGradients; ++k) sum[k] += entry[k];
 
-    // colour -> coefficients and, beyond degree 0, the viewing direction
-    f8 inverse_distance;
-    const Vec3<f8> direction = view_direction(view, o, inverse_distance);
-    f8 color[3] = {splat(0.5f), splat(0.5f), splat(0.5f)};
-    sh_terms<f8>(direction, s.sh_count, [&](int term, f8 value, f8, f8, f8) {
-      const float* p = s.sh + i * sh_stride + 3 * term;
-      for (int ch = 0; ch < 3; ++ch) color[ch] = fma(value, gather(p + ch, sh_stride, lanes), color[ch]);
-    });
-    f8 gcolor[3];
-    for (int ch = 0; ch < 3; ++ch) gcolor[ch] = masked(seen & (color[ch] > 0.0f), sum(13 + ch));
-    Vec3<f8> gdirection = {splat(0), splat(0), splat(0)};
-    sh_terms<f8>(direction, s.sh_count, [&](int term, f8 value, f8 ddx, f8 ddy, f8 ddz) {
-      const float* p = s.sh + i * sh_stride + 3 * term;
-      f8 through = splat(0);
-      for (int ch = 0; ch < 3; ++ch) {
-        scatter(out.sh + i * sh_stride + 3 * term + ch, sh_stride, lanes, value * gcolor[ch]);
-        through = fma(gcolor[ch], gather(p + ch, sh_stride, lanes), through);
-      }
-      gdirection = gdirection + Vec3<f8>{through * ddx, through * ddy, through * ddz};
-    });
-    // d normalise(p - o): the part across the ray, over the distance; world frame
-    const f8 radial = dot(gdirection, direction);
-    const Vec3<f8> gview = {keep((gdirection.x - radial * direction.x) * inverse_distance),
-                            keep((gdirection.y - radial * direction.y) * inverse_distance),
-                            keep((gdirection.z - radial * direction.z) * inverse_distance)};
+    const Surfel<double> surfel = load_surfel(s, i);
+    const Axes<double> axes = axes_of(surfel);
+    const Projected<double> o = project(surfel, axes, view);
+    NineGrad<double> g;
+    const double gu = sum[0], gv = sum[3], gden = sum[6];
+    g.aux = sum[1], g.auy = sum[2], g.avx = sum[4], g.avy = sum[5], g.bx = sum[7], g.by = sum[8], g.z = sum[9];
+    g.cx = 2 * sum[10], g.cy = 2 * sum[11];
+    if (o.plane) {
+      g.cx -= gu * o.aux + gv * o.avx + gden * o.bx;
+      g.cy -= gu * o.auy + gv * o.avy + gden * o.by;
+    }
+    out.center_px[2 * i] = static_cast<float>(g.cx), out.center_px[2 * i + 1] = static_cast<float>(g.cy);
+    const CameraGrad<double> c = project_backward(surfel, o, view, g);
+    out.scales[2 * i] = static_cast<float>(c.su), out.scales[2 * i + 1] = static_cast<float>(c.sv);
+    out.opacities[i] = static_cast<float>(sum[12] / s.opacities[i]);
 
-    const Vec3<f8> gp = {keep(c.p.x), keep(c.p.y), keep(c.p.z)};
-    const Vec3<f8> ctu = {keep(c.tu.x), keep(c.tu.y), keep(c.tu.z)};
-    const Vec3<f8> ctv = {keep(c.tv.x), keep(c.tv.y), keep(c.tv.z)};
-    const Vec3<f8> ctw = {keep(c.tw.x), keep(c.tw.y), keep(c.tw.z)};
-    const Vec3<f8> gcenter = rotate_transposed(view.R, gp) + gview;
-    scatter(out.centers + 3 * i, 3, lanes, gcenter.x);
-    scatter(out.centers + 3 * i + 1, 3, lanes, gcenter.y);
-    scatter(out.centers + 3 * i + 2, 3, lanes, gcenter.z);
-    const Vec3<f8> gnormal = {o.side * sum(16), o.side * sum(17), o.side * sum(18)};
-    f8 gq[4];
-    axes_backward(axes, rotate_transposed(view.R, ctu), rotate_transposed(view.R, ctv),
-                  rotate_transposed(view.R, ctw) + gnormal, gq);
-    for (int k = 0; k < 4; ++k) scatter(out.rotations + 4 * i + k, 4, lanes, keep(gq[k]));
+    double inverse_distance;
+    const Vec3<double> direction = view_direction(view, o, inverse_distance);
+    const Vec3<double> gd = color_backward(s, i, direction, sum + 13, out.sh + sh_floats * i);
+    // normalise(p - o): the part across the ray, over the distance
+    const Vec3<double> g_view = inverse_distance * (gd + (-dot(gd, direction)) * direction);
+    put(out.centers + 3 * i, rotate_transposed(view.R, c.p) + g_view);
+    double gq[4];
+    axes_backward(axes, rotate_transposed(view.R, c.tu), rotate_transposed(view.R, c.tv),
+                  rotate_transposed(view.R, c.tw) + o.side * Vec3<double>{sum[16], sum[17], sum[18]}, gq);
+    for (int k = 0; k < 4; ++k) out.rotations[4 * i + k] = static_cast<float>(gq[k]);
 
-    // pose: camera = R world + t for the centre, R alone for the axes, and the projection centre -R^T t for the view
-    auto outer = [&](Vec3<f8> left, Vec3<f8> right) {
-      const f8 l[3] = {left.x, left.y, left.z}, r[3] = {right.x, right.y, right.z};
-      for (int a = 0; a < 3; ++a)
-        for (int b = 0; b < 3; ++b) gR[3 * a + b] += keep(l[a] * r[b]);
-    };
-    outer(gp, surfel.center), outer(ctu, axes.tu), outer(ctv, axes.tv), outer(ctw, axes.tw);
-    gt[0] += gp.x, gt[1] += gp.y, gt[2] += gp.z;
-    const Vec3<f8> gt_view = rotate(view.R, gview);
-    gt[0] += gt_view.x, gt[1] += gt_view.y, gt[2] += gt_view.z;
-    outer({splat(view.t[0]), splat(view.t[1]), splat(view.t[2])}, gview);
+    // camera = R world + t for the centre, R alone for the axes, and the projection centre -R^T t for the direction
+    add_outer(sum_pose.R, c.p, surfel.center);
+    add_outer(sum_pose.R, c.tu, axes.tu), add_outer(sum_pose.R, c.tv, axes.tv), add_outer(sum_pose.R, c.tw, axes.tw);
+    add_outer(sum_pose.R, translation, g_view);
+    const Vec3<double> g_translation = c.p + rotate(view.R, g_view);
+    sum_pose.t[0] += g_translation.x, sum_pose.t[1] += g_translation.y, sum_pose.t[2] += g_translation.z;
   }
-  for (int k = 0; k < 9; ++k) pose->R[k] = hsum(gR[k]);
-  for (int k = 0; k < 3; ++k) pose->t[k] = hsum(gt[k]);
+  *pose = sum_pose;
 }
 
 }  // namespace

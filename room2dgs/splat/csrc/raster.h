@@ -11,9 +11,9 @@ constexpr int kGradients = 20;          // floats that one (surfel, tile) entry 
 constexpr int64_t kProjectBlock = 1024;  // surfels a task; fixed, so that results do not depend on threads
 
 struct Camera {
-  float R[9], t[3];  // camera = R world + t, row-major
-  float fx, fy, cx, cy;
-  float near;
+  double R[9], t[3];  // camera = R world + t, row-major
+  double fx, fy, cx, cy;
+  double near;
   int width, height;
   int tiles_x() const { return (width + kTile - 1) / kTile; }
   int tiles_y() const { return (height + kTile - 1) / kTile; }
@@ -31,10 +31,11 @@ struct SurfelGradients {
 
 // One visible surfel, ready for blending.
 struct Record {
-  float cx, cy, z;
+  float cx, cy, cx_rest, cy_rest;  // projected centre, and what its rounding to float left
+  float z;
   float aux, auy, avx, avy, bx, by;
   float den_max;  // hits nearer than the near plane have a larger `den`
-  float opacity, rho_max;
+  float log2_opacity;
   float color[3], normal[3];
   int16_t x0, x1, y0, y1;  // pixels that it can reach, inclusive
 };

@@ -1,13 +1,16 @@
-// The maths of one surfel in one view, and its derivative. Written once, for any scalar type: eight lanes on a CPU
-// (simd.h), a float or a double elsewhere.
+// The maths of one surfel in one view, and its derivative, for any scalar type. The CPU uses double: a few hundred
+// nanoseconds a surfel buy the digits that a grazing disc loses in float, and pixels cost far more than surfels.
 //
 // Centre form of the ray-disc intersection (eq. 5-7 of the paper, rewritten about the projected centre c):
 //   delta = x - c,  den = 1 + b.delta,  z = z_c / den,  u = a_u.delta / den,  v = a_v.delta / den.
 #pragma once
 
+#include "raster.h"
 #include "scalar.h"
 
 namespace R2_ISA {
+
+using View = room2dgs::Camera;
 
 constexpr float kAlphaMin = 1.0f / 255.0f;
 constexpr float kAlphaMax = 0.99f;
@@ -18,14 +21,6 @@ constexpr float kEdgeOn = 1e-3f;
 constexpr float kFilterOnlySlope = 1e10f;  // stands for an infinitely thin disc: only its filter is seen
 constexpr float kDistortionNear = 0.2f, kDistortionFar = 100.0f;
 constexpr float kDistortionScale = kDistortionNear * kDistortionFar / (kDistortionFar - kDistortionNear);
-
-// A pinhole view: camera = R world + t, row-major.
-struct View {
-  float R[9], t[3];
-  float fx, fy, cx, cy;
-  float near;
-  int width, height;
-};
 
 template <class T>
 struct Vec3 {
@@ -39,16 +34,16 @@ template <class T>
 R2_HD T dot(Vec3<T> a, Vec3<T> b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
 
 template <class T>
-R2_HD Vec3<T> rotate(const float* R, Vec3<T> v) {
-  return {fma(T() + R[0], v.x, fma(T() + R[1], v.y, R[2] * v.z)),
-          fma(T() + R[3], v.x, fma(T() + R[4], v.y, R[5] * v.z)),
-          fma(T() + R[6], v.x, fma(T() + R[7], v.y, R[8] * v.z))};
+R2_HD Vec3<T> rotate(const double* R, Vec3<T> v) {
+  return {fma(T(R[0]), v.x, fma(T(R[1]), v.y, T(R[2]) * v.z)),
+          fma(T(R[3]), v.x, fma(T(R[4]), v.y, T(R[5]) * v.z)),
+          fma(T(R[6]), v.x, fma(T(R[7]), v.y, T(R[8]) * v.z))};
 }
 template <class T>
-R2_HD Vec3<T> rotate_transposed(const float* R, Vec3<T> v) {
-  return {fma(T() + R[0], v.x, fma(T() + R[3], v.y, R[6] * v.z)),
-          fma(T() + R[1], v.x, fma(T() + R[4], v.y, R[7] * v.z)),
-          fma(T() + R[2], v.x, fma(T() + R[5], v.y, R[8] * v.z))};
+R2_HD Vec3<T> rotate_transposed(const double* R, Vec3<T> v) {
+  return {fma(T(R[0]), v.x, fma(T(R[3]), v.y, T(R[6]) * v.z)),
+          fma(T(R[1]), v.x, fma(T(R[4]), v.y, T(R[7]) * v.z)),
+          fma(T(R[2]), v.x, fma(T(R[5]), v.y, T(R[8]) * v.z))};
 }
 
 // A surfel's parameters, world frame; the quaternion (w, x, y, z) may have any norm.
@@ -69,12 +64,12 @@ struct Axes {
 template <class T>
 R2_HD Axes<T> axes_of(const Surfel<T>& s) {
   const T norm2 = fma(s.qw, s.qw, fma(s.qx, s.qx, fma(s.qy, s.qy, s.qz * s.qz)));
-  const T inverse = 1.0f / vsqrt(norm2);
+  const T inverse = T(1) / vsqrt(norm2);
   const T w = s.qw * inverse, x = s.qx * inverse, y = s.qy * inverse, z = s.qz * inverse;
   Axes<T> a;
-  a.tu = {1.0f - 2.0f * (y * y + z * z), 2.0f * (x * y + w * z), 2.0f * (x * z - w * y)};
-  a.tv = {2.0f * (x * y - w * z), 1.0f - 2.0f * (x * x + z * z), 2.0f * (y * z + w * x)};
-  a.tw = {2.0f * (x * z + w * y), 2.0f * (y * z - w * x), 1.0f - 2.0f * (x * x + y * y)};
+  a.tu = {T(1) - T(2) * (y * y + z * z), T(2) * (x * y + w * z), T(2) * (x * z - w * y)};
+  a.tv = {T(2) * (x * y - w * z), T(1) - T(2) * (x * x + z * z), T(2) * (y * z + w * x)};
+  a.tw = {T(2) * (x * z + w * y), T(2) * (y * z - w * x), T(1) - T(2) * (x * x + y * y)};
   a.w = w, a.x = x, a.y = y, a.z = z, a.inverse_norm = inverse;
   return a;
 }
@@ -83,10 +78,10 @@ R2_HD Axes<T> axes_of(const Surfel<T>& s) {
 template <class T>
 R2_HD void axes_backward(const Axes<T>& a, Vec3<T> gu, Vec3<T> gv, Vec3<T> gw, T* gq) {
   const T w = a.w, x = a.x, y = a.y, z = a.z;
-  const T hw = 2.0f * (z * gu.y - y * gu.z - z * gv.x + x * gv.z + y * gw.x - x * gw.y);
-  const T hx = 2.0f * (y * gu.y + z * gu.z + y * gv.x - 2.0f * x * gv.y + w * gv.z + z * gw.x - w * gw.y - 2.0f * x * gw.z);
-  const T hy = 2.0f * (x * gu.y - 2.0f * y * gu.x - w * gu.z + x * gv.x + z * gv.z + w * gw.x + z * gw.y - 2.0f * y * gw.z);
-  const T hz = 2.0f * (w * gu.y - 2.0f * z * gu.x + x * gu.z - w * gv.x - 2.0f * z * gv.y + y * gv.z + x * gw.x + y * gw.y);
+  const T hw = T(2) * (z * gu.y - y * gu.z - z * gv.x + x * gv.z + y * gw.x - x * gw.y);
+  const T hx = T(2) * (y * gu.y + z * gu.z + y * gv.x - T(2) * x * gv.y + w * gv.z + z * gw.x - w * gw.y - T(2) * x * gw.z);
+  const T hy = T(2) * (x * gu.y - T(2) * y * gu.x - w * gu.z + x * gv.x + z * gv.z + w * gw.x + z * gw.y - T(2) * y * gw.z);
+  const T hz = T(2) * (w * gu.y - T(2) * z * gu.x + x * gu.z - w * gv.x - T(2) * z * gv.y + y * gv.z + x * gw.x + y * gw.y);
   const T along = fma(hw, w, fma(hx, x, fma(hy, y, hz * z)));
   gq[0] = (hw - along * w) * a.inverse_norm;
   gq[1] = (hx - along * x) * a.inverse_norm;
@@ -97,7 +92,6 @@ R2_HD void axes_backward(const Axes<T>& a, Vec3<T> gu, Vec3<T> gv, Vec3<T> gw, T
 // A surfel in a view. `plane` is clear for an edge-on disc, which has the screen-space filter alone.
 template <class T>
 struct Projected {
-  using Mask = typename MaskOf<T>::type;
   Vec3<T> p;           // centre, camera frame
   Vec3<T> tu, tv, tw;  // camera frame
   T cx, cy;            // projected centre, pixels
@@ -105,39 +99,39 @@ struct Projected {
   T kappa;             // t_w . p / z_c
   T bx, by, aux, auy, avx, avy;
   T side;              // the normal that faces the camera is side * t_w
-  Mask front, plane;
+  bool front, plane;
 };
 
 template <class T>
 R2_HD Projected<T> project(const Surfel<T>& s, const Axes<T>& a, const View& view) {
   Projected<T> o;
-  o.p = rotate(view.R, s.center) + Vec3<T>{T() + view.t[0], T() + view.t[1], T() + view.t[2]};
+  o.p = rotate(view.R, s.center) + Vec3<T>{T(view.t[0]), T(view.t[1]), T(view.t[2])};
   o.tu = rotate(view.R, a.tu);
   o.tv = rotate(view.R, a.tv);
   o.tw = rotate(view.R, a.tw);
-  o.front = o.p.z >= view.near;
-  const T inverse_z = 1.0f / select(o.front, o.p.z, T() + 1.0f);
+  o.front = o.p.z >= T(view.near);
+  const T inverse_z = T(1) / select(o.front, o.p.z, T(1));
   o.dx = o.p.x * inverse_z;
   o.dy = o.p.y * inverse_z;
-  o.cx = fma(T() + view.fx, o.dx, T() + view.cx);
-  o.cy = fma(T() + view.fy, o.dy, T() + view.cy);
+  o.cx = fma(T(view.fx), o.dx, T(view.cx));
+  o.cy = fma(T(view.fy), o.dy, T(view.cy));
   const T cosine = fma(o.tw.x, o.dx, fma(o.tw.y, o.dy, o.tw.z));
-  const T length2 = fma(o.dx, o.dx, fma(o.dy, o.dy, T() + 1.0f));
+  const T length2 = fma(o.dx, o.dx, fma(o.dy, o.dy, T(1)));
   o.plane = cosine * cosine > kEdgeOn * kEdgeOn * length2;
-  o.side = select(cosine < 0.0f, T() + 1.0f, T() - 1.0f);
-  o.kappa = select(o.plane, cosine, T() + 1.0f);
-  const T inverse_kappa = 1.0f / o.kappa;
-  const float ifx = 1.0f / view.fx, ify = 1.0f / view.fy;
+  o.side = select(cosine < T(0), T(1), T(-1));
+  o.kappa = select(o.plane, cosine, T(1));
+  const T inverse_kappa = T(1) / o.kappa;
+  const T ifx = T(1) / T(view.fx), ify = T(1) / T(view.fy);
   const T bx = o.tw.x * ifx * inverse_kappa, by = o.tw.y * ify * inverse_kappa;
   const T along_u = fma(o.tu.x, o.dx, fma(o.tu.y, o.dy, o.tu.z));
   const T along_v = fma(o.tv.x, o.dx, fma(o.tv.y, o.dy, o.tv.z));
   const T ku = o.p.z / s.su, kv = o.p.z / s.sv;
   o.bx = select(o.plane, bx, T());
   o.by = select(o.plane, by, T());
-  o.aux = select(o.plane, ku * fma(-along_u, bx, o.tu.x * ifx), T() + kFilterOnlySlope);
+  o.aux = select(o.plane, ku * fma(-along_u, bx, o.tu.x * ifx), T(kFilterOnlySlope));
   o.auy = select(o.plane, ku * fma(-along_u, by, o.tu.y * ify), T());
   o.avx = select(o.plane, kv * fma(-along_v, bx, o.tv.x * ifx), T());
-  o.avy = select(o.plane, kv * fma(-along_v, by, o.tv.y * ify), T() + kFilterOnlySlope);
+  o.avy = select(o.plane, kv * fma(-along_v, by, o.tv.y * ify), T(kFilterOnlySlope));
   return o;
 }
 
@@ -156,7 +150,7 @@ struct CameraGrad {
 
 template <class T>
 R2_HD CameraGrad<T> project_backward(const Surfel<T>& s, const Projected<T>& o, const View& view, NineGrad<T> g) {
-  const float ifx = 1.0f / view.fx, ify = 1.0f / view.fy;
+  const T ifx = T(1) / T(view.fx), ify = T(1) / T(view.fy);
   const T zero = T();
   // an edge-on disc has constants for slopes
   g.aux = select(o.plane, g.aux, zero), g.auy = select(o.plane, g.auy, zero);
@@ -164,7 +158,7 @@ R2_HD CameraGrad<T> project_backward(const Surfel<T>& s, const Projected<T>& o, 
   T gbx = select(o.plane, g.bx, zero), gby = select(o.plane, g.by, zero);
   const T along_u = fma(o.tu.x, o.dx, fma(o.tu.y, o.dy, o.tu.z));
   const T along_v = fma(o.tv.x, o.dx, fma(o.tv.y, o.dy, o.tv.z));
-  const T z = o.p.z, inverse_z = 1.0f / z;
+  const T z = o.p.z, inverse_z = T(1) / z;
   const T ku = z / s.su, kv = z / s.sv;
   CameraGrad<T> r;
   // a_u = k_u (J^T t_u - (t_u.d) b), k_u = z / s_u
@@ -178,12 +172,12 @@ R2_HD CameraGrad<T> project_backward(const Surfel<T>& s, const Projected<T>& o, 
   r.tu = {fma(galong_u, o.dx, ku * g.aux * ifx), fma(galong_u, o.dy, ku * g.auy * ify), galong_u};
   r.tv = {fma(galong_v, o.dx, kv * g.avx * ifx), fma(galong_v, o.dy, kv * g.avy * ify), galong_v};
   // b = J^T t_w / kappa, kappa = t_w.d
-  const T inverse_kappa = 1.0f / o.kappa;
+  const T inverse_kappa = T(1) / o.kappa;
   const T gkappa = -inverse_kappa * fma(gbx, o.bx, gby * o.by);
   r.tw = {fma(gkappa, o.dx, gbx * inverse_kappa * ifx), fma(gkappa, o.dy, gby * inverse_kappa * ify), gkappa};
   // d = p / z
-  const T gdx = fma(T() + view.fx, g.cx, fma(galong_u, o.tu.x, fma(galong_v, o.tv.x, gkappa * o.tw.x)));
-  const T gdy = fma(T() + view.fy, g.cy, fma(galong_u, o.tu.y, fma(galong_v, o.tv.y, gkappa * o.tw.y)));
+  const T gdx = fma(T(view.fx), g.cx, fma(galong_u, o.tu.x, fma(galong_v, o.tv.x, gkappa * o.tw.x)));
+  const T gdy = fma(T(view.fy), g.cy, fma(galong_u, o.tu.y, fma(galong_v, o.tv.y, gkappa * o.tw.y)));
   gz = gz - inverse_z * fma(gdx, o.dx, gdy * o.dy);
   r.p = {gdx * inverse_z, gdy * inverse_z, gz};
   return r;
