@@ -78,12 +78,13 @@ void bind_splat(nb::module_& m) {
       .def(
           "backward",
           [](RasterFrame& f, ConstArray centers, ConstArray rotations, ConstArray scales, ConstArray opacities,
-             ConstArray sh, ConstArray depth, std::optional<ConstArray> g_color, std::optional<ConstArray> g_alpha,
+             ConstArray sh, ConstArray alpha, ConstArray depth, std::optional<ConstArray> g_color, std::optional<ConstArray> g_alpha,
              std::optional<ConstArray> g_depth, std::optional<ConstArray> g_median, std::optional<ConstArray> g_normal,
              std::optional<ConstArray> g_distortion, FloatArray to_centers, FloatArray to_rotations,
              FloatArray to_scales, FloatArray to_opacities, FloatArray to_sh, FloatArray to_center_px,
              FloatArray to_pose) {
             Images out{};
+            out.alpha = const_cast<float*>(alpha.data());
             out.depth = const_cast<float*>(depth.data());
             const ImageGradients g{data_or_null(g_color),  data_or_null(g_alpha),  data_or_null(g_depth),
                                    data_or_null(g_median), data_or_null(g_normal), data_or_null(g_distortion)};
@@ -102,7 +103,7 @@ void bind_splat(nb::module_& m) {
             }
             for (int k = 12; k < 16; ++k) to_pose.data()[k] = 0;
           },
-          nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(),
+          nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(),
           nb::arg().none(), nb::arg().none(), nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg(),
           nb::arg(), nb::arg(), nb::arg(), nb::arg())
       .def(

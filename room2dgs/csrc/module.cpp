@@ -1,8 +1,14 @@
+#include <cstdlib>
+#include <cstring>
+
 #include "bind.h"
 #include "parallel.h"
 
 namespace room2dgs {
 bool has_avx2() {
+  // ROOM2DGS_ISA=baseline turns the wider kernels off, for tests and for a doubtful processor
+  const char* wanted = std::getenv("ROOM2DGS_ISA");
+  if (wanted && std::strcmp(wanted, "baseline") == 0) return false;
 #if defined(__x86_64__) || defined(_M_X64)
   return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2");
 #else

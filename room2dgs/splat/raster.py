@@ -69,7 +69,16 @@ def render(
     if center_px is None:
         center_px = torch.zeros(0)
     outputs = _Rasterize.apply(
-        *surfels, cam_from_world, center_px, K, background, width, height, near_m, with_normal, with_distortion
+        *surfels,
+        cam_from_world,
+        center_px,
+        K,
+        background,
+        width,
+        height,
+        near_m,
+        with_normal,
+        with_distortion,
     )
     return Rendering(*outputs)
 
@@ -85,9 +94,13 @@ def _check(surfels: Surfels, K: Tensor, cam_from_world: Tensor, width: int, heig
         raise ValueError(f"surfels.sh has shape {tuple(sh.shape)}, not ({count}, 1 | 4 | 9 | 16, 3)")
     for name, tensor in zip(Surfels._fields, surfels, strict=True):
         if tensor.dtype != torch.float32 or tensor.device.type != "cpu":
-            raise ValueError(f"surfels.{name} is {tensor.dtype} on {tensor.device}; the compiled rasterizer takes float32 on the CPU")
+            raise ValueError(
+                f"surfels.{name} is {tensor.dtype} on {tensor.device}; the compiled rasterizer takes float32 on the CPU"
+            )
     if tuple(K.shape) != (3, 3) or tuple(cam_from_world.shape) != (4, 4):
-        raise ValueError(f"K is {tuple(K.shape)} and cam_from_world {tuple(cam_from_world.shape)}, not (3, 3) and (4, 4)")
+        raise ValueError(
+            f"K is {tuple(K.shape)} and cam_from_world {tuple(cam_from_world.shape)}, not (3, 3) and (4, 4)"
+        )
     if not (1 <= width <= 16384 and 1 <= height <= 16384):
         raise ValueError(f"image size {width} x {height} is not in 1..16384")
 
@@ -141,17 +154,24 @@ class _Rasterize(torch.autograd.Function):
         ctx.pose_like = cam_from_world
         ctx.wants_center_px = center_px.numel() > 0
         ctx.with_distortion, ctx.with_normal = with_distortion, with_normal
-        ctx.save_for_backward(*parameters, depth)
+        ctx.save_for_backward(*parameters, alpha, depth)
         ctx.set_materialize_grads(False)
         return color, alpha, depth, median, normal, distortion
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, *gradients):
-        *parameters, depth = ctx.saved_tensors
+        *parameters, alpha, depth = ctx.saved_tensors
         wanted = [True, True, True, True, ctx.with_normal, ctx.with_distortion]
-        flowing = [g.contiguous() if g is not None and w else None for g, w in zip(gradients, wanted, strict=True)]
+        flowing = [
+            g.contiguous() if g is not None and w else None for g, w in zip(gradients, wanted, strict=True)
+        ]
         to = [torch.empty_like(x) for x in parameters]
         to_center_px, to_pose = torch.empty(len(parameters[0]), 2), torch.empty(4, 4)
-        ctx.held.frame.backward(*parameters, depth, *flowing, *to, to_center_px, to_pose)
-        return (*to, to_pose.to(ctx.pose_like.dtype), to_center_px if ctx.wants_center_px else None, *[None] * 7)
+        ctx.held.frame.backward(*parameters, alpha, depth, *flowing, *to, to_center_px, to_pose)
+        return (
+            *to,
+            to_pose.to(ctx.pose_like.dtype),
+            to_center_px if ctx.wants_center_px else None,
+            *[None] * 7,
+        )

@@ -120,7 +120,11 @@ def render(
     reach = _angular_reach(surfels, cam_from_world.detach(), K)[order]
     projected = Projected(*(x[order] for x in projected))
     bearing = torch.nn.functional.normalize(
-        torch.cat([(projected.center_px.detach() - K[:2, 2]) / K[[0, 1], [0, 1]], torch.ones_like(reach)[:, None]], 1), dim=-1
+        torch.cat(
+            [(projected.center_px.detach() - K[:2, 2]) / K[[0, 1], [0, 1]], torch.ones_like(reach)[:, None]],
+            1,
+        ),
+        dim=-1,
     )
     rows = []
     for y in range(0, height, TILE):

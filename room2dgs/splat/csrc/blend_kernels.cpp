@@ -76,7 +76,8 @@ R2_INLINE i8 load_i(const int32_t* p) {
 R2_INLINE void store_i(int32_t* p, i8 x) { __builtin_memcpy(p, &x, sizeof x); }
 
 struct alignas(32) ForwardTile {
-  float T[kTilePixels], red[kTilePixels], green[kTilePixels], blue[kTilePixels], depth[kTilePixels];
+  float T[kTilePixels], covered[kTilePixels];  // kept apart: 1 - T has few digits where little is covered
+  float red[kTilePixels], green[kTilePixels], blue[kTilePixels], depth[kTilePixels];
   float median[kTilePixels];
   int32_t last[kTilePixels], median_item[kTilePixels];
   float nx[kTilePixels], ny[kTilePixels], nz[kTilePixels];
@@ -96,7 +97,7 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
     store(s.T + p, masked(inside, splat(1.0f)));
     const f8 zero = splat(0);
     store(s.red + p, zero), store(s.green + p, zero), store(s.blue + p, zero);
-    store(s.depth + p, zero), store(s.median + p, zero);
+    store(s.covered + p, zero), store(s.depth + p, zero), store(s.median + p, zero);
     store_i(s.last + p, splat_i(0)), store_i(s.median_item + p, splat_i(-1));
     if (kNormal) store(s.nx + p, zero), store(s.ny + p, zero), store(s.nz + p, zero);
     if (kDistortion) store(s.distortion + p, zero), store(s.first_z + p, zero), store(s.m1 + p, zero), store(s.m2 + p, zero);
@@ -131,6 +132,8 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
         const f8 alpha = masked(keep[k], vmin(h[k].raw, splat(kAlphaMax)));
         const f8 weight = T[k] * alpha, after = T[k] * (1.0f - alpha);
         store(s.T + q, after);
+        const f8 in_front = load(s.covered + q);
+        store(s.covered + q, in_front + weight);
         store(s.red + q, fma(weight, splat(r.color[0]), load(s.red + q)));
         store(s.green + q, fma(weight, splat(r.color[1]), load(s.green + q)));
         store(s.blue + q, fma(weight, splat(r.color[2]), load(s.blue + q)));
@@ -149,7 +152,7 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
           const f8 mu = masked(keep[k], shifted_depth(h[k].z, first));
           const f8 m1 = load(s.m1 + q), m2 = load(s.m2 + q), wmu = weight * mu;
           // sum_j w_j (mu - mu_j)^2 over those in front
-          const f8 spread = fma(mu, fma(mu, 1.0f - T[k], -2.0f * m1), m2);
+          const f8 spread = fma(mu, fma(mu, in_front, -2.0f * m1), m2);
           store(s.distortion + q, fma(weight, vmax(spread, splat(0)), load(s.distortion + q)));
           store(s.m1 + q, m1 + wmu);
           store(s.m2 + q, fma(wmu, mu, m2));
@@ -195,7 +198,7 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
     for (int column = 0; column < columns; ++column) {
       const int p = row * kTile + column;
       const int64_t q = first + column;
-      const float T = s.T[p], covered = 1.0f - T;
+      const float T = s.T[p], covered = s.covered[p];
       out.color[3 * q] = s.red[p] + T * a.background[0];
       out.color[3 * q + 1] = s.green[p] + T * a.background[1];
       out.color[3 * q + 2] = s.blue[p] + T * a.background[2];
@@ -210,7 +213,8 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
 
 struct alignas(32) BackwardTile {
   float T[kTilePixels], behind[kTilePixels];  // `behind`: what the rest of the ray is worth, per unit of light
-  float red[kTilePixels], green[kTilePixels], blue[kTilePixels], depth[kTilePixels], constant[kTilePixels];
+  float red[kTilePixels], green[kTilePixels], blue[kTilePixels], alpha[kTilePixels];
+  float depth[kTilePixels], expected[kTilePixels];  // gradient of sum w z, and the expected depth itself
   float median[kTilePixels];
   int32_t last[kTilePixels], median_item[kTilePixels];
   float nx[kTilePixels], ny[kTilePixels], nz[kTilePixels];
@@ -229,17 +233,17 @@ int load_gradients(const BlendArgs& a, const Images& out, const ImageGradients& 
       const bool inside = x + column < a.width && y + row < a.height;
       const int64_t q = inside ? static_cast<int64_t>(y + row) * a.width + x + column : 0;
       const float on = inside ? 1.0f : 0.0f;
-      const float T = a.state.transmittance[base + p], covered = 1.0f - T;
-      s.T[p] = T;
+      const float covered = inside ? out.alpha[q] : 0.0f;
+      s.T[p] = a.state.transmittance[base + p];
       s.last[p] = inside ? a.state.last[base + p] : 0;
       s.median_item[p] = a.state.median[base + p];
       s.red[p] = g.color ? on * g.color[3 * q] : 0.0f;
       s.green[p] = g.color ? on * g.color[3 * q + 1] : 0.0f;
       s.blue[p] = g.color ? on * g.color[3 * q + 2] : 0.0f;
-      // expected depth = sum w z / covered
-      const float through = g.depth && covered > 0 ? on * g.depth[q] / covered : 0.0f;
-      s.depth[p] = through;
-      s.constant[p] = (g.alpha ? on * g.alpha[q] : 0.0f) - through * (inside ? out.depth[q] : 0.0f);
+      // expected = sum w z / covered, so w is worth (z - expected) / covered
+      s.depth[p] = g.depth && covered > 0 ? on * g.depth[q] / covered : 0.0f;
+      s.expected[p] = inside ? out.depth[q] : 0.0f;
+      s.alpha[p] = g.alpha ? on * g.alpha[q] : 0.0f;
       s.median[p] = g.median ? on * g.median[q] : 0.0f;
       s.behind[p] = a.background[0] * s.red[p] + a.background[1] * s.green[p] + a.background[2] * s.blue[p];
       if (kNormal) s.nx[p] = on * g.normal[3 * q], s.ny[p] = on * g.normal[3 * q + 1], s.nz[p] = on * g.normal[3 * q + 2];
@@ -317,8 +321,8 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
         const f8 red = load(s.red + q), green = load(s.green + q), blue = load(s.blue + q), depth = load(s.depth + q);
         // what this hit is worth, per unit of its weight
         f8 worth = fma(red, splat(r.color[0]),
-                       fma(green, splat(r.color[1]), fma(blue, splat(r.color[2]), load(s.constant + q))));
-        worth = fma(depth, hit.z, worth);
+                       fma(green, splat(r.color[1]), fma(blue, splat(r.color[2]), load(s.alpha + q))));
+        worth = fma(depth, hit.z - load(s.expected + q), worth);
         f8 gz = weight * depth;
         if (kNormal) {
           const f8 nx = load(s.nx + q), ny = load(s.ny + q), nz = load(s.nz + q);

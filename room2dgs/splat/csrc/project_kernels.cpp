@@ -131,6 +131,8 @@ void project(const View& view, const SurfelArrays& s, int64_t begin, int64_t end
       if (!(seen >> k & 1)) continue;
       const Surfel<double> surfel = load_surfel(s, i);
       const Axes<double> axes = axes_of(surfel);
+      // a zero quaternion and scales that are not positive have no disc
+      if (!(axes.inverse_norm > 0 && axes.inverse_norm < 1e30 && surfel.su > 0 && surfel.sv > 0)) continue;
       const Projected<double> o = project(surfel, axes, view);
       if (!o.front) continue;
       Disc d;
@@ -188,7 +190,7 @@ R2_INLINE Vec3<double> color_backward(const SurfelArrays& s, int64_t i, Vec3<dou
     double through = 0;
     for (int c = 0; c < 3; ++c) {
       to_sh[3 * term + c] = static_cast<float>(value * g[c]);
-      through += g[c] * sh[3 * term + c];
+      if (g[c] != 0) through += g[c] * sh[3 * term + c];
     }
     g_direction = g_direction + through * Vec3<double>{ddx, ddy, ddz};
   });

@@ -1,0 +1,244 @@
+"""The compiled kernels against the float64 reference: images, every gradient, bounds, threads, bad values."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from room2dgs.splat import Surfels, raster, reference
+from room2dgs.splat.constants import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
+
+TOLERANCE = 1e-4
+BACKGROUND = torch.tensor([0.1, 0.4, 0.7])
+
+
+def near_a_jump(surfels, K, cam_from_world, width, height):
+    """(H, W) bool: pixels where rounding to float may take another branch.
+
+    The jumps are the opacity floor, the early stop, the half transmittance of the median, the clamp, the switch
+    between disc and filter (its depth jumps), and the order of two surfels of nearly the same depth.
+    """
+    p = reference.project(surfels, K, cam_from_world, 0.05)
+    order = torch.argsort(p.depth, stable=True)
+    order = order[p.visible[order]]
+    p = reference.Projected(*(x[order] for x in p))
+    y, x = torch.meshgrid(torch.arange(height) + 0.5, torch.arange(width) + 0.5, indexing="ij")
+    delta = torch.stack([x, y], -1).reshape(1, -1, 2).double() - p.center_px[:, None]
+    den = 1 + (delta * p.b[:, None]).sum(-1)
+    near = 1e-5
+    hit = p.plane[:, None] & (den > 1e-6) & (0.05 * den <= p.depth[:, None])
+    safe = torch.where(hit, den, 1.0)
+    u, v = ((delta * a[:, None]).sum(-1) / safe for a in (p.a_u, p.a_v))
+    plane, screen = u * u + v * v, 2 * (delta * delta).sum(-1)
+    rho = torch.where(hit, torch.minimum(plane, screen), screen)
+    raw = p.opacity[:, None] * torch.exp(-rho / 2)
+    alpha = torch.where(raw >= ALPHA_MIN, raw.clamp_max(ALPHA_MAX), 0.0)
+    T = torch.cumprod(1 - alpha, 0)
+
+    def close(a, b, band):
+        return (a - b).abs() <= band * b
+
+    counted = raw > 0.9 * ALPHA_MIN
+    jump = close(raw, ALPHA_MIN, 20 * near) | close(raw, ALPHA_MAX, near)
+    jump |= counted & (close(T, TRANSMITTANCE_MIN, 20 * near) | close(T, 0.5, near))
+    jump |= counted & hit & close(plane, screen, 10 * near)
+    jump |= counted & close(0.05 * den, p.depth[:, None], near)
+    edge = (torch.einsum("ni,ni->n", *_cosine(surfels, cam_from_world, order)).abs() - 1e-3).abs() < 1e-6
+    jump |= counted & edge[:, None]
+    if len(order) > 1:
+        tie = torch.diff(p.depth) < 2e-7 * p.depth[1:]
+        jump[1:] |= counted[1:] & counted[:-1] & tie[:, None]
+    return jump.any(0).reshape(height, width)
+
+
+def _cosine(surfels, cam_from_world, order):
+    centers = surfels.centers[order] @ cam_from_world[:3, :3].T + cam_from_world[:3, 3]
+    normals = (cam_from_world[:3, :3] @ reference.rotation_matrices(surfels.rotations[order]))[:, :, 2]
+    return normals, centers / centers.norm(dim=-1, keepdim=True)
+
+
+def differentiate(render, surfels, K, cam_from_world, width, height, weights, dtype):
+    surfels = Surfels(*(x.to(dtype).requires_grad_() for x in surfels))
+    pose = cam_from_world.to(dtype).requires_grad_()
+    center_px = torch.zeros(len(surfels.centers), 2, dtype=dtype, requires_grad=True)
+    images = render(
+        surfels, K.to(dtype), pose, width, height, background=BACKGROUND.to(dtype), center_px=center_px
+    )
+    total = sum((w.to(dtype) * image).sum() for w, image in zip(weights, images, strict=True))
+    names = [*Surfels._fields, "cam_from_world", "center_px"]
+    gradients = torch.autograd.grad(total, [*surfels, pose, center_px])
+    return images, dict(zip(names, gradients, strict=True))
+
+
+def assert_close(name, actual, expected):
+    """|a - b| <= 1e-4 (|b| + the tensor's root mean square)."""
+    assert torch.isfinite(actual).all(), name
+    scale = expected.abs() + expected.pow(2).mean().sqrt()
+    error = (actual.double() - expected).abs()
+    worst = (error / scale.clamp_min(1e-30)).max().item() if error.max() > 1e-9 else 0.0
+    assert worst <= TOLERANCE, f"{name}: relative error {worst:.1e}"
+
+
+def test_images_and_gradients_equal_the_reference(hard_scene):
+    surfels, K, cam_from_world, width, height = hard_scene
+    exact = Surfels(*(x.double() for x in surfels))
+    smooth = ~near_a_jump(exact, K.double(), cam_from_world.double(), width, height)
+    assert smooth.float().mean() > 0.93 or smooth.numel() == 1
+    g = torch.Generator().manual_seed(1)
+    shapes = [
+        (height, width, 3),
+        (height, width),
+        (height, width),
+        (height, width),
+        (height, width, 3),
+        (height, width),
+    ]
+    weights = [torch.randn(s, generator=g) * (smooth[..., None] if len(s) == 3 else smooth) for s in shapes]
+    view = (K, cam_from_world, width, height, weights)
+    expected, expected_gradients = differentiate(reference.render, surfels, *view, torch.float64)
+    actual, gradients = differentiate(raster.render, surfels, *view, torch.float32)
+    for name, a, b in zip(expected._fields, actual, expected, strict=True):
+        assert_close(name, a[smooth], b[smooth])
+    for name, gradient in gradients.items():
+        assert_close("gradient of " + name, gradient, expected_gradients[name])
+
+
+@pytest.mark.parametrize("threads", [2, 3, 5])
+def test_same_bits_on_any_number_of_threads(make_surfels, make_view, threads):
+    surfels, (K, pose) = make_surfels(3000, 12, (0.01, 0.3)), make_view()
+    g = torch.Generator().manual_seed(2)
+    weights = [torch.randn(s, generator=g) for s in [(90, 120, 3), *[(90, 120)] * 3, (90, 120, 3), (90, 120)]]
+    args = (surfels, K * torch.tensor([[2.3], [2.3], [1.0]]), pose, 120, 90, weights, torch.float32)
+    try:
+        raster.set_threads(1)
+        images, gradients = differentiate(raster.render, *args)
+        raster.set_threads(threads)
+        again, gradients_again = differentiate(raster.render, *args)
+    finally:
+        raster.set_threads()
+    for name, a, b in zip(images._fields, images, again, strict=True):
+        assert torch.equal(a, b), name
+    for name, gradient in gradients.items():
+        assert torch.equal(gradient, gradients_again[name]), name
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.floats(0.05, 3.0), st.floats(0.05, 2.0), st.booleans())
+def test_no_visible_pixel_is_lost(seed, distance, scale, floor):
+    """One disc, often across the camera plane: bounds that are too tight lose whole tiles of it."""
+    g = torch.Generator().manual_seed(seed)
+    center = torch.randn(1, 3, generator=g) * torch.tensor([0.5, 0.5, 0.1]) * distance + torch.tensor(
+        [0, 0, distance]
+    )
+    center[:, 2].clamp_(min=0.06)
+    rotation = torch.randn(1, 4, generator=g)
+    if floor:
+        rotation = torch.tensor([[0.7071, 0.7071, 0.0, 0.0]]) + 0.05 * rotation
+        center[:, 1] += 1.0
+    scales = scale * torch.exp(torch.randn(1, 2, generator=g))
+    surfels = Surfels(center, rotation, scales, torch.rand(1, generator=g) * 0.9 + 0.05, torch.zeros(1, 1, 3))
+    K = torch.tensor([[60.0, 0, 40.2], [0, 60.0, 29.5], [0, 0, 1]])
+    exact = Surfels(*(x.double() for x in surfels))
+    smooth = ~near_a_jump(exact, K.double(), torch.eye(4).double(), 80, 60)
+    expected = reference.render(exact, K.double(), torch.eye(4).double(), 80, 60)
+    actual = raster.render(surfels, K, torch.eye(4), 80, 60)
+    lost = ((expected.alpha > 0) != (actual.alpha > 0)) & smooth
+    assert not lost.any(), f"{int(lost.sum())} pixels differ"
+
+
+def test_tile_lists_are_tight(make_surfels):
+    """Listed tiles against tiles that hold a visible pixel: a bounding box would list about twice as many."""
+    surfels = make_surfels(200, 13, (0.02, 0.5))
+    K = torch.tensor([[150.0, 0, 80.0], [0, 150.0, 60.0], [0, 0, 1]])
+    needed = listed = 0
+    for k in range(200):
+        one = Surfels(*(x[k : k + 1] for x in surfels))
+        leaf = one._replace(centers=one.centers.requires_grad_())
+        out = raster.render(leaf, K, torch.eye(4), 160, 120)
+        tiles = torch.zeros(1)
+        out.alpha.grad_fn.held.frame.tiles_of(tiles)
+        listed += int(tiles)
+        alpha = torch.nn.functional.pad(out.alpha.detach(), (0, 0, 0, 8))
+        needed += int((alpha.reshape(8, 16, 10, 16) > 0).any(dim=3).any(dim=1).sum())
+    assert needed <= listed <= 1.06 * needed, (listed, needed)
+
+
+def test_nothing_to_see():
+    empty = Surfels(*(torch.zeros(s) for s in [(0, 3), (0, 4), (0, 2), (0,), (0, 1, 3)]))
+    K = torch.tensor([[50.0, 0, 10], [0, 50.0, 10], [0, 0, 1]])
+    pose = torch.eye(4, requires_grad=True)
+    out = raster.render(empty, K, pose, 20, 20, background=BACKGROUND)
+    assert (
+        torch.equal(out.color, BACKGROUND.expand(20, 20, 3)) and not out.alpha.any() and not out.depth.any()
+    )
+    out.color.sum().backward()
+    assert torch.equal(pose.grad, torch.zeros(4, 4))
+
+
+@pytest.mark.parametrize("field", Surfels._fields)
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 0.0, -1.0])
+def test_a_bad_surfel_spoils_nothing_else(make_surfels, make_view, field, value):
+    surfels, (K, pose) = make_surfels(60, 14), make_view()
+    bad = Surfels(*(x.clone() for x in surfels))
+    getattr(bad, field)[7] = value
+    leaves = Surfels(*(x.requires_grad_() for x in bad))
+    out = raster.render(leaves, K, pose, 53, 40)
+    assert all(torch.isfinite(image).all() for image in out)
+    sum(image.sum() for image in out).backward()
+    for name, x in zip(Surfels._fields, leaves, strict=True):
+        others = torch.ones(60, dtype=torch.bool)
+        others[7] = False
+        assert torch.isfinite(x.grad[others]).all(), name
+
+
+def test_the_baseline_kernels_agree(make_surfels, make_view, tmp_path):
+    """Both instruction sets are in every build; the narrow one must draw the same picture."""
+    surfels, (K, pose) = make_surfels(300, 15), make_view()
+    torch.save([*surfels, K, pose], tmp_path / "scene.pt")
+    program = (
+        "import sys, torch\n"
+        "from room2dgs import _C\n"
+        "from room2dgs.splat import Surfels, render\n"
+        "*s, K, pose = torch.load(sys.argv[1], weights_only=True)\n"
+        "s = [x.requires_grad_() for x in s]\n"
+        "out = render(Surfels(*s), K, pose, 53, 40)\n"
+        "sum(x.sum() for x in out).backward()\n"
+        "assert _C.isa() == 'baseline'\n"
+        "torch.save([x.detach() for x in out] + [x.grad for x in s], sys.argv[2])\n"
+    )
+    env = {**os.environ, "ROOM2DGS_ISA": "baseline"}
+    command = [sys.executable, "-c", program, str(tmp_path / "scene.pt"), str(tmp_path / "out.pt")]
+    subprocess.run(command, check=True, env=env, cwd=tmp_path)
+    theirs = torch.load(tmp_path / "out.pt", weights_only=True)
+    leaves = [x.requires_grad_() for x in surfels]
+    out = raster.render(Surfels(*leaves), K, pose, 53, 40)
+    sum(x.sum() for x in out).backward()
+    for a, b in zip([*out, *(x.grad for x in leaves)], theirs, strict=True):
+        torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4 * b.abs().max().item())
+
+
+def test_outputs_that_are_not_wanted_cost_nothing_else(make_surfels, make_view):
+    surfels, (K, pose) = make_surfels(200, 16), make_view()
+    full = raster.render(surfels, K, pose, 53, 40)
+    lean = raster.render(surfels, K, pose, 53, 40, with_normal=False, with_distortion=False)
+    assert not lean.normal.any() and not lean.distortion.any()
+    for name in ("color", "alpha", "depth", "median_depth"):
+        assert torch.equal(getattr(full, name), getattr(lean, name)), name
+
+
+def test_wrong_shapes_and_types_are_named(make_surfels, make_view):
+    surfels, (K, pose) = make_surfels(5), make_view()
+    with pytest.raises(ValueError, match="rotations"):
+        raster.render(surfels._replace(rotations=torch.zeros(5, 3)), K, pose, 8, 8)
+    with pytest.raises(ValueError, match="sh has shape"):
+        raster.render(surfels._replace(sh=torch.zeros(5, 5, 3)), K, pose, 8, 8)
+    with pytest.raises(ValueError, match="float64"):
+        raster.render(surfels._replace(scales=surfels.scales.double()), K, pose, 8, 8)
+    with pytest.raises(ValueError, match="image size"):
+        raster.render(surfels, K, pose, 0, 8)
