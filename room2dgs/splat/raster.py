@@ -132,7 +132,7 @@ class _Held:
 
 class _Rasterize(torch.autograd.Function):
     @staticmethod
-    def forward(  # noqa: PLR0913
+    def forward(
         ctx, centers, rotations, scales, opacities, sh, cam_from_world, center_px,
         K, background, width, height, near_m, with_normal, with_distortion,
     ):  # fmt: skip
@@ -163,9 +163,7 @@ class _Rasterize(torch.autograd.Function):
     def backward(ctx, *gradients):
         *parameters, alpha, depth = ctx.saved_tensors
         wanted = [True, True, True, True, ctx.with_normal, ctx.with_distortion]
-        flowing = [
-            g.contiguous() if g is not None and w else None for g, w in zip(gradients, wanted, strict=True)
-        ]
+        flowing = [g.contiguous() if g is not None and w else None for g, w in zip(gradients, wanted, strict=True)]
         to = [torch.empty_like(x) for x in parameters]
         to_center_px, to_pose = torch.empty(len(parameters[0]), 2), torch.empty(4, 4)
         ctx.held.frame.backward(*parameters, alpha, depth, *flowing, *to, to_center_px, to_pose)

@@ -16,9 +16,7 @@ def random_surfels(
     opacity: tuple[float, float] = (0.01, 0.99),
 ) -> Surfels:  # fmt: skip
     g = torch.Generator().manual_seed(seed)
-    centers = (torch.rand(count, 3, generator=g) - 0.5) * torch.tensor([3.0, 2.0, 3.0]) + torch.tensor(
-        [0, 0, depth]
-    )
+    centers = (torch.rand(count, 3, generator=g) - 0.5) * torch.tensor([3.0, 2.0, 3.0]) + torch.tensor([0, 0, depth])
     rotations = torch.randn(count, 4, generator=g)
     scales = torch.rand(count, 2, generator=g) * (scale[1] - scale[0]) + scale[0]
     opacities = torch.rand(count, generator=g) * (opacity[1] - opacity[0]) + opacity[0]
@@ -29,9 +27,7 @@ def intrinsics(fx: float = 50.0, fy: float = 55.0, cx: float = 23.0, cy: float =
     return torch.tensor([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
-def pose(
-    angle: float = 0.1, axis: tuple[float, float, float] = (1.0, 0.3, -0.2), t=(0.1, -0.05, 0.2)
-) -> Tensor:
+def pose(angle: float = 0.1, axis: tuple[float, float, float] = (1.0, 0.3, -0.2), t=(0.1, -0.05, 0.2)) -> Tensor:
     a = torch.tensor(axis, dtype=torch.float64)
     a = a / a.norm()
     skew = torch.tensor([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]], dtype=torch.float64)
@@ -71,9 +67,7 @@ def _hard() -> dict[str, tuple]:
     floor = random_surfels(120, 5, (0.2, 1.2))
     spread = torch.rand(120, 3, generator=torch.Generator().manual_seed(6))
     floor = floor._replace(
-        centers=torch.stack(
-            [4 * spread[:, 0] - 2, 1.2 + 0.02 * spread[:, 1], 0.1 + 4 * spread[:, 2]], dim=-1
-        ),
+        centers=torch.stack([4 * spread[:, 0] - 2, 1.2 + 0.02 * spread[:, 1], 0.1 + 4 * spread[:, 2]], dim=-1),
         rotations=facing(torch.tensor([[0.0, -1.0, 0.0]]).expand(120, 3)) + 0.02 * torch.randn(120, 4),
     )
     scenes["floor under the camera"] = (floor, intrinsics(30, 30, 24, 18), torch.eye(4), 48, 40)

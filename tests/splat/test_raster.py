@@ -67,9 +67,7 @@ def differentiate(render, surfels, K, cam_from_world, width, height, weights, dt
     surfels = Surfels(*(x.to(dtype).requires_grad_() for x in surfels))
     pose = cam_from_world.to(dtype).requires_grad_()
     center_px = torch.zeros(len(surfels.centers), 2, dtype=dtype, requires_grad=True)
-    images = render(
-        surfels, K.to(dtype), pose, width, height, background=BACKGROUND.to(dtype), center_px=center_px
-    )
+    images = render(surfels, K.to(dtype), pose, width, height, background=BACKGROUND.to(dtype), center_px=center_px)
     total = sum((w.to(dtype) * image).sum() for w, image in zip(weights, images, strict=True))
     names = [*Surfels._fields, "cam_from_world", "center_px"]
     gradients = torch.autograd.grad(total, [*surfels, pose, center_px])
@@ -133,9 +131,7 @@ def test_same_bits_on_any_number_of_threads(make_surfels, make_view, threads):
 def test_no_visible_pixel_is_lost(seed, distance, scale, floor):
     """One disc, often across the camera plane: bounds that are too tight lose whole tiles of it."""
     g = torch.Generator().manual_seed(seed)
-    center = torch.randn(1, 3, generator=g) * torch.tensor([0.5, 0.5, 0.1]) * distance + torch.tensor(
-        [0, 0, distance]
-    )
+    center = torch.randn(1, 3, generator=g) * torch.tensor([0.5, 0.5, 0.1]) * distance + torch.tensor([0, 0, distance])
     center[:, 2].clamp_(min=0.06)
     rotation = torch.randn(1, 4, generator=g)
     if floor:
@@ -174,9 +170,7 @@ def test_nothing_to_see():
     K = torch.tensor([[50.0, 0, 10], [0, 50.0, 10], [0, 0, 1]])
     pose = torch.eye(4, requires_grad=True)
     out = raster.render(empty, K, pose, 20, 20, background=BACKGROUND)
-    assert (
-        torch.equal(out.color, BACKGROUND.expand(20, 20, 3)) and not out.alpha.any() and not out.depth.any()
-    )
+    assert torch.equal(out.color, BACKGROUND.expand(20, 20, 3)) and not out.alpha.any() and not out.depth.any()
     out.color.sum().backward()
     assert torch.equal(pose.grad, torch.zeros(4, 4))
 

@@ -75,9 +75,7 @@ def test_a_tilted_disc_has_its_planes_depth_and_normal(quaternions_facing):
     rays = torch.stack([(x - 16.2) / 40.0, (y - 11.9) / 42.0, torch.ones_like(x)], dim=-1).double()
     n = normal[0].double()
     plane_depth = (n @ surfels.centers[0]) / (rays @ n)
-    away = (torch.stack([x, y], -1) - torch.tensor([16.2 + 2, 11.9 + 1.05])).norm(
-        dim=-1
-    ) > 3  # not the filter
+    away = (torch.stack([x, y], -1) - torch.tensor([16.2 + 2, 11.9 + 1.05])).norm(dim=-1) > 3  # not the filter
     torch.testing.assert_close(out.depth[away], plane_depth[away], rtol=1e-6, atol=1e-6)
     torch.testing.assert_close(out.normal[away], (out.alpha[..., None] * n)[away], rtol=1e-6, atol=1e-6)
     colour = 0.5 + 0.28209479177387814 * 0.5
@@ -119,9 +117,7 @@ def test_spherical_harmonics_are_orthonormal():
     z = (torch.arange(n, dtype=torch.float64) + 0.5) / n * 2 - 1
     phi = torch.arange(16, dtype=torch.float64) / 16 * 2 * torch.pi
     ring = (1 - z * z).sqrt()[:, None]
-    directions = torch.stack([ring * phi.cos(), ring * phi.sin(), z[:, None].expand(n, 16)], -1).reshape(
-        -1, 3
-    )
+    directions = torch.stack([ring * phi.cos(), ring * phi.sin(), z[:, None].expand(n, 16)], -1).reshape(-1, 3)
     basis = sh_basis(directions, 16)
     gram = basis.T @ basis * 4 * torch.pi / len(directions)
     torch.testing.assert_close(gram, torch.eye(16, dtype=torch.float64), rtol=0, atol=1e-4)

@@ -1,0 +1,86 @@
+"""The two regularisers of 2DGS: thin surfaces, and rendered normals that agree with the rendered depth."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from room2dgs import _C
+from room2dgs.losses import reference
+from room2dgs.losses.geometry import intrinsics, rotation_of, runs_compiled
+from room2dgs.splat.types import Rendering
+
+
+def distortion(rendering: Rendering) -> Tensor:
+    """Mean over all pixels of the rendering's distortion map (2DGS, eq. 13); scalar."""
+    return rendering.distortion.mean()
+
+
+def normal_consistency(
+    rendering: Rendering, K: Tensor | np.ndarray, cam_from_world: Tensor | np.ndarray, depth: str = "expected"
+) -> Tensor:
+    """Mean over all pixels of a (a - N . n_s) (2DGS, eq. 14, with the rendered normal).
+
+    N is the rendered normal, not normalised; n_s the unit normal of the rendered depth by central differences
+    of its points at pixel centres (`geometry.depth_to_normals`), world frame, facing the camera; a the
+    rendered alpha, held constant. The gradient is that of 2DGS's 1 - N . (a n_s). The value differs by what
+    the gradient does not see, so that it is 0 for a perfect surface whatever its coverage. Pixels on the
+    border, and those where one of the five depths is 0, count 0.
+
+    float32 on the CPU takes the compiled kernel: value and gradients in one sweep, the same bits on any
+    number of threads.
+
+    Args:
+        rendering: of one view, (H, W) maps.
+        K: (3, 3) intrinsics without skew, pixels; no gradient.
+        cam_from_world: (4, 4) pose of the view. A tensor that wants a gradient gets the one through the
+            rotation of n_s; what flows through the maps is the rasterizer's.
+        depth: which depth n_s comes from, "expected" or "median".
+
+    Returns:
+        scalar, differentiable once with respect to the rendering's normal and the chosen depth.
+
+    Raises:
+        ValueError: `depth` is neither.
+    """
+    if depth not in ("expected", "median"):
+        raise ValueError(f"depth={depth!r} is not known; choose expected or median")
+    chosen = rendering.depth if depth == "expected" else rendering.median_depth
+    if not runs_compiled(chosen, rendering.alpha, rendering.normal):
+        return reference.normal_consistency(chosen, rendering.alpha, rendering.normal, K, cam_from_world)
+    pose = (
+        cam_from_world if isinstance(cam_from_world, Tensor) else torch.from_numpy(np.asarray(cam_from_world))
+    )
+    return _NormalConsistency.apply(chosen, rendering.alpha, rendering.normal, intrinsics(K), pose)
+
+
+class _NormalConsistency(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx, depth: Tensor, alpha: Tensor, normal: Tensor, pinhole: tuple[float, ...], pose: Tensor
+    ) -> Tensor:
+        grad_depth = torch.empty(depth.shape)
+        grad_normal = torch.empty(normal.shape)
+        grad_pose = torch.zeros(4, 4, dtype=torch.float64)
+        grad_rotation = np.empty((3, 3))
+        value = _C.normal_consistency(
+            depth.detach().contiguous(),
+            alpha.detach().contiguous(),
+            normal.detach().contiguous(),
+            *pinhole,
+            rotation_of(pose),
+            grad_depth,
+            grad_normal,
+            grad_rotation,
+        )
+        grad_pose[:3, :3] = torch.from_numpy(grad_rotation)
+        ctx.save_for_backward(grad_depth, grad_normal, grad_pose.to(pose))
+        return depth.new_tensor(value)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad: Tensor):
+        # in place: torch refuses a second backward through this node
+        grad_depth, grad_normal, grad_pose = (gradient.mul_(grad) for gradient in ctx.saved_tensors)
+        return grad_depth, None, grad_normal, None, grad_pose
