@@ -13,7 +13,6 @@ using Array = nb::ndarray<T, nb::c_contig, nb::device::cpu>;
 
 void bind_splat(nb::module_& m);
 void bind_losses(nb::module_& m);
-void bind_train(nb::module_& m);
 
 // True when the processor runs the AVX2 kernels.
 bool has_avx2();

@@ -25,5 +25,4 @@ NB_MODULE(_C, m) {
   m.def("threads", &room2dgs::threads);
   room2dgs::bind_splat(m);
   room2dgs::bind_losses(m);
-  room2dgs::bind_train(m);
 }

@@ -105,6 +105,9 @@ def _check(surfels: Surfels, K: Tensor, cam_from_world: Tensor, width: int, heig
         raise ValueError(f"image size {width} x {height} is not in 1..16384")
 
 
+set_threads()
+
+
 class _Frames:
     """Buffers of finished views, used again: fresh memory would cost page faults at every iteration."""
 
