@@ -229,7 +229,8 @@ def _print(report: dict[str, Any]) -> None:
     ref = report["torch_reference"]
     console.print(
         f"torch reference at {ref['width']}x{ref['height']}, {ref['surfels']} surfels: "
-        f"forward {ref['forward_ms']:.0f} ms, backward {ref['backward_ms']:.0f} ms; the kernels are {ref['forward_ratio']:.0f} and "
+        f"forward {ref['forward_ms']:.0f} ms, backward {ref['backward_ms']:.0f} ms; "
+        f"the kernels are {ref['forward_ratio']:.0f} and "
         f"{ref['backward_ratio']:.0f} times as fast"
     )
 

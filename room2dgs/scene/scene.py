@@ -31,14 +31,14 @@ class Frame:
     depth_unit_m: float = 0.001
 
     def color(self) -> np.ndarray:
-        """(H, W, 3) uint8 RGB, area-averaged down to the camera's size.
+        """(H, W, 3) uint8 RGB, area-averaged down to the camera's size; orientation tags are not applied.
 
         Raises:
             InputError: the file cannot be decoded.
         """
-        image = cv2.imread(str(self.color_path), cv2.IMREAD_COLOR)
+        image = cv2.imread(str(self.color_path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
         if image is None:
-            raise InputError(f"{self.color_path} cannot be decoded as an image; replace it or delete the frame")
+            raise InputError(f"{self.color_path} cannot be decoded; replace it or delete the frame")
         image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
         size = (self.camera.width, self.camera.height)
         if (image.shape[1], image.shape[0]) != size:
@@ -46,7 +46,9 @@ class Frame:
         return image
 
     def depth(self) -> np.ndarray | None:
-        """(H, W) float32 z-depth in metres, 0 = invalid, nearest-sampled to the camera's size; None without a file.
+        """(H, W) float32 z-depth in metres, 0 = invalid, nearest-sampled to the camera's size.
+
+        None without a file.
 
         Raises:
             InputError: the file cannot be decoded.

@@ -1,0 +1,1 @@
+"""Scores of meshes and images against a ground truth, by named protocols."""

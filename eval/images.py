@@ -1,0 +1,56 @@
+"""PSNR and SSIM of rendered against real views."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+SSIM_WINDOW = 11  # Gaussian window, sigma 1.5 (Wang et al. 2004)
+SMALLEST_MSE = 1e-10  # equal images score 100 dB, not infinity
+
+
+def image_scores(pairs: Iterable[tuple[str, np.ndarray, np.ndarray]]) -> dict[str, Any]:
+    """Means over views, and each view's own.
+
+    Args:
+        pairs: (name, rendering, photo), each (H, W, 3), uint8 0..255 or float 0..1 (clipped to it);
+            taken one at a time.
+
+    Returns:
+        {"psnr_db", "ssim": means, None without views; "views": {name: {"psnr_db", "ssim"}}}.
+
+    Raises:
+        ValueError: a pair's shapes differ.
+    """
+    views = {}
+    for name, rendering, photo in pairs:
+        if rendering.shape != photo.shape:
+            raise ValueError(f"view {name}: rendering {rendering.shape} and photo {photo.shape} differ in shape")
+        views[name] = {"psnr_db": psnr(rendering, photo), "ssim": ssim(rendering, photo)}
+    means = {
+        key: float(np.mean([view[key] for view in views.values()])) if views else None for key in ("psnr_db", "ssim")
+    }
+    return {**means, "views": views}
+
+
+def psnr(rendering: np.ndarray, photo: np.ndarray) -> float:
+    """Peak signal-to-noise ratio in dB, peak 1, over all pixels and channels; at most 100."""
+    error = float(np.mean((_unit(rendering) - _unit(photo)) ** 2))
+    return float(-10 * np.log10(max(error, SMALLEST_MSE)))
+
+
+def ssim(rendering: np.ndarray, photo: np.ndarray) -> float:
+    """Mean structural similarity over channels and the pixels whose whole window lies in the image."""
+    import torch
+    from kornia.metrics import ssim as ssim_map
+
+    a, b = (torch.from_numpy(_unit(image)).permute(2, 0, 1)[None] for image in (rendering, photo))
+    return float(ssim_map(a, b, SSIM_WINDOW, eps=0.0, padding="valid").mean())
+
+
+def _unit(image: np.ndarray) -> np.ndarray:
+    if image.dtype == np.uint8:
+        return image.astype(np.float64) / 255
+    return np.clip(image.astype(np.float64), 0, 1)

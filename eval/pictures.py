@@ -1,0 +1,136 @@
+"""Pictures of a mesh and of its error: from inside views, and from above without the ceiling."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from room2dgs.eval.shading import NOTHING, UNKNOWN, Rays, error_color, mesh_color, shade
+from room2dgs.eval.surface import Surface
+from room2dgs.mesh.views import view_rays
+from room2dgs.scene.camera import Camera
+from room2dgs.scene.scene import Frame
+
+INSIDE_VIEWS = 4  # evenly spaced in the capture
+TILE_WIDTH = 480  # pixels of one picture
+TOP_PIXELS = 700  # longer side of the picture from above
+ABOVE_CAMERAS_M = 0.3  # what stands higher than this above the highest camera is cut off, seen from above
+FULL_THRESHOLDS = 2.0  # the colour scale ends at so many thresholds (10 cm for 5 cm)
+COLUMNS = ("mesh", "error: mesh to truth", "missing: truth to mesh")
+
+
+def error_mesh(pred: trimesh.Trimesh, gt: Surface, threshold_m: float) -> trimesh.Trimesh:
+    """The prediction with its vertices coloured by their distance to the ground truth."""
+    distance, _ = gt.closest(np.asarray(pred.vertices))
+    colors = np.round(error_color(distance, FULL_THRESHOLDS * threshold_m) * 255).astype(np.uint8)
+    return trimesh.Trimesh(pred.vertices, pred.faces, vertex_colors=colors, process=False)
+
+
+def inside_rows(
+    pred: trimesh.Trimesh, pred_surface: Surface, gt: Surface, frames: Sequence[Frame], threshold_m: float
+) -> list[list[np.ndarray]]:
+    """A row of pictures (photo, then COLUMNS) for each of a few evenly spaced frames."""
+    chosen = np.unique(np.linspace(0, len(frames) - 1, INSIDE_VIEWS + 2).astype(int)[1:-1])
+    rows = []
+    for frame in (frames[index] for index in chosen):
+        camera = frame.camera.resized(TILE_WIDTH, round(frame.camera.height * TILE_WIDTH / frame.camera.width))
+        rows.append([frame.color() / 255, *_three(pred, pred_surface, gt, _camera_rays(camera), threshold_m)])
+    return rows
+
+
+def top_row(
+    pred: trimesh.Trimesh,
+    pred_surface: Surface,
+    gt: Surface,
+    gt_mesh: trimesh.Trimesh,
+    cameras: Sequence[Camera],
+    up: np.ndarray,
+    threshold_m: float,
+) -> list[np.ndarray]:
+    """The COLUMNS seen from above by parallel rays that start above the highest camera, below the ceiling."""
+    rays = _top_rays(np.asarray(gt_mesh.vertices), cameras, up)
+    return _three(pred, pred_surface, gt, rays, threshold_m, mask=False)
+
+
+def write_sheet(path: Path, rows: Sequence[Sequence[np.ndarray]], titles: Sequence[str], threshold_m: float) -> None:
+    """Rows of pictures with titles and the error's colour bar, as a PNG that appears whole or not at all."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, Normalize
+    from matplotlib.figure import Figure
+
+    height, width = rows[0][-1].shape[:2]
+    tall = height / width * len(rows) * 3.2 + 1.2  # inches: pictures of 3.2 across, titles, colour bar
+    figure = Figure(figsize=(3.2 * len(titles), tall), dpi=130)
+    axes = figure.subplots(len(rows), len(titles), squeeze=False)
+    figure.subplots_adjust(0.005, 0.9 / tall, 0.995, 1 - 0.3 / tall, wspace=0.02, hspace=0.02)
+    for line, row in zip(axes, rows, strict=True):
+        for axis, picture in zip(line, row, strict=True):
+            axis.imshow(np.clip(picture, 0, 1), interpolation="antialiased")
+            axis.set_axis_off()
+    for axis, title in zip(axes[0], titles, strict=True):
+        axis.set_title(title, fontsize=9, pad=4)
+    figure.colorbar(
+        ScalarMappable(
+            Normalize(0, FULL_THRESHOLDS * threshold_m * 100),
+            ListedColormap(error_color(np.linspace(0, 1, 256), 1.0)),
+        ),
+        cax=figure.add_axes((0.3, 0.55 / tall, 0.4, 0.15 / tall)),
+        orientation="horizontal",
+        extend="max",
+        label="distance, cm (grey: the truth says nothing)",
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        figure.savefig(temporary, format="png")
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _three(
+    pred: trimesh.Trimesh,
+    pred_surface: Surface,
+    gt: Surface,
+    rays: Rays,
+    threshold_m: float,
+    mask: bool = True,
+) -> list[np.ndarray]:
+    full = FULL_THRESHOLDS * threshold_m
+    pred_hits = pred_surface.cast(rays.origins, rays.directions)
+    gt_hits = gt.cast(rays.origins, rays.directions)
+    wrong = error_color(gt.closest(rays.at(pred_hits))[0], full)
+    missing = error_color(pred_surface.closest(rays.at(gt_hits))[0], full)
+    error = shade(rays, pred_hits, pred_surface, wrong)
+    if mask:  # along these rays no error can be told
+        unknown = rays.picture(np.repeat((gt_hits.triangle < 0)[:, None], 3, axis=1))
+        error = np.where(unknown, UNKNOWN, error)
+    empty = NOTHING if not mask else UNKNOWN
+    missed = shade(rays, gt_hits, gt, missing)
+    missed[rays.picture(np.repeat((gt_hits.triangle < 0)[:, None], 3, axis=1)).all(axis=-1)] = empty
+    return [shade(rays, pred_hits, pred_surface, mesh_color(pred, pred_hits)), error, missed]
+
+
+def _camera_rays(camera: Camera) -> Rays:
+    directions = view_rays(camera).reshape(-1, 3) @ camera.cam_from_world[:3, :3]
+    return Rays(camera.centre, directions, camera.width, camera.height)
+
+
+def _top_rays(points: np.ndarray, cameras: Sequence[Camera], up: np.ndarray) -> Rays:
+    """Parallel rays downwards over the points' extent; the picture's x axis is the extent's longer side."""
+    level = points - np.outer(points @ up, up)
+    axes = np.linalg.svd(level[:: max(1, len(level) // 5000)] - level.mean(axis=0), full_matrices=False)[2]
+    right = axes[0] - (axes[0] @ up) * up
+    right /= np.linalg.norm(right)
+    down_in_picture = np.cross(-up, right)
+    x, y = points @ right, points @ down_in_picture
+    size = max(np.ptp(x), np.ptp(y)) / TOP_PIXELS
+    columns, rows = max(1, int(np.ceil(np.ptp(x) / size))), max(1, int(np.ceil(np.ptp(y) / size)))
+    grid_x, grid_y = np.meshgrid(x.min() + (np.arange(columns) + 0.5) * size, y.min() + (np.arange(rows) + 0.5) * size)
+    start = max(float(camera.centre @ up) for camera in cameras) + ABOVE_CAMERAS_M
+    origins = grid_x.reshape(-1, 1) * right + grid_y.reshape(-1, 1) * down_in_picture + start * up
+    return Rays(origins, np.broadcast_to(-up, origins.shape), columns, rows)

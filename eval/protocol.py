@@ -1,0 +1,71 @@
+"""What every protocol takes and gives."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from room2dgs.eval.geometry import Scores
+from room2dgs.mesh.io import read_mesh
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh and the file that it came from.
+
+    Attributes:
+        sha256: of the file's bytes; None for a mesh that came from no file.
+    """
+
+    mesh: trimesh.Trimesh
+    path: Path | None = None
+    sha256: str | None = None
+
+
+@dataclass(frozen=True)
+class Result:
+    """One protocol's verdict.
+
+    Attributes:
+        constants: every number that the protocol depends on, by name.
+    """
+
+    protocol: str
+    scores: Scores
+    constants: dict[str, Any]
+
+    def as_dict(self) -> dict[str, Any]:
+        """One flat entry for metrics.json: the scores, and the constants under "constants"."""
+        return {**self.scores.as_dict(), "constants": self.constants}
+
+
+def load(path: Path) -> MeshFile:
+    """Read a mesh and hash its file.
+
+    Raises:
+        InputError: as `read_mesh`.
+    """
+    mesh = read_mesh(path)
+    digest = hashlib.sha256()
+    with Path(path).open("rb") as file:
+        while chunk := file.read(1 << 20):
+            digest.update(chunk)
+    return MeshFile(mesh, Path(path), digest.hexdigest())
+
+
+def hashes(pred: MeshFile, gt: MeshFile) -> dict[str, str | None]:
+    """The two files' hashes, as constants of a result."""
+    return {"pred_sha256": pred.sha256, "gt_sha256": gt.sha256}
+
+
+def edge_length(mesh: trimesh.Trimesh) -> float:
+    """Area-weighted mean of the faces' longest edges, metres: how densely the vertices cover the surface."""
+    corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return float((edges * area).sum() / max(area.sum(), 1e-30))

@@ -1,0 +1,102 @@
+"""Protocol `neuris`: NeuRIS's ScanNet evaluation, very probably that of GaussianRoom and 2DGS-Room.
+
+1. Ground truth: keep the faces that some pixel's ray hits first. Its silhouette in each view is that view's mask.
+2. Prediction: drop the vertices outside the ground truth's bounding box x 1.1; keep the faces that some pixel's ray
+   hits first; drop the vertices that lie in no view's image, or that *any* view projects where its mask is empty.
+3. Vertices, averaged in cells of 2 cm, nearest neighbours. So the scores depend on the tessellation.
+
+Images are 640 wide, rays go through every second pixel, as published. Where it differs: rays go through
+pixel centres, and the views are all usable frames of the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+
+from room2dgs.config import EvalConfig
+from room2dgs.eval.geometry import downsample, nearest_vertices, scores
+from room2dgs.eval.protocol import MeshFile, Result, edge_length, hashes
+from room2dgs.eval.surface import Surface
+from room2dgs.scene.camera import Camera
+
+IMAGE_WIDTH = 640
+RESOLUTION_LEVEL = 2  # rays through every second pixel
+BOX_SCALE = 1.1  # of the ground truth's bounding box, about its middle
+DOWNSAMPLE_M = 0.02
+
+
+def neuris(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], config: EvalConfig) -> Result:
+    """Score by NeuRIS's protocol; of `config` only threshold_m is used."""
+    views = [_small(camera) for camera in cameras]
+    truth = _first_hit_faces(gt.mesh, views)
+    masks = [np.isfinite(hits.t) for hits in map(Surface(truth).seen_by, views)]
+    judged = _first_hit_faces(_inside_box(pred.mesh, gt.mesh), views)
+    judged = judged.vertices[_inside_masks(judged.vertices, views, masks)]
+    pred_points = downsample(judged, DOWNSAMPLE_M)
+    gt_points = downsample(truth.vertices, DOWNSAMPLE_M)
+    return Result(
+        protocol="neuris",
+        scores=scores(
+            nearest_vertices(pred_points, gt_points),
+            nearest_vertices(gt_points, pred_points),
+            config.threshold_m,
+        ),
+        constants={
+            "threshold_m": config.threshold_m,
+            "image_width": IMAGE_WIDTH,
+            "resolution_level": RESOLUTION_LEVEL,
+            "bounding_box_scale": BOX_SCALE,
+            "downsample_m": DOWNSAMPLE_M,
+            "views": len(cameras),
+            "pred_points": len(pred_points),
+            "gt_points": len(gt_points),
+            "gt_edge_m": edge_length(gt.mesh),
+            "distances": "vertex to nearest vertex, strict < threshold, not clamped",
+            **hashes(pred, gt),
+        },
+    )
+
+
+def _small(camera: Camera) -> Camera:
+    width = IMAGE_WIDTH // RESOLUTION_LEVEL
+    return camera.resized(width, round(camera.height * width / camera.width))
+
+
+def _first_hit_faces(mesh: trimesh.Trimesh, views: Sequence[Camera]) -> trimesh.Trimesh:
+    surface = Surface(mesh)
+    hit = np.zeros(len(mesh.faces), dtype=bool)
+    for camera in views:
+        triangle = surface.seen_by(camera).triangle
+        hit[triangle[triangle >= 0]] = True
+    return _part(mesh, hit)
+
+
+def _inside_box(mesh: trimesh.Trimesh, box_of: trimesh.Trimesh) -> trimesh.Trimesh:
+    low, high = box_of.vertices.min(axis=0), box_of.vertices.max(axis=0)
+    middle, half = (low + high) / 2, (high - low) / 2 * BOX_SCALE
+    inside = (np.abs(mesh.vertices - middle) <= half).all(axis=1)
+    return _part(mesh, inside[mesh.faces].all(axis=1))
+
+
+def _inside_masks(points: np.ndarray, views: Sequence[Camera], masks: Sequence[np.ndarray]) -> np.ndarray:
+    """(N,) bool: in some view's image, and in no view's image outside its mask."""
+    somewhere = np.zeros(len(points), dtype=bool)
+    outside = np.zeros(len(points), dtype=bool)
+    for camera, mask in zip(views, masks, strict=True):
+        local = points @ camera.cam_from_world[:3, :3].T + camera.cam_from_world[:3, 3]
+        front = np.flatnonzero(local[:, 2] > 0)
+        pixel = np.floor((local[front] @ camera.K.T)[:, :2] / local[front, 2:]).astype(np.int64)
+        image = (pixel >= 0).all(axis=1) & (pixel < (camera.width, camera.height)).all(axis=1)
+        front, pixel = front[image], pixel[image]
+        somewhere[front] = True
+        outside[front] |= ~mask.reshape(camera.height, camera.width)[pixel[:, 1], pixel[:, 0]]
+    return somewhere & ~outside
+
+
+def _part(mesh: trimesh.Trimesh, faces: np.ndarray) -> trimesh.Trimesh:
+    """The chosen faces and the vertices they use."""
+    used, renumbered = np.unique(np.asarray(mesh.faces)[faces], return_inverse=True)
+    return trimesh.Trimesh(mesh.vertices[used], renumbered.reshape(-1, 3), process=False)

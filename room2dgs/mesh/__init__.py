@@ -1,0 +1,1 @@
+"""Rendered depth to a cleaned, coloured triangle mesh."""

@@ -1,0 +1,89 @@
+"""A raw isosurface to a mesh that can be handed on."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+
+def clean(mesh: trimesh.Trimesh, min_triangles: int = 0, keep_clusters: int | None = None) -> trimesh.Trimesh:
+    """Merge, drop and order, so that equal surfaces give equal bytes.
+
+    Dropped: faces with a non-finite vertex, faces that are degenerate or given twice, connected pieces of fewer
+    than `min_triangles` faces, all but the `keep_clusters` largest pieces (None: all stay), unused vertices.
+    Vertices at the same place become one. Vertices and faces come out sorted, whatever order they came in.
+
+    Returns:
+        A new mesh with colours kept and winding unchanged; possibly without faces.
+    """
+    vertices, colors, faces = _sorted_vertices(mesh)
+    faces = _sorted_faces(vertices, faces)
+    faces = faces[_large_pieces(faces, len(vertices), min_triangles, keep_clusters)]
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces] = True
+    renumbered = np.cumsum(used) - 1
+    return trimesh.Trimesh(
+        vertices=vertices[used],
+        faces=renumbered[faces],
+        vertex_colors=None if colors is None else colors[used],
+        process=False,
+    )
+
+
+def _sorted_vertices(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+    """Finite vertices in lexicographic order without repeats, their colours, and the faces renumbered."""
+    vertices = np.asarray(mesh.vertices, dtype=np.float64) + 0.0  # -0.0 becomes 0.0
+    faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
+    colors = np.asarray(mesh.visual.vertex_colors) if mesh.visual.kind == "vertex" else None
+    finite = np.isfinite(vertices).all(axis=1)
+    faces = faces[finite[faces].all(axis=1)]
+    if not len(faces):
+        return vertices[:0], None, faces[:0]
+    order = np.lexsort((vertices[:, 2], vertices[:, 1], vertices[:, 0], ~finite))
+    order = order[: int(finite.sum())]
+    ordered = vertices[order]
+    first = np.ones(len(order), dtype=bool)
+    first[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    renumbered = np.full(len(vertices), -1, dtype=np.int64)
+    renumbered[order] = np.cumsum(first) - 1
+    if colors is not None:  # the maximum does not depend on the order of coinciding vertices
+        colors = np.maximum.reduceat(colors[order], np.flatnonzero(first), axis=0)
+    return ordered[first], colors, renumbered[faces]
+
+
+def _sorted_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Faces with an area, each once, starting at its smallest vertex, in lexicographic order."""
+    if not len(faces):
+        return faces
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    corners = vertices[faces]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    faces = faces[(doubled != 0).any(axis=1)]
+    start = faces.argmin(axis=1)
+    rows = np.arange(len(faces))
+    a, b, c = (faces[rows, (start + k) % 3] for k in range(3))
+    low, high = np.minimum(b, c), np.maximum(b, c)
+    order = np.lexsort((b, high, low, a))  # both windings of a face are neighbours
+    key = np.stack([a, low, high], axis=1)[order]
+    first = np.ones(len(order), dtype=bool)
+    first[1:] = (key[1:] != key[:-1]).any(axis=1)
+    return np.stack([a, b, c], axis=1)[order[first]]
+
+
+def _large_pieces(faces: np.ndarray, vertices: int, min_triangles: int, keep_clusters: int | None) -> np.ndarray:
+    """(F,) bool: faces of the pieces (connected by shared vertices) that stay."""
+    if not len(faces):
+        return np.zeros(0, dtype=bool)
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    graph = coo_matrix((np.ones(len(ends), dtype=bool), (ends[:, 0], ends[:, 1])), shape=(vertices, vertices))
+    _, labels = connected_components(graph, directed=False)
+    piece = labels[faces[:, 0]]
+    sizes = np.bincount(piece, minlength=labels.max() + 1)
+    stays = sizes >= max(min_triangles, 1)
+    if keep_clusters is not None:
+        largest = np.argsort(-sizes, kind="stable")[:keep_clusters]
+        stays &= np.isin(np.arange(len(sizes)), largest)
+    return stays[piece]

@@ -1,0 +1,36 @@
+"""Depth maps in, a cleaned coloured mesh out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import trimesh
+
+from room2dgs.config import MeshConfig
+from room2dgs.errors import InputError
+from room2dgs.mesh.clean import clean
+from room2dgs.mesh.tsdf import integrate
+from room2dgs.mesh.views import FusedView
+
+
+def fuse(views: Iterable[FusedView], config: MeshConfig, log: Callable[[str], None]) -> trimesh.Trimesh:
+    """Fuse, mesh and clean; the views are taken one at a time and not kept.
+
+    Returns:
+        Coloured mesh in the world frame, metres, faces towards the cameras; the same on any number of threads.
+
+    Raises:
+        InputError: no surface is left; names the settings to relax.
+    """
+    raw = integrate(views, config)
+    if not len(raw.faces):
+        raise InputError(
+            "no surface came out of the depth maps; train longer, or lower mesh.min_weight or mesh.min_alpha"
+        )
+    mesh = clean(raw, config.min_triangles, config.keep_clusters)
+    if not len(mesh.faces):
+        raise InputError(
+            f"every piece of the mesh has fewer than mesh.min_triangles={config.min_triangles} faces; lower it"
+        )
+    log(f"mesh: {len(mesh.faces):,} faces, {len(raw.faces) - len(mesh.faces):,} dropped by cleaning")
+    return mesh

@@ -1,0 +1,59 @@
+"""Mesh files: refused when unusable, never left half-written."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from room2dgs.errors import InputError
+
+
+def write_mesh(path: Path, mesh: trimesh.Trimesh) -> None:
+    """Write a binary PLY (colours with it) under a temporary name in the same folder, then rename it.
+
+    Raises:
+        OSError: the disk refuses; an older file at `path` stays as it was.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as file:
+            file.write(mesh.export(file_type="ply"))
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read_mesh(path: Path) -> trimesh.Trimesh:
+    """Read a triangle mesh (PLY, OBJ, OFF, STL, GLB) as it stands: nothing merged, nothing reordered.
+
+    Raises:
+        InputError: missing, not decodable, no faces, faces that name vertices which are not there, or
+            non-finite vertices.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path} is missing; give the path of a triangle mesh (.ply)")
+    try:
+        mesh = trimesh.load(path, process=False, force="mesh")
+        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    except Exception as error:  # trimesh's parsers raise whatever their file format met
+        raise InputError(f"{path} cannot be decoded as a mesh ({_first_line(error)}); write it again") from error
+    if vertices.ndim != 2 or not len(vertices) or faces.ndim != 2 or not len(faces):
+        raise InputError(f"{path} holds no triangles; give a triangle mesh, not a point cloud or an empty file")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise InputError(f"{path} has faces that name vertices which are not there; write it again")
+    bad = int((~np.isfinite(vertices).all(axis=1)).sum())
+    if bad:
+        raise InputError(f"{path} has {bad} vertices that are NaN or infinite; remove them")
+    return mesh
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]

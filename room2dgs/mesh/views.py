@@ -1,0 +1,69 @@
+"""Which pixels of a rendering are worth fusing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from room2dgs.config import MeshConfig
+from room2dgs.scene.camera import Camera
+from room2dgs.splat.types import Rendering
+
+
+@dataclass(frozen=True)
+class FusedView:
+    """One depth map that goes into the volume.
+
+    Attributes:
+        camera: K with pixel centres at +0.5, pose in metres.
+        depth: (H, W) float32 z-depth, metres; 0 = invalid.
+        color: (H, W, 3) uint8 0..255, or float 0..1.
+    """
+
+    camera: Camera
+    depth: np.ndarray
+    color: np.ndarray
+
+
+def view_rays(camera: Camera) -> np.ndarray:
+    """(H, W, 3) float64 directions through the pixel centres, camera frame, z = 1 (so ray length is z-depth)."""
+    x = (np.arange(camera.width) + 0.5 - camera.K[0, 2]) / camera.K[0, 0]
+    y = (np.arange(camera.height) + 0.5 - camera.K[1, 2]) / camera.K[1, 1]
+    return np.stack(np.broadcast_arrays(x[None, :], y[:, None], 1.0), axis=-1)
+
+
+def chosen_depth(rendering: Rendering, config: MeshConfig) -> np.ndarray:
+    """(H, W) float32 z-depth in metres: the rendering's median or expected depth, as `mesh.depth` says."""
+    return _numpy(rendering.median_depth if config.depth == "median" else rendering.depth).astype(np.float32)
+
+
+def valid_depth(rendering: Rendering, camera: Camera, config: MeshConfig) -> np.ndarray:
+    """Pixels that may be fused: opaque enough, near enough, not seen at a grazing angle.
+
+    Args:
+        rendering: maps of (H, W) or (H, W, 3), torch or numpy; the normal (world frame) need not be unit length.
+
+    Returns:
+        (H, W) bool: alpha >= min_alpha, 0 < depth <= max_depth_m, and the angle between the normal's line
+        and the view ray is at most max_angle_deg. A pixel without a normal is not valid.
+    """
+    depth = chosen_depth(rendering, config)
+    normal = _numpy(rendering.normal).astype(np.float64) @ camera.cam_from_world[:3, :3].T
+    rays = view_rays(camera)
+    along = np.abs(np.einsum("hwc,hwc->hw", normal, rays))
+    lengths = np.linalg.norm(normal, axis=-1) * np.linalg.norm(rays, axis=-1)
+    facing = (lengths > 0) & (along >= np.cos(np.radians(config.max_angle_deg)) * lengths)
+    # a NaN fails each comparison, so it is never fused
+    return (_numpy(rendering.alpha) >= config.min_alpha) & (depth > 0) & (depth <= config.max_depth_m) & facing
+
+
+def fused_view(rendering: Rendering, camera: Camera, config: MeshConfig) -> FusedView:
+    """The rendering's depth with every unfit pixel set to 0, and its colour clipped to 0..1."""
+    depth = np.where(valid_depth(rendering, camera, config), chosen_depth(rendering, config), np.float32(0))
+    color = np.clip(np.nan_to_num(_numpy(rendering.color)), 0.0, 1.0).astype(np.float32)
+    return FusedView(camera, depth, color)
+
+
+def _numpy(values) -> np.ndarray:
+    return values.detach().cpu().numpy() if hasattr(values, "detach") else np.asarray(values)

@@ -1,0 +1,81 @@
+"""Which pixels are fused, and what a view hands to the volume."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from room2dgs.config import MeshConfig
+from room2dgs.mesh.views import fused_view, valid_depth, view_rays
+from room2dgs.scene.camera import Camera
+
+
+def make_camera(width=40, height=30, focal=30.0, cam_from_world=None) -> Camera:
+    K = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
+    return Camera(K, width, height, np.eye(4) if cam_from_world is None else cam_from_world)
+
+
+def make_config(**changes) -> MeshConfig:
+    values = {"depth": "median", "max_depth_m": 5.0, "min_alpha": 0.5, "max_angle_deg": 60.0}
+    return MeshConfig(**{**values, **changes})
+
+
+def make_rendering(camera, normal=(0.0, 0.0, -1.0), depth=2.0, alpha=1.0):
+    shape = (camera.height, camera.width)
+    return SimpleNamespace(
+        color=torch.full((*shape, 3), 1.5),
+        alpha=torch.full(shape, alpha),
+        depth=torch.full(shape, depth + 1),
+        median_depth=torch.full(shape, depth),
+        normal=torch.tensor(normal).expand(*shape, 3).clone(),
+    )
+
+
+def test_rays_go_through_pixel_centres():
+    camera = make_camera()
+    pixel = view_rays(camera) @ camera.K.T
+    assert np.allclose(pixel[4, 7], [7.5, 4.5, 1.0])
+
+
+def test_each_condition_removes_its_own_pixels():
+    camera, config = make_camera(), make_config()
+    rendering = make_rendering(camera)
+    rendering.alpha[0, 18] = 0.49
+    rendering.median_depth[1, 18] = 5.01
+    rendering.median_depth[2, 18] = 0.0
+    rendering.median_depth[3, 18] = float("nan")
+    rendering.normal[4, 18] = 0.0
+    rendering.normal[5, 18] = float("nan")
+    expected = np.ones((30, 40), dtype=bool)
+    expected[:6, 18] = False
+    assert np.array_equal(valid_depth(rendering, camera, config), expected)
+
+
+@pytest.mark.parametrize("angle, kept", [(59.0, True), (61.0, False)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_angle_is_taken_to_the_pixels_own_ray_in_the_world_frame(angle, kept, sign):
+    turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # the camera looks along the world's x
+    pose = np.eye(4)
+    pose[:3, :3] = turn.T
+    pose[:3, 3] = [0.3, -0.2, 1.0]
+    camera = make_camera(cam_from_world=pose)
+    ray = view_rays(camera)[3, 5] @ pose[:3, :3]
+    ray /= np.linalg.norm(ray)
+    side = np.cross(ray, [0, 0, 1])
+    side /= np.linalg.norm(side)
+    normal = sign * (np.cos(np.radians(angle)) * ray + np.sin(np.radians(angle)) * side)
+    rendering = make_rendering(camera, tuple(0.3 * normal))  # length must not matter
+    assert valid_depth(rendering, camera, make_config())[3, 5] == kept
+
+
+@pytest.mark.parametrize("kind, metres", [("median", 2.0), ("expected", 3.0)])
+def test_fused_view_takes_the_chosen_depth_and_clips_colour(kind, metres):
+    camera = make_camera()
+    rendering = make_rendering(camera)
+    rendering.alpha[0, 0] = 0.0
+    view = fused_view(rendering, camera, make_config(depth=kind))
+    assert view.depth.dtype == np.float32
+    assert view.depth[0, 0] == 0
+    assert view.depth[1, 1] == metres
+    assert view.color.max() == 1.0

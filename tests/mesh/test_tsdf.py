@@ -1,0 +1,143 @@
+"""Fusion of analytic depth: pixel convention, orientation, colour, weights, memory."""
+
+import gc
+import weakref
+
+import numpy as np
+import pytest
+
+from room2dgs.config import MeshConfig
+from room2dgs.errors import InputError
+from room2dgs.mesh.clean import clean
+from room2dgs.mesh.fuse import fuse
+from room2dgs.mesh.tsdf import integrate
+from room2dgs.mesh.views import FusedView, view_rays
+from room2dgs.scene.camera import Camera
+
+VOXEL = 0.02
+
+
+def make_config(**changes) -> MeshConfig:
+    values = {
+        "voxel_m": VOXEL,
+        "truncation_voxels": 5.0,
+        "max_depth_m": 6.0,
+        "min_weight": 1.0,
+        "min_triangles": 10,
+        "keep_clusters": 5,
+    }
+    return MeshConfig(**{**values, **changes})
+
+
+def make_camera(centre=(0.0, 0.0, 0.0), turn_deg=0.0, focal=120.0) -> Camera:
+    angle = np.radians(turn_deg)
+    world_from_cam = np.eye(4)
+    world_from_cam[:3, :3] = [
+        [np.cos(angle), 0, np.sin(angle)],
+        [0, 1, 0],
+        [-np.sin(angle), 0, np.cos(angle)],
+    ]
+    world_from_cam[:3, 3] = centre
+    K = np.array([[focal, 0, 83.0], [0, focal, 57.5], [0, 0, 1]])
+    return Camera(K, 160, 120, np.linalg.inv(world_from_cam))
+
+
+def plane_view(camera: Camera, normal, offset, color=(0.2, 0.6, 1.0)) -> FusedView:
+    """Exact depth of the plane normal . X = offset (world)."""
+    rays = view_rays(camera) @ camera.cam_from_world[:3, :3]
+    with np.errstate(divide="ignore"):
+        depth = (offset - normal @ camera.centre) / (rays @ normal)
+    depth[(depth <= 0) | (depth > 4)] = 0
+    return FusedView(camera, depth.astype(np.float32), np.broadcast_to(color, (*depth.shape, 3)))
+
+
+def box_view(camera: Camera, half=(1.2, 1.0, 1.5)) -> FusedView:
+    """Exact depth of an axis-aligned box about the origin, from inside."""
+    rays = view_rays(camera) @ camera.cam_from_world[:3, :3]
+    with np.errstate(divide="ignore"):
+        exits = (np.sign(rays) * half - camera.centre) / rays
+    depth = exits.min(axis=-1).astype(np.float32)
+    return FusedView(camera, depth, np.full((*depth.shape, 3), 128, dtype=np.uint8))
+
+
+@pytest.mark.parametrize("normal", [(-1.0, -0.5, -1.0), (1.0, -0.5, -1.0), (0.2, 1.0, -1.0)])
+def test_slanted_plane_lies_where_half_pixel_centres_put_it(normal):
+    """Half a pixel is 6 mm sideways here; taking K's centres at integers would move the plane by 4 mm and more."""
+    normal = np.array(normal) / np.linalg.norm(normal)
+    offset = normal @ [0.0, 0.0, 1.5]
+    cameras = [make_camera((x, y, 0.0)) for x in (-0.02, 0.0, 0.017) for y in (-0.013, 0.01)]
+    mesh = clean(integrate((plane_view(camera, normal, offset) for camera in cameras), make_config()))
+    corner = np.abs(mesh.vertices - mesh.vertices.mean(axis=0)).max(axis=1)
+    inner = mesh.vertices[corner < 0.5]
+    assert len(inner) > 1000
+    assert abs((inner @ normal - offset).mean()) < 0.1 * VOXEL
+
+
+def test_box_is_met_on_all_sides_and_faces_look_at_the_camera():
+    cameras = [make_camera((0.1, 0.05, -0.1), turn) for turn in range(0, 360, 30)]
+    mesh = fuse((box_view(camera) for camera in cameras), make_config(), lambda _: None)
+    half = np.array([1.2, 1.0, 1.5])
+    for axis in (0, 2):  # the views' field leaves most of floor and ceiling out
+        for side in (-1, 1):
+            signed = side * mesh.vertices[:, axis] - half[axis]
+            others = np.delete(half - np.abs(mesh.vertices), axis, axis=1).min(axis=1)
+            wall = signed[(np.abs(signed) < 0.1) & (others > 0.1)]  # away from the box's edges
+            assert len(wall) > 1000
+            assert abs(wall.mean()) < 0.1 * VOXEL
+    towards = np.einsum("nc,nc->n", mesh.face_normals, [0.1, 0.05, -0.1] - mesh.triangles_center)
+    assert (towards > 0).mean() > 0.999
+
+
+def test_colour_is_the_views_colour_whether_float_or_bytes():
+    view = plane_view(make_camera(), np.array([0.0, 0, -1]), -1.5)
+    as_bytes = FusedView(view.camera, view.depth, np.round(view.color * 255).astype(np.uint8))
+    for one in (view, as_bytes):
+        mesh = integrate([one], make_config())
+        assert np.abs(mesh.visual.vertex_colors[:, :3].astype(int) - [51, 153, 255]).max() <= 1
+
+
+@pytest.mark.parametrize("views, min_weight, meshed", [(1, 1, True), (1, 2, False), (2, 2, True), (1, 0, True)])
+def test_min_weight_counts_observations(views, min_weight, meshed):
+    view = plane_view(make_camera(), np.array([0.0, 0, -1]), -1.5)
+    assert (len(integrate([view] * views, make_config(min_weight=min_weight)).faces) > 0) == meshed
+
+
+def test_far_depth_is_left_out():
+    view = plane_view(make_camera(), np.array([0.0, 0, -1]), -1.5)
+    assert len(integrate([view], make_config(max_depth_m=1.4)).faces) == 0
+
+
+def test_far_from_the_worlds_origin_nothing_is_lost():
+    shift = np.array([50_000.0, -20_000.0, 30.0])  # float32 has 4 mm there
+    normal = np.array([0.0, 0.6, -0.8])
+    near = integrate([plane_view(make_camera(), normal, -1.2)], make_config())
+    far = integrate([plane_view(make_camera(shift), normal, -1.2 + normal @ shift)], make_config())
+    assert len(far.faces) == len(near.faces)
+    order = [np.lexsort(np.round(m.vertices - s, 4).T) for m, s in ((near, 0), (far, shift))]
+    assert np.abs(near.vertices[order[0]] - (far.vertices[order[1]] - shift)).max() < 1e-3
+
+
+def test_views_are_not_kept():
+    alive = []
+
+    def views():
+        for k in range(4):
+            view = plane_view(make_camera((0.01 * k, 0, 0)), np.array([0.0, 0, -1]), -1.5)
+            alive.append(weakref.ref(view))
+            yield view
+            del view
+            gc.collect()
+            # the fusing loop may still hold the latest, none before it
+            assert sum(ref() is not None for ref in alive) <= 1
+
+    assert len(integrate(views(), make_config()).faces)
+
+
+def test_nothing_to_mesh_names_the_settings():
+    camera = make_camera()
+    empty = FusedView(camera, np.zeros((120, 160), np.float32), np.zeros((120, 160, 3), np.float32))
+    with pytest.raises(InputError, match=r"mesh\.min_alpha"):
+        fuse([empty], make_config(), lambda _: None)
+    speck = plane_view(camera, np.array([0.0, 0, -1]), -1.5)
+    with pytest.raises(InputError, match=r"mesh\.min_triangles"):
+        fuse([speck], make_config(min_triangles=10**7), lambda _: None)
