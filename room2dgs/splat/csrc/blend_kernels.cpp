@@ -16,7 +16,7 @@ using room2dgs::kTilePixels;
 using room2dgs::Record;
 
 constexpr int kVectors = kTilePixels / kLanes;  // of a tile; two a row
-constexpr int kPrefetch = 4;
+constexpr int kPrefetch = 8;  // list positions ahead: records lie scattered in memory
 
 template <int n>
 struct Count {
@@ -24,6 +24,12 @@ struct Count {
 };
 using One = Count<1>;
 using Two = Count<2>;
+
+// A record spans two cache lines.
+R2_INLINE void prefetch(const Record* r) {
+  __builtin_prefetch(r);
+  __builtin_prefetch(reinterpret_cast<const char*>(r) + sizeof(Record) - 1);
+}
 
 struct Hit {
   f8 u, v, inverse, rho, z, raw;  // raw: opacity before the clamp; the hit counts where it reaches kAlphaMin
@@ -109,8 +115,8 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
   int64_t evaluated = 0;
 
   for (int j = 0; j < count && alive; ++j) {
-    if (j + kPrefetch < count) __builtin_prefetch(a.records + items[j + kPrefetch].surfel);
-    const Record& r = a.records[items[j].surfel];
+    if (j + kPrefetch < count) prefetch(a.records + items[j + kPrefetch].record);
+    const Record& r = a.records[items[j].record];
     const float ox = offset(x, r.cx, r.cx_rest), oy = offset(y, r.cy, r.cy_rest);
     const f8 x0 = iota() + ox;
     auto step = [&](auto lanes, const Group& g) __attribute__((always_inline)) {
@@ -289,8 +295,8 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
     for (int k = 0; k < kGradients; ++k) entry[k] = 0;
   }
   for (int j = tile_last - 1; j >= 0; --j) {
-    if (j >= kPrefetch) __builtin_prefetch(a.records + items[j - kPrefetch].surfel);
-    const Record& r = a.records[items[j].surfel];
+    if (j >= kPrefetch) prefetch(a.records + items[j - kPrefetch].record);
+    const Record& r = a.records[items[j].record];
     const float ox = offset(x, r.cx, r.cx_rest), oy = offset(y, r.cy, r.cy_rest);
     const f8 x0 = iota() + ox;
     // u, v, den each with moments (1, dx, dy); z; filter (dx, dy); opacity; colour; normal

@@ -25,7 +25,10 @@ struct Disc {
 struct Reach {
   double x0, x1, y0, y1;  // pixel coordinates
   bool crossing;         // crosses the near plane: tiles are tested one by one
-  double ex, ey, sxx, sxy, syy;  // ellipse: centre relative to (cx, cy) and (x - e)^T S^-1 (x - e) <= 1
+  double ex, ey;         // ellipse: its centre relative to (cx, cy),
+  double hx, hy;         // half extents,
+  double shear, lean;    // centre of a row over y; height of its rightmost point,
+  double width;          // half width of its middle row, all in pixels
   double filter;         // radius, pixels
 };
 
@@ -61,7 +64,6 @@ R2_INLINE Reach reach_of(const Disc& d, const View& view) {
   r.x0 = d.cx - r.filter, r.x1 = d.cx + r.filter;
   r.y0 = d.cy - r.filter, r.y1 = d.cy + r.filter;
   r.crossing = false;
-  r.ex = r.ey = 0, r.sxx = r.syy = 1e-12, r.sxy = 0;
   if (!d.plane) return r;
   const double Xu = d.su * view.fx * (d.tu.x - d.dx * d.tu.z), Xv = d.sv * view.fx * (d.tv.x - d.dx * d.tv.z);
   const double Yu = d.su * view.fy * (d.tu.y - d.dy * d.tu.z), Yv = d.sv * view.fy * (d.tv.y - d.dy * d.tv.z);
@@ -73,10 +75,13 @@ R2_INLINE Reach reach_of(const Disc& d, const View& view) {
     const double s = rho * D;
     r.ex = -s * (Xu * Wu + Xv * Wv);
     r.ey = -s * (Yu * Wu + Yv * Wv);
-    r.sxx = r.ex * r.ex + s * (Xu * Xu + Xv * Xv);
-    r.syy = r.ey * r.ey + s * (Yu * Yu + Yv * Yv);
-    r.sxy = r.ex * r.ey + s * (Xu * Yu + Xv * Yv);
-    const double hx = ::sqrt(r.sxx) * kLoose + kMarginPx, hy = ::sqrt(r.syy) * kLoose + kMarginPx;
+    const double sxx = r.ex * r.ex + s * (Xu * Xu + Xv * Xv), syy = r.ey * r.ey + s * (Yu * Yu + Yv * Yv);
+    const double sxy = r.ex * r.ey + s * (Xu * Yu + Xv * Yv);
+    r.hx = ::sqrt(sxx), r.hy = ::sqrt(syy);
+    r.shear = sxy / syy, r.lean = sxy / r.hx;
+    const double w2 = sxx - sxy * r.shear;
+    r.width = w2 > 0 ? ::sqrt(w2) : 0;
+    const double hx = r.hx * kLoose + kMarginPx, hy = r.hy * kLoose + kMarginPx;
     include(d.cx + r.ex - hx, r.x0, r.x1), include(d.cx + r.ex + hx, r.x0, r.x1);
     include(d.cy + r.ey - hy, r.y0, r.y1), include(d.cy + r.ey + hy, r.y0, r.y1);
   } else {
@@ -102,18 +107,15 @@ R2_INLINE bool strip_range(const Disc& d, const Reach& r, double y0, double y1, 
     x0 = d.cx - half, x1 = d.cx + half, found = true;
   }
   if (!d.plane) return found;
-  const double hy = ::sqrt(r.syy), ey = d.cy + r.ey;
-  const double top = y0 > ey - hy ? y0 : ey - hy, bottom = y1 < ey + hy ? y1 : ey + hy;
-  const double slack = 1e-6 * hy + kMarginPx;
-  if (top > bottom + slack) return found;
-  const double hx = ::sqrt(r.sxx), shear = r.sxy / r.syy;
-  const double w2 = r.sxx - r.sxy * shear, width = w2 > 0 ? ::sqrt(w2) : 0;
-  const double margin = 1e-6 * hx + kMarginPx;
+  const double ey = d.cy + r.ey;
+  const double top = y0 > ey - r.hy ? y0 : ey - r.hy, bottom = y1 < ey + r.hy ? y1 : ey + r.hy;
+  if (top > bottom + 1e-6 * r.hy + kMarginPx) return found;
+  const double inverse_hy = 1.0 / r.hy, margin = 1e-6 * r.hx + kMarginPx;
   for (int k = -1; k <= 1; k += 2) {
-    double y = ey + k * r.sxy / hx;  // where the boundary is furthest to this side
+    double y = ey + k * r.lean;  // where the boundary is furthest to this side
     y = y < top ? top : (y > bottom ? bottom : y);
-    const double t = y - ey, inside = 1.0 - t * t / r.syy;
-    const double x = d.cx + r.ex + shear * t + k * (width * ::sqrt(inside > 0 ? inside : 0) + margin);
+    const double t = y - ey, inside = 1.0 - t * inverse_hy * (t * inverse_hy);
+    const double x = d.cx + r.ex + r.shear * t + k * (r.width * ::sqrt(inside > 0 ? inside : 0) + margin);
     if (k < 0) x0 = x < x0 ? x : x0;
     else x1 = x > x1 ? x : x1;
   }

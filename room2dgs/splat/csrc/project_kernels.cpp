@@ -120,7 +120,7 @@ R2_INLINE void color_of(const SurfelArrays& s, int64_t i, Vec3<double> direction
 void project(const View& view, const SurfelArrays& s, int64_t begin, int64_t end, Record* records, Extent* extents,
              SpanSink sink) {
   const Frustum frustum = frustum_of(view);
-  uint32_t span = 0;
+  uint32_t span = 0, record = static_cast<uint32_t>(begin);
   for (int64_t first = begin; first < end; first += kLanes) {
     const int lanes = end - first < kLanes ? static_cast<int>(end - first) : kLanes;
     const uint32_t seen = maybe_seen(s, frustum, first, lanes);
@@ -141,13 +141,13 @@ void project(const View& view, const SurfelArrays& s, int64_t begin, int64_t end
       d.cx = o.cx, d.cy = o.cy, d.dx = o.dx, d.dy = o.dy, d.z = o.p.z;
       d.aux = o.aux, d.auy = o.auy, d.avx = o.avx, d.avy = o.avy, d.bx = o.bx, d.by = o.by;
       d.plane = o.plane;
-      Record& r = records[i];
-      extent.span = span;
+      Record& r = records[record];
+      extent.span = span, extent.record = record;
       if (!place(d, view, r, extent, sink)) {
         extent.tiles = 0;
         continue;
       }
-      span += extent.rows;
+      span += extent.rows, ++record;
       extent.depth = static_cast<float>(o.p.z);
       r.cx = static_cast<float>(o.cx), r.cy = static_cast<float>(o.cy), r.z = extent.depth;
       r.cx_rest = static_cast<float>(o.cx - r.cx), r.cy_rest = static_cast<float>(o.cy - r.cy);

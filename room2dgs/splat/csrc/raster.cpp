@@ -9,6 +9,7 @@
 namespace room2dgs {
 namespace {
 
+constexpr int64_t kPrefetch = 16;
 constexpr int64_t kListBlock = 4096;  // depth-sorted surfels a task of the tile lists
 
 Span* room_for_spans(void* context, uint32_t first, uint32_t count) {
@@ -90,12 +91,17 @@ void RasterFrame::list_tiles() {
   auto for_tiles = [&](int64_t block, auto&& visit) {
     const int64_t begin = block * kListBlock, end = std::min(begin + kListBlock, visible);
     for (int64_t k = begin; k < end; ++k) {
+      if (k + kPrefetch < end) {  // depth order is no order in memory
+        const uint32_t ahead = order[k + kPrefetch].index;
+        __builtin_prefetch(&extents[ahead]);
+        __builtin_prefetch(&first_entry[ahead]);
+      }
       const uint32_t surfel = order[k].index;
       const Extent& extent = extents[surfel];
       const Span* span = spans[surfel / kProjectBlock].data() + extent.span;
       uint32_t entry = first_entry[surfel];
       for (int row = 0; row < extent.rows; ++row)
-        for (int x = span[row].x0; x < span[row].x1; ++x) visit((extent.row + row) * tiles_x + x, Item{surfel, entry++});
+        for (int x = span[row].x0; x < span[row].x1; ++x) visit((extent.row + row) * tiles_x + x, Item{extent.record, entry++});
     }
   };
   parallel_for(blocks, [&](int64_t block, int) {

@@ -48,13 +48,14 @@ struct Span {
 struct Extent {
   float depth;
   uint32_t tiles;
-  uint32_t span;  // index into its block's spans
+  uint32_t span;    // index into its block's spans
+  uint32_t record;  // visible surfels of a block lie side by side
   uint16_t row, rows;
 };
 
 // An element of a tile's list. Entries are numbered surfel by surfel, so that a surfel's gradients lie side by side.
 struct Item {
-  uint32_t surfel, entry;
+  uint32_t record, entry;
 };
 
 // Gives room for the spans [first, first + count) of a block, and keeps those before.
