@@ -29,7 +29,7 @@ class SceneConfig:
     layout: str = MISSING  # scannet
     frames: int | None = MISSING  # use this many, evenly spaced (null: all)
     stride: int = MISSING  # use every n-th frame on disk
-    image_width: int | None = MISSING  # resize to this width, keeping the aspect (null: as on disk)
+    image_width: int | None = MISSING  # resize down to this width, keeping the aspect (null: as on disk)
     pixel_centres: str = MISSING  # integer (ScanNet, OpenCV) | half: what cx, cy on disk count
     test_every: int = MISSING  # every n-th used frame is held out (0: none)
     gt_mesh: str | None = MISSING  # null: gt_mesh.ply in the capture's folder, if there
@@ -42,7 +42,8 @@ class PointsConfig:
     source: str = MISSING  # sfm | file
     file: str | None = MISSING  # point file (.ply) for source=file
     max_features: int = MISSING  # SIFT features an image
-    overlap: int = MISSING  # sequential matching: neighbours a frame
+    peak_threshold: float = MISSING  # weakest contrast of a feature; lower finds more on plain walls
+    overlap: int = MISSING  # views a frame is matched with: half its successors, half chosen by pose
     min_track: int = MISSING  # drop points seen in fewer views
     max_error_px: float = MISSING  # drop points with a larger mean reprojection error
 
@@ -194,9 +195,7 @@ def load_config(overrides: list[str] | tuple[str, ...] = (), earlier: Path | Non
         raw = composed if earlier is None else _on_top_of(earlier, composed, override_keys(overrides))
         merged = OmegaConf.merge(OmegaConf.structured(Config), raw)
         for name in sorted(OmegaConf.missing_keys(merged)):
-            raise InputError(
-                f"{name} is not given; add {name}={'DIR' if name in ('out', 'scene.path') else '...'}"
-            )
+            raise InputError(f"{name} is not given; add {name}={'DIR' if name in ('out', 'scene.path') else '...'}")
         config: Any = OmegaConf.to_object(merged)
     except (HydraException, OmegaConfBaseException) as error:
         raise InputError(_one_sentence(error, keys, overrides)) from error
@@ -214,8 +213,8 @@ def _on_top_of(earlier: Path, composed: DictConfig, chosen: list[str]) -> DictCo
     if "experiment" in chosen:
         raise InputError("experiment= starts a new run; on an earlier one set single values instead")
     try:
-        saved = OmegaConf.load(earlier)
-        raw = OmegaConf.merge(OmegaConf.structured(Config), saved)
+        raw = OmegaConf.load(earlier)
+        OmegaConf.merge(OmegaConf.structured(Config), raw)
     except (OSError, UnicodeDecodeError, yaml.YAMLError, OmegaConfBaseException) as error:
         raise InputError(f"{earlier} is not the configuration of a run; choose another out=DIR") from error
     for key in chosen:

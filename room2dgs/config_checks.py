@@ -22,6 +22,7 @@ RANGES = {
     "scene.image_width": (16, 8192),
     "scene.test_every": (0, None),
     "points.max_features": (16, None),
+    "points.peak_threshold": (0.0, 1.0),
     "points.overlap": (1, None),
     "points.min_track": (2, None),
     "points.max_error_px": (1e-3, None),

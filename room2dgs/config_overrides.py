@@ -18,9 +18,7 @@ def group_choices(conf: Path) -> dict[str, list[str]]:
     return {folder.name: sorted(file.stem for file in folder.glob("*.yaml")) for folder in folders}
 
 
-def checked_overrides(
-    overrides: Iterable[str], keys: Iterable[str], groups: dict[str, list[str]]
-) -> list[str]:
+def checked_overrides(overrides: Iterable[str], keys: Iterable[str], groups: dict[str, list[str]]) -> list[str]:
     """The overrides with paths quoted for Hydra.
 
     Args:

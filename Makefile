@@ -1,0 +1,46 @@
+# make demo    a room, its mesh, scores and pictures, in demo/
+# make test    the tests
+# make lint    style
+# make bench   how fast the rasterizer is on this machine
+# make clean   forget everything that was made here
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+# The pinned versions exist for Python 3.11 and newer; 3.10 takes what pip finds.
+PINS := $(shell $(PYTHON) -c 'import sys; print("-c constraints.txt" if sys.version_info >= (3, 11) else "")')
+SOURCES := $(shell find room2dgs -name '*.cpp' -o -name '*.h' -o -name '*.cu') CMakeLists.txt pyproject.toml constraints.txt
+ROOM_OPTIONS ?=
+DEMO_OPTIONS ?=
+
+.PHONY: install demo test lint bench clean
+.DELETE_ON_ERROR:
+
+install: $(READY)
+
+$(READY): $(SOURCES)
+	@$(PYTHON) room2dgs/system_libraries.py
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install -q --disable-pip-version-check $(PINS) scikit-build-core nanobind cmake ninja
+	$(BIN)/pip install -q --disable-pip-version-check $(PINS) --no-build-isolation -e '.[dev]'
+	$(BIN)/room2dgs doctor
+	@touch $(READY)
+
+demo: $(READY)
+	@test -f demo/room/gt_mesh.ply || $(BIN)/python -m room2dgs.tools.make_room demo/room --overwrite $(ROOM_OPTIONS)
+	@rm -rf demo/run
+	$(BIN)/room2dgs run scene.path=demo/room out=demo/run $(DEMO_OPTIONS)
+
+test: $(READY)
+	$(BIN)/python -m pytest
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+bench: $(READY)
+	$(BIN)/room2dgs bench raster
+
+clean:
+	rm -rf $(VENV) build demo .pytest_cache .ruff_cache .hypothesis

@@ -1,0 +1,100 @@
+"""`room2dgs VERB ...`: finds the verb, turns what went wrong into a sentence and an exit code."""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import sys
+import tempfile
+import traceback
+from pathlib import Path
+
+from room2dgs import __version__
+from room2dgs.errors import InputError
+
+DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+# verb -> its line in the help; the code is room2dgs/commands/<verb>.py
+VERBS = {
+    "run": "photos to a scored mesh: points, training, mesh, renders, scores",
+    "train": "the first part of run: points and training",
+    "mesh": "mesh an earlier run (again)",
+    "eval": "score an earlier run, or any mesh against a ground truth",
+    "render": "pictures of an earlier run's views beside the photos",
+    "doctor": "what is installed here, and what will run on what",
+    "bench": "measure the rasterizer: room2dgs bench raster",
+}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command.
+
+    Returns:
+        0 done, 1 our fault, 2 bad input, 130 interrupted.
+    """
+    argv = sys.argv[1:] if argv is None else list(argv)
+    if not argv or argv[0] in ("-h", "--help", "help"):
+        print(overview())
+        return DONE if argv else BAD_INPUT
+    if argv[0] == "--version":
+        print(f"room2dgs {__version__}")
+        return DONE
+    return _dispatched(argv[0], argv[1:])
+
+
+def _dispatched(verb: str, rest: list[str]) -> int:
+    try:
+        if verb not in VERBS:
+            raise InputError(f"{verb!r} is no command; choose from {', '.join(VERBS)}")
+        return importlib.import_module(f"room2dgs.commands.{verb}").main(rest)
+    except InputError as error:
+        print(f"room2dgs: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("\nroom2dgs: interrupted; what was finished is kept", file=sys.stderr)
+        return INTERRUPTED
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            print("room2dgs: the disk is full; make room, then go on with resume=true", file=sys.stderr)
+            return BAD_INPUT
+        print(_our_fault(error), file=sys.stderr)
+        return OUR_FAULT
+
+
+def overview() -> str:
+    """The verbs with one line each."""
+    lines = ["room2dgs: posed photos of a room to a metric triangle mesh", ""]
+    lines += [f"  room2dgs {verb:<7} {summary}" for verb, summary in VERBS.items()]
+    lines += [
+        "",
+        "The main one:  room2dgs run scene.path=DIR out=DIR",
+        "Settings follow the verb as KEY=VALUE; `room2dgs run --help` lists them.",
+    ]
+    return "\n".join(lines)
+
+
+def _our_fault(error: Exception) -> str:
+    """Keeps the traceback in the run's log, or else in a file of its own, and says where."""
+    from room2dgs.commands.run_folder import open_log
+
+    name = type(error).__name__
+    reason = next(iter(str(error).splitlines()), "")
+    text = "".join(traceback.format_exception(error))
+    path = open_log()
+    try:
+        if path is None:
+            with tempfile.NamedTemporaryFile(
+                "w", prefix="room2dgs_", suffix=".log", delete=False, encoding="utf-8"
+            ) as file:
+                file.write(text)
+            path = Path(file.name)
+        else:
+            with path.open("a", encoding="utf-8") as file:
+                file.write(text)
+    except OSError:  # a full disk, perhaps what went wrong in the first place
+        return f"{text}room2dgs: {name}: {reason}; this is not your fault"
+    return f"room2dgs: {name}: {reason}; this is not your fault, the traceback is in {path}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,132 @@
+"""`room2dgs eval`: scores of a run's mesh and held-out views, or of any mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from room2dgs.commands.metrics import record, timed
+from room2dgs.commands.run_folder import (
+    CONFIG,
+    MESH,
+    METRICS,
+    absolute,
+    earlier_run,
+    last_value,
+    logger,
+    required,
+)
+from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.commands.stages import Log, read, rendered, trained_surfels, use_threads
+from room2dgs.config import Config, conf_dir, load_config
+from room2dgs.config_overrides import group_choices
+from room2dgs.errors import InputError
+from room2dgs.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from room2dgs.splat.types import Surfels
+
+USAGE = "room2dgs eval out=DIR | pred=MESH gt=MESH scene=DIR [out=DIR] [eval.KEY=VALUE ...]"
+SHORT = {"pred": "eval.pred", "gt": "eval.gt", "scene": "scene.path"}
+
+
+def main(argv: list[str]) -> int:
+    """Score an earlier run, or any mesh against a ground truth seen by a capture's cameras."""
+    if asked_for_help(argv):
+        return show(USAGE, main.__doc__, ("scene", "eval"))
+    overrides = written_out(argv)
+    out = last_value(overrides, "out")
+    if out and (Path(out).expanduser() / CONFIG).is_file():
+        config = earlier_run(overrides)
+        ground_truth(config)
+        scene = read(config)
+        score_run(scene, trained_surfels(Path(config.out)), config, Path(config.out), {})
+    else:
+        score_mesh(overrides, out)
+    return 0
+
+
+def score_mesh(overrides: list[str], out: str | None) -> None:
+    """Score a mesh that no run made: its cameras come from the capture, its scores go to `out`.
+
+    Raises:
+        InputError: prediction or ground truth are not named or not there.
+    """
+    pred = last_value(overrides, "eval.pred")
+    if not pred:
+        raise InputError("nothing to score; give out=DIR of an earlier run, or pred=MESH gt=MESH scene=DIR")
+    if not out:
+        path = Path(pred).expanduser()
+        overrides = [*overrides, f"out={path.with_name(path.stem + '_scores')}"]
+    config = absolute(load_config(overrides))
+    gt = ground_truth(config)
+    if not Path(config.eval.pred).is_file():
+        raise InputError(f"{config.eval.pred} is missing; give pred=MESH")
+    scene = read(config)
+    gt = gt or scene.gt_mesh
+    if gt is None:
+        raise InputError(f"{config.scene.path} has no gt_mesh.ply; give gt=MESH")
+    from room2dgs.eval.run import evaluate
+
+    folder = Path(config.out)
+    seconds: dict[str, float] = {}
+    with timed(seconds, "eval"):
+        evaluate(Path(config.eval.pred), gt, scene, config.eval, folder, print)
+    record(folder, {}, seconds)
+    print(f"scores: {folder / METRICS}, pictures: {folder / 'eval'}")
+
+
+def score_run(scene: Scene, surfels: Surfels, config: Config, out: Path, seconds: dict[str, float]) -> None:
+    """Held-out views against their photos, and the mesh against the ground truth if there is one."""
+    log = logger(out)
+    use_threads(config)
+    gt = ground_truth(config) or scene.gt_mesh
+    with timed(seconds, "eval"):
+        part = _image_part(scene, surfels, config, log) if config.eval.image_metrics else {}
+        if gt is None:
+            log("no ground truth (gt_mesh.ply in the capture, or eval.gt=MESH): the mesh is not scored")
+        else:
+            from room2dgs.eval.run import evaluate
+
+            pred = Path(config.eval.pred) if config.eval.pred else out / MESH
+            evaluate(required(pred, "mesh"), gt, scene, config.eval, out, log)
+            log(f"pictures of the error: {out / 'eval'}")
+    record(out, part, seconds)
+    log(f"scores: {out / METRICS}")
+
+
+def ground_truth(config: Config) -> Path | None:
+    """The mesh that eval.gt names, or None.
+
+    Raises:
+        InputError: it is not there.
+    """
+    if not config.eval.gt:
+        return None
+    path = Path(config.eval.gt)
+    if not path.is_file():
+        raise InputError(f"{path} is missing; give eval.gt the path of the ground-truth mesh")
+    return path
+
+
+def written_out(argv: list[str]) -> list[str]:
+    """pred=, gt= and scene= as the settings that they stand for."""
+    groups = group_choices(conf_dir())
+    result = []
+    for text in argv:
+        key, equals, value = text.partition("=")
+        is_group_choice = value in groups.get(key, ())
+        result.append(f"{SHORT[key]}={value}" if equals and key in SHORT and not is_group_choice else text)
+    return result
+
+
+def _image_part(scene: Scene, surfels: Surfels, config: Config, log: Log) -> dict[str, Any]:
+    from room2dgs.eval.images import image_scores
+
+    if not scene.test:
+        log("no view is held out (scene.test_every=0): no image scores")
+        return {}
+    views = rendered(surfels, scene.test, config)
+    scores = image_scores((frame.name, view.color.numpy(), frame.color()) for frame, view in views)
+    log(f"{len(scene.test)} held-out views: PSNR {scores['psnr_db']:.2f} dB, SSIM {scores['ssim']:.3f}")
+    return {"psnr_db": scores["psnr_db"], "ssim": scores["ssim"], "test_views": scores["views"]}

@@ -1,0 +1,74 @@
+"""`room2dgs mesh`: a run's surfels to its mesh.ply."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from room2dgs.commands.metrics import record, stale, timed
+from room2dgs.commands.run_folder import MESH, earlier_run, keep_settings, logger
+from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.commands.stages import Log, read, rendered, trained_surfels, use_threads
+from room2dgs.config import Config
+from room2dgs.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from room2dgs.mesh.views import FusedView
+    from room2dgs.splat.types import Surfels
+
+# what a mesh's scores in metrics.json begin with
+SCORES = (
+    "accuracy_m",
+    "chamfer_m",
+    "completion_m",
+    "eval_seconds",
+    "f_score_",
+    "normal_consistency",
+    "precision_",
+    "protocol",
+    "recall_",
+    "where_the_error_sits",
+)
+USAGE = "room2dgs mesh out=DIR [mesh.KEY=VALUE ...]"
+
+
+def main(argv: list[str]) -> int:
+    """Mesh an earlier run, with other settings than before if wanted."""
+    if asked_for_help(argv):
+        return show(USAGE, main.__doc__, ("mesh",))
+    config = earlier_run(argv)
+    out = Path(config.out)
+    surfels = trained_surfels(out)
+    scene = read(config)
+    log = logger(out)
+    mesh_scene(scene, surfels, config, out, log, {})
+    keep_settings(out, config, "mesh")
+    log(f"next: room2dgs eval out={out}")
+    return 0
+
+
+def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: Log, seconds: dict[str, float]) -> None:
+    """mesh.ply from the depth of the training views, its figures into metrics.json."""
+    from room2dgs.mesh.fuse import fuse
+    from room2dgs.mesh.io import write_mesh
+
+    use_threads(config)
+    with timed(seconds, "mesh"):
+        mesh = fuse(_views(scene, surfels, config), config.mesh, log)
+        write_mesh(out / MESH, mesh)
+    # Scores of a mesh that is no longer there must not stand beside this one.
+    faded = stale(out, SCORES)
+    record(out, {**faded, "mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces)}, seconds)
+    log(f"mesh: {out / MESH}")
+
+
+def _views(scene: Scene, surfels: Surfels, config: Config) -> Iterator[FusedView]:
+    import numpy as np
+
+    from room2dgs.mesh.views import FusedView, chosen_depth, valid_depth
+
+    for frame, rendering in rendered(surfels, scene.train, config):
+        valid = valid_depth(rendering, frame.camera, config.mesh)
+        depth = np.where(valid, chosen_depth(rendering, config.mesh), 0).astype(np.float32)
+        yield FusedView(frame.camera, depth, rendering.color.clamp(0, 1).numpy())

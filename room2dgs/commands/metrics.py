@@ -1,0 +1,130 @@
+"""What a run's metrics.json says beside the scores: seconds, memory, versions, machine."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from room2dgs import __version__
+from room2dgs.commands.run_folder import METRICS
+from room2dgs.doctor import usable_cores
+
+PACKAGES = (
+    "torch",
+    "numpy",
+    "pycolmap",
+    "open3d",
+    "opencv-contrib-python-headless",
+    "kornia",
+    "trimesh",
+    "scipy",
+    "hydra-core",
+)
+
+
+@contextmanager
+def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    """Adds the block's wall time to `seconds[stage]`."""
+    start = time.perf_counter()
+    yield
+    seconds[stage] = seconds.get(stage, 0.0) + round(time.perf_counter() - start, 3)
+
+
+def record(out: Path, part: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
+    """Sets `part` in the run's metrics.json, and what every command adds to it.
+
+    Returns:
+        All that the file now holds.
+    """
+    from room2dgs.eval.report import update_metrics
+
+    before = earlier(out)
+    memory = max(peak_memory_mb(), before.get("peak_memory_mb") or 0.0)
+    common = {
+        "seconds": {**before.get("seconds", {}), **seconds},
+        "peak_memory_mb": memory,
+        "versions": versions(),
+        "commit": commit(),
+        "machine": machine(),
+    }
+    return update_metrics(out / METRICS, {**part, **common})
+
+
+def earlier(out: Path) -> dict[str, Any]:
+    """What the run's metrics.json holds so far; nothing if it cannot be read (`update_metrics` says why)."""
+    try:
+        metrics = json.loads((out / METRICS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return metrics if isinstance(metrics, dict) else {}
+
+
+def stale(out: Path, beginnings: tuple[str, ...]) -> dict[str, None]:
+    """Null for what metrics.json says under keys that begin so: what it was measured on is gone."""
+    return dict.fromkeys(key for key in earlier(out) if key.startswith(beginnings))
+
+
+def peak_memory_mb() -> float:
+    """The largest resident memory of this process so far, in 10^6 bytes."""
+    unit = 1 if sys.platform == "darwin" else 1024
+    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6, 1)
+
+
+def versions() -> dict[str, str]:
+    """Version of the package, of Python and of the libraries that decide a result."""
+    found = {"room2dgs": __version__, "python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "missing"
+    return found
+
+
+def commit() -> str | None:
+    """The checkout's commit, "+" behind it when files differ from it; None outside a checkout."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / ".git").exists():
+        return None
+    try:
+        head = _git(root, "rev-parse", "HEAD")
+        return head + "+" if _git(root, "status", "--porcelain") else head
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores that this process may use, memory."""
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+    return {
+        "system": f"{platform.system()} {platform.machine()}",
+        "processor": processor(),
+        "cores": usable_cores(),
+        "memory_gb": round(memory, 1),
+    }
+
+
+def processor() -> str:
+    """The processor's name as the system gives it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _git(root: Path, *arguments: str) -> str:
+    done = subprocess.run(["git", "-C", str(root), *arguments], capture_output=True, text=True, check=True, timeout=10)
+    return done.stdout.strip()

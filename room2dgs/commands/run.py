@@ -1,0 +1,57 @@
+"""`room2dgs run`: the main job, from photos to a scored mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from room2dgs.commands.eval import ground_truth, score_run
+from room2dgs.commands.mesh import mesh_scene
+from room2dgs.commands.metrics import earlier, timed
+from room2dgs.commands.render import render_scene
+from room2dgs.commands.run_folder import MESH, RENDERS, claimed, logger, new_run
+from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.commands.stages import read, trained_surfels
+from room2dgs.commands.train import train_scene
+
+USAGE = "room2dgs run scene.path=DIR out=DIR [resume=true] [KEY=VALUE ...]"
+
+
+def main(argv: list[str]) -> int:
+    """Points, training, mesh, renders of the held-out views, and scores if there is a ground truth."""
+    if asked_for_help(argv):
+        return show(USAGE, main.__doc__)
+    config = new_run(argv)
+    ground_truth(config)  # told now if missing, not after the training
+    seconds: dict[str, float] = {}
+    with timed(seconds, "read"):
+        scene = read(config)
+    with claimed(config) as out:
+        log = logger(out)
+        train_scene(scene, config, out, log, seconds)
+        surfels = trained_surfels(out)
+        mesh_scene(scene, surfels, config, out, log, seconds)
+        render_scene(scene, surfels, config, out, log, seconds)
+        score_run(scene, surfels, config, out, seconds)
+        log("")
+        for line in summary(out, earlier(out)):
+            log(line)
+    return 0
+
+
+def summary(out: Path, metrics: dict[str, Any]) -> list[str]:
+    """The run in a few lines: how good, how long, where to look."""
+    lines = []
+    if metrics.get("f_score_5cm") is not None:
+        lines.append(
+            f"F-score @ 5 cm {metrics['f_score_5cm']:.3f} (precision {metrics['precision_5cm']:.3f}, "
+            f"recall {metrics['recall_5cm']:.3f})"
+        )
+    seconds = metrics["seconds"]
+    stages = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
+    lines.append(f"{metrics['primitives']:,} surfels; {sum(seconds.values()):.0f} s in all: {stages}")
+    lines.append(f"mesh      {out / MESH}")
+    lines.append(f"pictures  {out / RENDERS}")
+    if (out / "eval" / "views.png").exists():
+        lines.append(f"          {out / 'eval' / 'views.png'}, {out / 'eval' / 'top.png'}")
+    return lines

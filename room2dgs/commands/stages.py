@@ -1,0 +1,62 @@
+"""What several commands do with a run: read its capture, load its surfels, render its views."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from room2dgs.commands.run_folder import SURFELS, required
+from room2dgs.config import Config
+from room2dgs.scene.scene import Frame, Scene
+
+if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be told at once
+    from room2dgs.splat.types import Rendering, Surfels
+
+Log = Callable[[str], None]
+
+
+def read(config: Config) -> Scene:
+    """The capture.
+
+    Raises:
+        InputError: as `read_scene`.
+    """
+    from room2dgs.scene.read import read_scene
+
+    return read_scene(config.scene)
+
+
+def use_threads(config: Config) -> None:
+    """The kernels' threads from now on; torch and open3d keep their own."""
+    from room2dgs.splat import set_threads
+
+    set_threads(config.render.threads)
+
+
+def trained_surfels(out: Path) -> Surfels:
+    """The surfels of a run.
+
+    Raises:
+        InputError: it was not trained to the end, or the file is damaged.
+    """
+    from room2dgs.train import load_surfels
+
+    return load_surfels(required(out / SURFELS, "train"))
+
+
+def rendered(surfels: Surfels, frames: Iterable[Frame], config: Config) -> Iterator[tuple[Frame, Rendering]]:
+    """Each view's rendering, one at a time, at the size that the run works at."""
+    import torch
+
+    from room2dgs.splat import render
+
+    background = torch.tensor(config.render.background, dtype=torch.float32)
+    for frame in frames:
+        camera = frame.camera
+        K = torch.from_numpy(camera.K).float()
+        cam_from_world = torch.from_numpy(camera.cam_from_world).float()
+        size = (camera.width, camera.height)
+        with torch.no_grad():  # around the call alone: a generator would leave it on in its caller
+            view = render(surfels, K, cam_from_world, *size, background=background, near_m=config.render.near_m)
+        yield frame, view

@@ -1,0 +1,58 @@
+"""`room2dgs train`: sparse points and training, without the mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from room2dgs.commands.metrics import record, stale, timed
+from room2dgs.commands.run_folder import POINTS, claimed, logger, new_run
+from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.commands.stages import Log, read, use_threads
+from room2dgs.config import Config
+from room2dgs.scene.scene import Scene
+
+# of the surfels before a run went on
+IMAGE_SCORES = ("psnr_db", "ssim", "test_views")
+USAGE = "room2dgs train scene.path=DIR out=DIR [resume=true] [KEY=VALUE ...]"
+
+
+def main(argv: list[str]) -> int:
+    """Train on a capture, or go on with a run."""
+    if asked_for_help(argv):
+        return show(USAGE, main.__doc__)
+    config = new_run(argv)
+    seconds: dict[str, float] = {}
+    with timed(seconds, "read"):
+        scene = read(config)
+    with claimed(config) as out:
+        log = logger(out)
+        train_scene(scene, config, out, log, seconds)
+        log(f"next: room2dgs mesh out={out}")
+    return 0
+
+
+def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str, float]) -> None:
+    """Points and training into the run's folder, their figures into its metrics.json."""
+    from room2dgs.scene.sparse import sparse_points
+    from room2dgs.train import train
+
+    use_threads(config)
+    for dropped in scene.dropped:
+        log(f"frame {dropped.name} left out: {dropped.reason}")
+    log(f"{len(scene.train)} training views, {len(scene.test)} held out")
+    with timed(seconds, "points"):
+        points = sparse_points(scene, config.points, out / POINTS, log)
+    with timed(seconds, "train"):
+        result = train(scene, points, config, out, log)
+    # The loop's own clock also has what an interrupted run took before it was resumed.
+    seconds["train"] = max(seconds["train"], round(sum(result.seconds.values()), 3))
+    part: dict[str, Any] = {
+        **stale(out, IMAGE_SCORES),
+        "primitives": result.surfels,
+        "seeds": result.seeds,
+        "points": len(points),
+        "iterations": result.iterations,
+        "training_seconds": result.seconds,
+    }
+    record(out, part, seconds)

@@ -1,0 +1,134 @@
+"""What is installed, what the machine has, and what will run on what."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import platform
+import shutil
+import subprocess
+from collections.abc import Callable
+
+from room2dgs import __version__
+from room2dgs.system_libraries import package_of
+
+# module -> (distribution, what it is here for); every one is needed
+MODULES = {
+    "numpy": ("numpy", "arrays"),
+    "torch": ("torch", "autograd and the optimiser"),
+    "cv2": ("opencv-contrib-python-headless", "images"),
+    "pycolmap": ("pycolmap", "sparse points"),
+    "open3d": ("open3d", "depth fusion, ray casting"),
+    "trimesh": ("trimesh", "mesh files"),
+    "scipy": ("scipy", "nearest neighbours"),
+    "kornia": ("kornia", "image scores"),
+    "onnxruntime": ("onnxruntime", "depth and normal priors"),
+    "hydra": ("hydra-core", "configuration"),
+    "safetensors": ("safetensors", "checkpoints"),
+    "rich": ("rich", "progress and tables"),
+    "tensorboard": ("tensorboard", "training curves"),
+    "matplotlib": ("matplotlib", "pictures of the error"),
+}
+
+
+def examine() -> tuple[list[str], bool]:
+    """Look at everything that a run needs.
+
+    Returns:
+        Lines to print, and whether a run will work.
+    """
+    system = f"{platform.system()} {platform.machine()}"
+    lines = [f"room2dgs {__version__}, Python {platform.python_version()}, {system}", ""]
+    problems: list[str] = []
+    for name, (distribution, purpose) in MODULES.items():
+        found, problem = _library(name, distribution)
+        lines.append(f"  {distribution:<32} {found:<14} {purpose}")
+        problems += [problem] if problem else []
+    kernels, problem = _kernels()
+    problems += [problem] if problem else []
+    lines += ["", f"  {'cores':<32} {usable_cores()} for this process, {os.cpu_count()} in the machine"]
+    lines += [f"  {'kernels':<32} {kernels}"]
+    lines += [f"  {name:<32} {text}" for name, text in _cuda().items()]
+    lines += [""]
+    if problems:
+        lines += ["This will not run yet:", *(f"  - {problem}" for problem in problems)]
+    else:
+        lines.append("Points, training, mesh and scores will run on the CPU. Nothing is missing.")
+    return lines, not problems
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _library(name: str, distribution: str) -> tuple[str, str | None]:
+    """Its version, and a sentence if it cannot be used."""
+    try:
+        module = importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        return "missing", f"{error.name or name} is not installed; pip install {distribution}"
+    except Exception as error:  # a broken library may raise anything when imported
+        package = package_of(error)
+        fix = (
+            f"on Debian or Ubuntu: apt-get install {package}"
+            if package
+            else f"reinstall it: pip install {distribution}"
+        )
+        return "broken", f"{distribution} cannot be loaded ({_first_line(error)}); {fix}"
+    return _version(module, distribution), None
+
+
+def _version(module: object, distribution: str) -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(distribution)
+    except PackageNotFoundError:  # under another name, e.g. opencv with a screen
+        return str(getattr(module, "__version__", "unknown"))
+
+
+def _kernels() -> tuple[str, str | None]:
+    try:
+        from room2dgs import _C
+    except ImportError as error:
+        return (
+            "missing",
+            f"the compiled kernels cannot be loaded ({_first_line(error)}); build them: pip install .",
+        )
+    return f"{_C.isa()} instructions", None
+
+
+def _cuda() -> dict[str, str]:
+    """What there is of CUDA; nothing needs it."""
+    return {"CUDA in torch": _tried(_torch_cuda), "CUDA compiler": _tried(_nvcc)}
+
+
+def _torch_cuda() -> str:
+    import torch
+
+    if torch.version.cuda is None:
+        return "none (a CPU build)"
+    if not torch.cuda.is_available():
+        return f"{torch.version.cuda}, no device"
+    return f"{torch.version.cuda}, {torch.cuda.get_device_name(0)}; not used: the kernels run on the CPU"
+
+
+def _nvcc() -> str:
+    path = shutil.which("nvcc")
+    if path is None:
+        return "none"
+    text = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=20, check=True).stdout
+    release = next((line for line in text.splitlines() if "release" in line), "")
+    return f"{release.partition('release')[2].partition(',')[0].strip() or 'found'}; not used yet"
+
+
+def _tried(question: Callable[[], str]) -> str:
+    try:
+        return question()
+    except Exception as error:  # whatever a driver does, the rest of the report matters more
+        return f"unknown ({_first_line(error)})"
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
