@@ -19,6 +19,7 @@ from rich.table import Table
 from torch import Tensor
 
 from room2dgs import _C, splat
+from room2dgs.cores import available_cores
 from room2dgs.eval.bench_scene import box_surfels, inside_view
 from room2dgs.losses.photometric import rgb_loss
 from room2dgs.losses.surface import normal_consistency
@@ -161,7 +162,7 @@ def profile_iteration(case: Case, repeats: int) -> dict[str, float]:
 def main(argv: list[str] | None = None) -> int:
     """Measure, print a table, write JSON where --json says."""
     parser = argparse.ArgumentParser(prog="room2dgs bench raster", description=__doc__.splitlines()[0])
-    parser.add_argument("--threads", type=int, default=splat.available_cores(), help="threads of the main columns")
+    parser.add_argument("--threads", type=int, default=available_cores(), help="threads of the main columns")
     parser.add_argument("--repeats", type=int, default=7, help="runs of each figure; the fastest counts")
     parser.add_argument("--quick", action="store_true", help="the smallest case alone")
     parser.add_argument("--json", type=Path, help="also write the figures here")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import trimesh
 
 from room2dgs.eval.shading import NOTHING, UNKNOWN, Rays, error_color, mesh_color, shade
 from room2dgs.eval.surface import Surface
+from room2dgs.files import whole_file
 from room2dgs.mesh.views import view_rays
 from room2dgs.scene.camera import Camera
 from room2dgs.scene.scene import Frame
@@ -83,13 +83,8 @@ def write_sheet(path: Path, rows: Sequence[Sequence[np.ndarray]], titles: Sequen
         extend="max",
         label="distance, cm (grey: the truth says nothing)",
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
+    with whole_file(path) as temporary:
         figure.savefig(temporary, format="png")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _three(

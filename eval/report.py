@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from room2dgs.errors import InputError
+from room2dgs.files import whole_file
 
 ROWS = (
     ("f_score_{at}", "F-score @ {at}"),
@@ -42,13 +42,8 @@ def update_metrics(path: Path, part: dict[str, Any]) -> dict[str, Any]:
         if not isinstance(metrics, dict):
             raise InputError(f"{path} holds no JSON object; delete it")
     metrics.update(_plain(part))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
+    with whole_file(path) as temporary:
         temporary.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
     return metrics
 
 

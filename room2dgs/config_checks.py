@@ -74,6 +74,8 @@ def check(config: Config) -> None:
         _check_range(key, _get(config, key), low, high)
     for name in vars(config.train.rates):
         _check_range(f"train.rates.{name}", getattr(config.train.rates, name), 0.0, 1e3)
+    if config.train.rates.center > 0 and config.train.rates.center_final == 0:
+        raise InputError("train.rates.center_final=0 cannot be reached exponentially; give a small positive rate")
     if config.points.source == "file" and not config.points.file:
         raise InputError("points.source=file needs points.file=PATH of a .ply with points")
     _check_background(config.render.background)

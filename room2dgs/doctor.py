@@ -10,6 +10,7 @@ import subprocess
 from collections.abc import Callable
 
 from room2dgs import __version__
+from room2dgs.cores import available_cores
 from room2dgs.system_libraries import package_of
 
 # module -> (distribution, what it is here for); every one is needed
@@ -46,7 +47,7 @@ def examine() -> tuple[list[str], bool]:
         problems += [problem] if problem else []
     kernels, problem = _kernels()
     problems += [problem] if problem else []
-    lines += ["", f"  {'cores':<32} {usable_cores()} for this process, {os.cpu_count()} in the machine"]
+    lines += ["", f"  {'cores':<32} {available_cores()} for this process, {os.cpu_count()} in the machine"]
     lines += [f"  {'kernels':<32} {kernels}"]
     lines += [f"  {name:<32} {text}" for name, text in _cuda().items()]
     lines += [""]
@@ -55,11 +56,6 @@ def examine() -> tuple[list[str], bool]:
     else:
         lines.append("Points, training, mesh and scores will run on the CPU. Nothing is missing.")
     return lines, not problems
-
-
-def usable_cores() -> int:
-    """Cores that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _library(name: str, distribution: str) -> tuple[str, str | None]:

@@ -17,7 +17,7 @@ from typing import Any
 
 from room2dgs import __version__
 from room2dgs.commands.run_folder import METRICS
-from room2dgs.doctor import usable_cores
+from room2dgs.cores import available_cores
 
 PACKAGES = (
     "torch",
@@ -109,7 +109,7 @@ def machine() -> dict[str, Any]:
     return {
         "system": f"{platform.system()} {platform.machine()}",
         "processor": processor(),
-        "cores": usable_cores(),
+        "cores": available_cores(),
         "memory_gb": round(memory, 1),
     }
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from pathlib import Path
 from room2dgs.config import Config, dump_config, load_config
 from room2dgs.config_overrides import PATH_KEYS
 from room2dgs.errors import InputError
+from room2dgs.files import whole_file
 
 CONFIG, LOG, MESH, METRICS = "config.yaml", "log.txt", "mesh.ply", "metrics.json"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
@@ -78,12 +78,8 @@ def claimed(config: Config) -> Iterator[Path]:
 
 def write_config(out: Path, config: Config) -> None:
     """config.yaml, whole or not at all."""
-    temporary = out / f".{CONFIG}.{os.getpid()}.tmp"
-    try:
+    with whole_file(out / CONFIG) as temporary:
         temporary.write_text(dump_config(replace(config, resume=False)), encoding="utf-8")
-        os.replace(temporary, out / CONFIG)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def keep_settings(out: Path, config: Config, section: str) -> None:

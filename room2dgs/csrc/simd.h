@@ -63,6 +63,16 @@ R2_INLINE f8 vmax(f8 a, f8 b) {
   return select(a > b, a, b);
 #endif
 }
+// A bit a lane.
+R2_INLINE uint32_t bits(i8 mask) {
+#if defined(__AVX2__)
+  return static_cast<uint32_t>(_mm256_movemask_ps(_mm256_castsi256_ps(reinterpret_cast<__m256i>(mask))));
+#else
+  uint32_t r = 0;
+  for (int k = 0; k < kLanes; ++k) r |= (mask[k] ? 1u : 0u) << k;
+  return r;
+#endif
+}
 R2_INLINE bool any(i8 mask) {
 #if defined(__AVX2__)
   return _mm256_movemask_ps(_mm256_castsi256_ps(reinterpret_cast<__m256i>(mask))) != 0;

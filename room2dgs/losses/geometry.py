@@ -9,9 +9,7 @@ from torch import Tensor
 from room2dgs import _C
 
 
-def depth_to_points(
-    depth: Tensor, K: Tensor | np.ndarray, cam_from_world: Tensor | np.ndarray | None = None
-) -> Tensor:
+def depth_to_points(depth: Tensor, K: Tensor | np.ndarray, cam_from_world: Tensor | np.ndarray | None = None) -> Tensor:
     """Back-project every pixel's centre, (i + 0.5, j + 0.5).
 
     Args:

@@ -31,11 +31,7 @@ def rgb_loss(rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
     if rendered.shape != target.shape:
         raise ValueError(f"rendered {tuple(rendered.shape)} and target {tuple(target.shape)} differ in size")
     if dssim == 0 or not runs_compiled(rendered, target):
-        return (
-            reference.rgb_loss(rendered, target.detach(), dssim)
-            if dssim
-            else (rendered - target).abs().mean()
-        )
+        return reference.rgb_loss(rendered, target.detach(), dssim) if dssim else (rendered - target).abs().mean()
     return _RgbLoss.apply(rendered, target, dssim)
 
 
@@ -43,9 +39,7 @@ class _RgbLoss(torch.autograd.Function):
     @staticmethod
     def forward(ctx, rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
         gradient = torch.empty(rendered.shape) if ctx.needs_input_grad[0] else None
-        l1, dissimilarity = _C.rgb_loss(
-            rendered.detach().contiguous(), target.detach().contiguous(), dssim, gradient
-        )
+        l1, dissimilarity = _C.rgb_loss(rendered.detach().contiguous(), target.detach().contiguous(), dssim, gradient)
         if gradient is not None:
             ctx.save_for_backward(gradient)
         return rendered.new_tensor((1 - dssim) * l1 + dssim * dissimilarity)

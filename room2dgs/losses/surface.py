@@ -49,17 +49,13 @@ def normal_consistency(
     chosen = rendering.depth if depth == "expected" else rendering.median_depth
     if not runs_compiled(chosen, rendering.alpha, rendering.normal):
         return reference.normal_consistency(chosen, rendering.alpha, rendering.normal, K, cam_from_world)
-    pose = (
-        cam_from_world if isinstance(cam_from_world, Tensor) else torch.from_numpy(np.asarray(cam_from_world))
-    )
+    pose = cam_from_world if isinstance(cam_from_world, Tensor) else torch.from_numpy(np.asarray(cam_from_world))
     return _NormalConsistency.apply(chosen, rendering.alpha, rendering.normal, intrinsics(K), pose)
 
 
 class _NormalConsistency(torch.autograd.Function):
     @staticmethod
-    def forward(
-        ctx, depth: Tensor, alpha: Tensor, normal: Tensor, pinhole: tuple[float, ...], pose: Tensor
-    ) -> Tensor:
+    def forward(ctx, depth: Tensor, alpha: Tensor, normal: Tensor, pinhole: tuple[float, ...], pose: Tensor) -> Tensor:
         grad_depth = torch.empty(depth.shape)
         grad_normal = torch.empty(normal.shape)
         grad_pose = torch.zeros(4, 4, dtype=torch.float64)

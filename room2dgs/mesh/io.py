@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import trimesh
 
 from room2dgs.errors import InputError
+from room2dgs.files import whole_file
 
 
 def write_mesh(path: Path, mesh: trimesh.Trimesh) -> None:
-    """Write a binary PLY (colours with it) under a temporary name in the same folder, then rename it.
+    """Write a binary PLY (colours with it), whole or not at all.
 
     Raises:
         OSError: the disk refuses; an older file at `path` stays as it was.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            file.write(mesh.export(file_type="ply"))
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with whole_file(Path(path)) as temporary:
+        temporary.write_bytes(mesh.export(file_type="ply"))
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
 from room2dgs.errors import InputError
+from room2dgs.files import whole_file
 from room2dgs.scene.scene import PointCloud
 
 
@@ -50,13 +50,8 @@ def _colors(geometry: trimesh.PointCloud | trimesh.Trimesh, count: int) -> np.nd
 
 def save_points(path: Path, points: PointCloud) -> None:
     """Write a cloud to a safetensors file; nothing half-written is left under its name."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
+    with whole_file(path) as temporary:
         save_file({"xyz": points.xyz, "rgb": points.rgb, "track_length": points.track_length}, temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def load_points(path: Path) -> PointCloud | None:

@@ -33,13 +33,17 @@ def sparse_points(scene: Scene, config: PointsConfig, cache: Path, log: Callable
         log: takes one line at a time.
 
     Returns:
-        At least one point for a file, `MIN_POINTS` for sfm; metres, world frame.
+        At least `MIN_POINTS`; metres, world frame.
 
     Raises:
         InputError: too few points, photos that disagree with their poses, or an unusable file.
     """
     if config.source == "file":
         points = read_ply(Path(config.file or ""))
+        if len(points) < MIN_POINTS:
+            raise InputError(
+                f"{config.file} holds {len(points)} points, at least {MIN_POINTS} are needed; give another file"
+            )
         log(f"points: {len(points)} from {config.file}")
         return points
     path = cache / f"points-{_key(scene, config)}.safetensors"

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-
 import torch
 from torch import Tensor
 
 from room2dgs import _C
+from room2dgs.cores import available_cores
 from room2dgs.splat.constants import SH_DEGREE_OF
 from room2dgs.splat.types import Rendering, Surfels
 
@@ -22,11 +21,6 @@ def set_threads(count: int | None = None) -> int:
     """
     _C.set_threads(count or available_cores())
     return _C.threads()
-
-
-def available_cores() -> int:
-    """Cores that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def render(

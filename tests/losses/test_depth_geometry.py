@@ -75,9 +75,7 @@ def test_an_invalid_depth_takes_five_normals_away_and_no_more(camera, bad):
     gone = [(9, 16), (10, 15), (10, 16), (10, 17), (11, 16)]
     assert {tuple(p) for p in (after != before).any(-1).nonzero().tolist()} == set(gone)
     assert all((after[p] == 0).all() for p in gone)
-    assert torch.equal(
-        normals_by_differences(depth.double(), camera.K, camera.cam_from_world)[1], (after != 0).any(-1)
-    )
+    assert torch.equal(normals_by_differences(depth.double(), camera.K, camera.cam_from_world)[1], (after != 0).any(-1))
 
 
 def test_a_gradient_is_kept_when_one_is_wanted(camera):

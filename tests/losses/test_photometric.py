@@ -36,9 +36,7 @@ def value_and_gradient(loss, rendered, target, dssim):
 
 def check_against_reference(rendered, target, dssim):
     value, gradient = value_and_gradient(rgb_loss, rendered, target, dssim)
-    wanted, wanted_gradient = value_and_gradient(
-        reference.rgb_loss, rendered.double(), target.double(), dssim
-    )
+    wanted, wanted_gradient = value_and_gradient(reference.rgb_loss, rendered.double(), target.double(), dssim)
     assert abs(value - wanted) <= 1e-5 * wanted
     assert (gradient - wanted_gradient).abs().max() <= 1e-4 * wanted_gradient.abs().max()
 

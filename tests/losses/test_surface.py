@@ -73,9 +73,7 @@ def test_normals_against_the_surface_cost_two(camera):
     # A normal that faces away is the commonest mistake of conventions.
     depth, _, _ = random_maps(20, 30, holes=False)
     normal = -depth_to_normals(depth, camera.K, camera.cam_from_world)
-    value = normal_consistency(
-        rendering_of(depth, torch.ones_like(depth), normal), camera.K, camera.cam_from_world
-    )
+    value = normal_consistency(rendering_of(depth, torch.ones_like(depth), normal), camera.K, camera.cam_from_world)
     assert value.item() == pytest.approx(2 * 18 * 28 / (20 * 30), rel=1e-5)
 
 
@@ -103,9 +101,7 @@ def test_alpha_gets_no_gradient(camera):
 def test_median_depth_is_taken_when_asked_for(camera):
     depth, alpha, normal = random_maps(10, 12)
     expected = normal_consistency(rendering_of(depth, alpha, normal), camera.K, camera.cam_from_world)
-    swapped = rendering_of(depth, alpha, normal)._replace(
-        depth=torch.full_like(depth, 3.0), median_depth=depth
-    )
+    swapped = rendering_of(depth, alpha, normal)._replace(depth=torch.full_like(depth, 3.0), median_depth=depth)
     median = normal_consistency(swapped, camera.K, camera.cam_from_world, depth="median")
     assert median.item() == expected.item()
     with pytest.raises(ValueError, match="expected or median"):

@@ -32,7 +32,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
     def full_disk(_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("room2dgs.mesh.io.os.fsync", full_disk)
+    monkeypatch.setattr("room2dgs.files.os.fsync", full_disk)
     with pytest.raises(OSError, match="No space"):
         write_mesh(path, trimesh.creation.icosphere())
     assert path.read_bytes() == before

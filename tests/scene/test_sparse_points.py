@@ -175,10 +175,10 @@ def test_a_point_file_is_read_with_its_colours(scene_config, points_config, tmp_
 
 
 def test_a_point_file_may_lack_colours_and_have_holes(scene_config, points_config, tmp_path):
-    xyz = np.arange(30.0).reshape(10, 3)
+    xyz = np.arange(60.0).reshape(20, 3)
     xyz[3, 1], xyz[7, 2] = np.nan, np.inf
     path = tmp_path / "points.ply"
-    header = "ply\nformat ascii 1.0\nelement vertex 10\nproperty float x\nproperty float y\nproperty float z\n"
+    header = "ply\nformat ascii 1.0\nelement vertex 20\nproperty float x\nproperty float y\nproperty float z\n"
     path.write_text(header + "end_header\n" + "\n".join(" ".join(map(str, point)) for point in xyz) + "\n")
     config = replace(points_config, source="file", file=str(path))
     points = sparse_points(read_scene(scene_config()), config, tmp_path, quiet)
@@ -188,10 +188,17 @@ def test_a_point_file_may_lack_colours_and_have_holes(scene_config, points_confi
 
 def test_the_vertices_of_a_mesh_serve_too(scene_config, points_config, tmp_path):
     path = tmp_path / "mesh.ply"
-    trimesh.creation.box((1.0, 2.0, 3.0)).export(path)
+    trimesh.creation.box((1.0, 2.0, 3.0)).subdivide().export(path)
     config = replace(points_config, source="file", file=str(path))
     points = sparse_points(read_scene(scene_config()), config, tmp_path, quiet)
-    assert len(points) == 8 and np.abs(points.xyz).max() == pytest.approx(1.5)
+    assert len(points) == 26 and np.abs(points.xyz).max() == pytest.approx(1.5)
+
+
+def test_a_handful_of_points_is_refused(scene_config, points_config, tmp_path):
+    write_ply(tmp_path / "few.ply", np.eye(3))
+    config = replace(points_config, source="file", file=str(tmp_path / "few.ply"))
+    with pytest.raises(InputError, match=r"few\.ply holds 3 points"):
+        sparse_points(read_scene(scene_config()), config, tmp_path, quiet)
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no ply", b"ply\nformat ascii 1.0\nend_header\n", "nan"])

@@ -50,27 +50,57 @@ R2_INLINE Hit intersect(const Record& r, f8 dx, float dy) {
   return h;
 }
 
-// A tile has two vectors a row. They are worked on two at a time, side by side or one above the other, so that their
-// latencies overlap.
-struct Group {
-  int row[2], half[2], count;
-};
-// Calls visit(group) for all vectors that a record can reach.
-template <class Visit>
-R2_INLINE void for_groups(const Record& r, int x, int y, const Visit& visit) {
-  const int row0 = r.y0 > y ? r.y0 - y : 0, row1 = r.y1 < y + kTile - 1 ? r.y1 - y : kTile - 1;
-  const int half0 = r.x0 >= x + kLanes, half1 = r.x1 >= x + kLanes;
-  if (half0 != half1) {
-    for (int row = row0; row <= row1; ++row) visit(Group{{row, row}, {0, 1}, 2});
-    return;
-  }
-  int row = row0;
-  for (; row < row1; row += 2) visit(Group{{row, row + 1}, {half0, half0}, 2});
-  if (row == row1) visit(Group{{row, row}, {half0, half0}, 1});
-}
-
 // A record's offset from a tile's first pixel; the centre's rounding is made good here.
 R2_INLINE float offset(int tile, float center, float rest) { return ((static_cast<float>(tile) + 0.5f) - center) - rest; }
+
+// A tile's vectors are numbered by half and row: v = 16 * half + row.
+R2_INLINE int first_pixel_of(int v) { return (v & 15) * kTile + (v >> 4) * kLanes; }
+
+// A bit for every vector of the tile that a record can reach.
+R2_INLINE uint32_t reach_of(const Record& r, int x, int y) {
+  if (r.half_width < 0) {
+    const int row0 = r.y0 > y ? r.y0 - y : 0, row1 = r.y1 < y + kTile - 1 ? r.y1 - y : kTile - 1;
+    const uint32_t rows = row0 > row1 ? 0 : ((2u << row1) - 1) & ~((1u << row0) - 1);
+    return (r.x0 < x + kLanes ? rows : 0) | (r.x1 >= x + kLanes ? rows << 16 : 0);
+  }
+  const float center = -offset(x, r.cx, r.cx_rest);  // column of the projected centre
+  const float middle = r.ellipse_x - (static_cast<float>(x) + 0.5f);
+  const f8 none = splat(1e30f);
+  uint32_t reach = 0;
+  for (int part = 0; part < 2; ++part) {
+    const f8 row = iota() + static_cast<float>(y + kLanes * part) + 0.5f;
+    const f8 t = row - r.ellipse_y, s = t * r.inverse_half_height, inside = 1.0f - s * s;
+    const f8 half = fma(splat(r.half_width), vsqrt(vmax(inside, splat(0))), splat(r.margin));
+    const f8 mid = fma(splat(r.shear), t, splat(middle));
+    const f8 dy = row - r.cy, f2 = r.filter2 - dy * dy, f = vsqrt(vmax(f2, splat(0)));
+    const i8 disc = inside >= 0.0f, filter = f2 >= 0.0f;
+    const f8 left = vmin(select(disc, mid - half, none), select(filter, center - f, none));
+    const f8 right = vmax(select(disc, mid + half, -none), select(filter, center + f, -none));
+    const uint32_t first = bits((left <= 7.0f) & (right >= 0.0f)), second = bits((left <= 15.0f) & (right >= 8.0f));
+    reach |= (first | second << 16) << (kLanes * part);
+  }
+  return reach;
+}
+
+// Vectors are worked on two at a time, so that their latencies overlap.
+struct Group {
+  int v[2], count;
+};
+template <class Visit>
+R2_INLINE void for_groups(uint32_t vectors, const Visit& visit) {
+  while (vectors) {
+    Group g;
+    g.v[0] = g.v[1] = __builtin_ctz(vectors);
+    g.count = 1;
+    vectors &= vectors - 1;
+    if (vectors) {
+      g.v[1] = __builtin_ctz(vectors);
+      g.count = 2;
+      vectors &= vectors - 1;
+    }
+    visit(g);
+  }
+}
 
 R2_INLINE f8 shifted_depth(f8 z, f8 first) { return kDistortionScale * (z - first) / (z * first); }
 
@@ -96,10 +126,10 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
   const int columns = a.width - x < kTile ? a.width - x : kTile, rows = a.height - y < kTile ? a.height - y : kTile;
   ForwardTile s;
   for (int v = 0; v < kVectors; ++v) {
-    const int p = v * kLanes;
-    const f8 column = iota() + static_cast<float>((v & 1) * kLanes);
+    const int p = first_pixel_of(v);
+    const f8 column = iota() + static_cast<float>((v >> 4) * kLanes);
     // pixels beyond the image are finished before they start
-    const i8 inside = (column < static_cast<float>(columns)) & splat_i(v / 2 < rows ? -1 : 0);
+    const i8 inside = (column < static_cast<float>(columns)) & splat_i((v & 15) < rows ? -1 : 0);
     store(s.T + p, masked(inside, splat(1.0f)));
     const f8 zero = splat(0);
     store(s.red + p, zero), store(s.green + p, zero), store(s.blue + p, zero);
@@ -110,8 +140,8 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
   }
   const Item* items = a.items + a.tile_begin[tile];
   const int count = static_cast<int>(a.tile_begin[tile + 1] - a.tile_begin[tile]);
-  uint32_t alive = 0;  // a bit a vector
-  for (int row = 0; row < rows; ++row) alive |= (columns > kLanes ? 3u : 1u) << (2 * row);
+  uint32_t alive = (1u << rows) - 1;  // a bit a vector
+  if (columns > kLanes) alive |= alive << 16;
   int64_t evaluated = 0;
 
   for (int j = 0; j < count && alive; ++j) {
@@ -126,8 +156,8 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
       int p[kCount];
       f8 T[kCount];
       for (int k = 0; k < kCount; ++k) {
-        p[k] = g.row[k] * kTile + g.half[k] * kLanes;
-        h[k] = intersect(r, x0 + static_cast<float>(g.half[k] * kLanes), oy + static_cast<float>(g.row[k]));
+        p[k] = first_pixel_of(g.v[k]);
+        h[k] = intersect(r, x0 + static_cast<float>((g.v[k] >> 4) * kLanes), oy + static_cast<float>(g.v[k] & 15));
         T[k] = load(s.T + p[k]);
         keep[k] = (h[k].raw >= kAlphaMin) & (T[k] >= kTransmittanceMin);
       }
@@ -171,17 +201,16 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
         }
       }
     };
-    for_groups(r, x, y, [&](const Group& g) __attribute__((always_inline)) {
-      const uint32_t bits = 1u << (2 * g.row[0] + g.half[0]) | 1u << (2 * g.row[1] + g.half[1]);
-      if (!(alive & bits)) return;
-      if (pairs) evaluated += kLanes * g.count;
+    const uint32_t reach = reach_of(r, x, y) & alive;
+    if (pairs) evaluated += kLanes * __builtin_popcount(reach);
+    for_groups(reach, [&](const Group& g) __attribute__((always_inline)) {
       if (g.count == 2) step(Two(), g);
       else step(One(), g);
     });
     if ((j & 7) == 7) {  // which vectors still let light through
       for (uint32_t left = alive; left; left &= left - 1) {
         const int v = __builtin_ctz(left);
-        if (!any(load(s.T + v * kLanes) >= kTransmittanceMin)) alive &= ~(1u << v);
+        if (!any(load(s.T + first_pixel_of(v)) >= kTransmittanceMin)) alive &= ~(1u << v);
       }
     }
   }
@@ -259,8 +288,8 @@ int load_gradients(const BlendArgs& a, const Images& out, const ImageGradients& 
         s.m1[p] = a.state.m1[base + p], s.m2[p] = a.state.m2[base + p];
         s.covered[p] = covered;
       }
-      const int v = p / kLanes;
-      if (p % kLanes == 0) s.vector_last[v] = 0;
+      const int v = (column / kLanes) * kTile + row;
+      if (column % kLanes == 0) s.vector_last[v] = 0;
       if (s.last[p] > s.vector_last[v]) s.vector_last[v] = s.last[p];
       if (s.last[p] > tile_last) tile_last = s.last[p];
     }
@@ -294,6 +323,16 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
     float* entry = entries + static_cast<int64_t>(items[j].entry) * kGradients;
     for (int k = 0; k < kGradients; ++k) entry[k] = 0;
   }
+  // vectors come to life, from the back, where their last surfel was blended
+  int by_last[kVectors];
+  for (int v = 0; v < kVectors; ++v) {
+    int at = v;
+    const int key = s.vector_last[v] << 5 | v;
+    for (; at > 0 && by_last[at - 1] < key; --at) by_last[at] = by_last[at - 1];
+    by_last[at] = key;
+  }
+  uint32_t alive = 0;
+  int reached = 0;
   for (int j = tile_last - 1; j >= 0; --j) {
     if (j >= kPrefetch) prefetch(a.records + items[j - kPrefetch].record);
     const Record& r = a.records[items[j].record];
@@ -310,9 +349,9 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
       f8 dx[kCount];
       float dy[kCount];
       for (int k = 0; k < kCount; ++k) {
-        p[k] = group.row[k] * kTile + group.half[k] * kLanes;
-        dx[k] = x0 + static_cast<float>(group.half[k] * kLanes);
-        dy[k] = oy + static_cast<float>(group.row[k]);
+        p[k] = first_pixel_of(group.v[k]);
+        dx[k] = x0 + static_cast<float>((group.v[k] >> 4) * kLanes);
+        dy[k] = oy + static_cast<float>(group.v[k] & 15);
         h[k] = intersect(r, dx[k], dy[k]);
         keep[k] = (h[k].raw >= kAlphaMin) & (load_i(s.last + p[k]) > j);
       }
@@ -363,10 +402,8 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
         sum[13] = fma(weight, red, sum[13]), sum[14] = fma(weight, green, sum[14]), sum[15] = fma(weight, blue, sum[15]);
       }
     };
-    for_groups(r, x, y, [&](const Group& group) __attribute__((always_inline)) {
-      const int last0 = s.vector_last[2 * group.row[0] + group.half[0]];
-      const int last1 = s.vector_last[2 * group.row[1] + group.half[1]];
-      if (j >= last0 && j >= last1) return;
+    while (reached < kVectors && j < by_last[reached] >> 5) alive |= 1u << (by_last[reached++] & 31);
+    for_groups(reach_of(r, x, y) & alive, [&](const Group& group) __attribute__((always_inline)) {
       if (group.count == 2) step(Two(), group);
       else step(One(), group);
     });

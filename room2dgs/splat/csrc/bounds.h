@@ -64,6 +64,7 @@ R2_INLINE Reach reach_of(const Disc& d, const View& view) {
   r.x0 = d.cx - r.filter, r.x1 = d.cx + r.filter;
   r.y0 = d.cy - r.filter, r.y1 = d.cy + r.filter;
   r.crossing = false;
+  r.ex = r.ey = r.hx = r.hy = r.shear = r.lean = r.width = 0;
   if (!d.plane) return r;
   const double Xu = d.su * view.fx * (d.tu.x - d.dx * d.tu.z), Xv = d.sv * view.fx * (d.tv.x - d.dx * d.tv.z);
   const double Yu = d.su * view.fy * (d.tu.y - d.dy * d.tu.z), Yv = d.sv * view.fy * (d.tv.y - d.dy * d.tv.z);

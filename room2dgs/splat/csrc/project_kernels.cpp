@@ -83,6 +83,13 @@ R2_INLINE bool place(const Disc& d, const View& view, Record& record, Extent& ex
   if (x0 > x1 || y0 > y1) return false;
   record.x0 = static_cast<int16_t>(x0), record.x1 = static_cast<int16_t>(x1);
   record.y0 = static_cast<int16_t>(y0), record.y1 = static_cast<int16_t>(y1);
+  constexpr double kPixelMargin = 0.02;  // pixels are placed in float
+  record.filter2 = static_cast<float>((r.filter + kPixelMargin) * (r.filter + kPixelMargin));
+  record.ellipse_x = static_cast<float>(d.cx + r.ex), record.ellipse_y = static_cast<float>(d.cy + r.ey);
+  record.inverse_half_height = static_cast<float>(1 / (r.hy * kLoose + kPixelMargin));
+  record.shear = static_cast<float>(r.shear);
+  record.half_width = r.crossing ? -1.0f : static_cast<float>(r.width * kLoose);
+  record.margin = static_cast<float>(kPixelMargin + 1e-5 * r.hx);
   const int tx0 = x0 / kTile, tx1 = x1 / kTile, ty0 = y0 / kTile, ty1 = y1 / kTile;
   extent.row = static_cast<uint16_t>(ty0);
   extent.rows = static_cast<uint16_t>(ty1 - ty0 + 1);

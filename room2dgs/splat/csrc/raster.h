@@ -37,6 +37,9 @@ struct Record {
   float den_max;  // hits nearer than the near plane have a larger `den`
   float log2_opacity;
   float color[3], normal[3];
+  // which pixels of a row it can reach: those of an ellipse and those of the filter's circle, a little enlarged;
+  // a disc that crosses the near plane has no ellipse (`half_width` < 0) and takes its box
+  float ellipse_x, ellipse_y, inverse_half_height, shear, half_width, margin, filter2;
   int16_t x0, x1, y0, y1;  // pixels that it can reach, inclusive
 };
 

@@ -1,0 +1,100 @@
+"""A seed's first surfels (eq. 9)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from room2dgs.seeds.seeds import Seeds
+
+GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+Y00 = 0.5 / math.sqrt(math.pi)  # the constant spherical harmonic
+
+
+class Spawned(NamedTuple):
+    """k surfels for each of S seeds, activated; float32.
+
+    Attributes:
+        positions: (S, 3) the seeds, metres.
+        offsets: (S, k, 3) metres from the seed (eq. 9: p = v + O).
+        rotations: (S, k, 4) unit quaternions (w, x, y, z); the third axis is the seed's normal.
+        scales: (S, k, 2) metres.
+        opacities: (S, k).
+        sh_dc: (S, k, 3) coefficient of degree 0.
+    """
+
+    positions: Tensor
+    offsets: Tensor
+    rotations: Tensor
+    scales: Tensor
+    opacities: Tensor
+    sh_dc: Tensor
+
+
+def spawn(seeds: Seeds, per_seed: int, opacity: float, random_seed: int) -> Spawned:
+    """Spread k discs evenly over each seed's patch of surface.
+
+    The offsets follow a sunflower of radius `spacing` in the tangent plane through the seed's mean
+    point, turned by a random angle a seed: all k differ (k coincident surfels would get k equal
+    gradients and stay one), and no part of the patch is left bare. The discs' scale is
+    spacing / sqrt(k), so that together they cover the same area whatever k is.
+
+    Args:
+        seeds: S seeds.
+        per_seed: k.
+        opacity: of every surfel.
+        random_seed: the same number gives the same bits.
+    """
+    count = len(seeds)
+    quaternions = quaternions_to(seeds.normals)
+    tangents = _tangents(quaternions)  # (S, 2, 3)
+    index = np.arange(per_seed)
+    radius = np.sqrt(index / per_seed) * seeds.spacing[:, None]
+    turn = np.random.default_rng([random_seed, 0x5EED]).uniform(0.0, 2 * math.pi, (count, 1))
+    angle = index * GOLDEN_ANGLE + turn
+    in_plane = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)  # (S, k, 2)
+    offsets = (seeds.surface - seeds.positions)[:, None] + np.einsum("ska,sai->ski", in_plane, tangents)
+    scale = seeds.spacing / math.sqrt(per_seed)
+
+    def repeated(values: np.ndarray, width: int) -> Tensor:
+        rows = np.broadcast_to(values.reshape(count, 1, -1), (count, per_seed, width))
+        return torch.from_numpy(np.ascontiguousarray(rows, dtype=np.float32))
+
+    return Spawned(
+        positions=torch.from_numpy(seeds.positions.astype(np.float32)),
+        offsets=torch.from_numpy(offsets.astype(np.float32)),
+        rotations=repeated(quaternions, 4),
+        scales=repeated(scale, 2),
+        opacities=torch.full((count, per_seed), opacity, dtype=torch.float32),
+        sh_dc=repeated((seeds.rgb - 0.5) / Y00, 3),
+    )
+
+
+def quaternions_to(normals: np.ndarray) -> np.ndarray:
+    """Shortest rotations that take the z axis to each normal.
+
+    Args:
+        normals: (S, 3) unit.
+
+    Returns:
+        (S, 4) unit quaternions (w, x, y, z).
+    """
+    x, y, z = normals.T
+    # 1 + z without cancellation near the far pole
+    above = np.where(z < 0, (x * x + y * y) / (1.0 - np.minimum(z, 0.0)), 1.0 + z)
+    quaternions = np.stack([above, -y, x, np.zeros_like(z)], axis=1)
+    length = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    # exactly -z: half a turn about x
+    return np.where(length > 0, quaternions / np.where(length > 0, length, 1.0), [0.0, 1.0, 0.0, 0.0])
+
+
+def _tangents(quaternions: np.ndarray) -> np.ndarray:
+    """(S, 4) to (S, 2, 3): the first two columns of the rotation matrices."""
+    w, x, y, z = quaternions.T
+    t_u = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)]
+    t_v = [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)]
+    return np.stack([np.stack(t_u, axis=1), np.stack(t_v, axis=1)], axis=1)

@@ -1,0 +1,76 @@
+"""Which settings decide a run's result, so that a resumed run is the same run."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from room2dgs.config import Config
+from room2dgs.errors import InputError
+from room2dgs.scene.scene import Scene
+
+# `train.iterations` is not among them: a run may be prolonged.
+SECTIONS = ("scene", "points", "seeds", "render", "loss")
+TRAIN_KEYS = ("seed", "rates", "resolutions")
+FREE = ("scene.gt_mesh", "scene.test_every", "render.threads")
+VIEWS = "training views"
+
+
+def fingerprint(config: Config, scene: Scene) -> dict[str, Any]:
+    """Dotted key -> plain value of all settings that decide the result, and the training views' digest."""
+    values = asdict(config)
+    values["scene"]["path"] = str(Path(config.scene.path).resolve())
+    flat: dict[str, Any] = {}
+    for section in SECTIONS:
+        _flatten(section, values[section], flat)
+    for key in TRAIN_KEYS:
+        _flatten(f"train.{key}", values["train"][key], flat)
+    for key in FREE:
+        flat.pop(key, None)
+    flat[VIEWS] = _views_digest(scene)
+    return flat
+
+
+def digest(values: dict[str, Any]) -> str:
+    """Sixteen hex digits that stand for a fingerprint."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def check_same(before: dict[str, Any], now: dict[str, Any], where: Path) -> None:
+    """Refuse to resume with other settings.
+
+    Raises:
+        InputError: names the first key that differs, with both values.
+    """
+    # what comes over JSON has lists where there may be tuples
+    now = json.loads(json.dumps(now))
+    for key in sorted(before.keys() | now.keys(), key=lambda key: (key == VIEWS, key)):
+        if before.get(key) == now.get(key):
+            continue
+        if key == VIEWS:
+            raise InputError(f"{where} was trained on other views than the scene has now; choose another out=DIR")
+        raise InputError(
+            f"{where} was trained with {key}={before.get(key)}, so {key}={now.get(key)} cannot resume it; "
+            "give the old value or choose another out=DIR"
+        )
+
+
+def _flatten(prefix: str, value: Any, into: dict[str, Any]) -> None:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _flatten(f"{prefix}.{key}", inner, into)
+    else:
+        into[prefix] = value
+
+
+def _views_digest(scene: Scene) -> str:
+    hasher = hashlib.sha256()
+    for frame in scene.train:
+        camera = frame.camera
+        hasher.update(f"{frame.name} {camera.width} {camera.height}".encode())
+        hasher.update(camera.K.tobytes())
+        hasher.update(camera.cam_from_world.tobytes())
+    return hasher.hexdigest()[:16]

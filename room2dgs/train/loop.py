@@ -1,0 +1,139 @@
+"""The training loop: photos and sparse points to surfels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from room2dgs.config import Config
+from room2dgs.files import remove_leftovers
+from room2dgs.scene.scene import PointCloud, Scene
+from room2dgs.train import checkpoint
+from room2dgs.train.clock import StageClock
+from room2dgs.train.fingerprint import check_same, digest, fingerprint
+from room2dgs.train.model import Model, checkpoint_of, new_model, restored_model
+from room2dgs.train.progress import Log, file_log
+from room2dgs.train.report import Report
+from room2dgs.train.schedule import image_fraction, view_index
+from room2dgs.train.step import current_surfels, iterate, mean_psnr_db
+from room2dgs.train.surfel_file import save_surfels
+from room2dgs.train.threads import one_torch_thread
+from room2dgs.train.views import Views
+
+
+@dataclass(frozen=True)
+class TrainResult:
+    """What training leaves.
+
+    Attributes:
+        surfels_path: out/surfels.safetensors (`load_surfels` reads it).
+        surfels, seeds: their numbers.
+        iterations: done in all, earlier runs included.
+        seconds: by stage of the iteration (clock.STAGES), earlier runs included.
+        losses: means over the last logged stretch: each unweighted term, "loss", "psnr_db"; empty if
+            there was nothing left to do.
+        test_psnr_db: of the held-out views at the last look; None without one.
+    """
+
+    surfels_path: Path
+    surfels: int
+    seeds: int
+    iterations: int
+    seconds: dict[str, float]
+    losses: dict[str, float]
+    test_psnr_db: float | None
+
+
+@one_torch_thread()
+def train(scene: Scene, points: PointCloud, config: Config, out: Path | str, log: Log | None = None) -> TrainResult:
+    """Optimise surfels for `config.train.iterations`; with `config.resume`, from the last whole checkpoint.
+
+    The same scene, points and settings give the same bits on the same machine, on any number of threads,
+    whether or not the run was killed and resumed in between.
+
+    Args:
+        scene: at least one training view.
+        points: sparse points; not looked at when a checkpoint is resumed.
+        config: settings.
+        out: the run's folder; takes checkpoints/, surfels.safetensors and tensorboard/.
+        log: takes one line at a time; None: standard output and out/log.txt.
+
+    Raises:
+        InputError: no usable points, a photo that cannot be decoded, a full disk, or a resumed run
+            whose settings differ from the first one's.
+        RuntimeError: a loss or gradient that is not finite (our fault).
+    """
+    out = Path(out)
+    log = log or file_log(out)
+    identity = fingerprint(config, scene)
+    model, clock = _start(scene, points, config, out, identity, log)
+    with Report(out, config.train, model.iteration, log) as report:
+        _optimise(model, scene, config, out, identity, clock, report)
+
+    surfels = current_surfels(model, config.render)
+    path = out / "surfels.safetensors"
+    meta = {
+        "iteration": model.iteration,
+        "sh_degree": config.render.sh_degree,
+        "background": list(config.render.background),
+        "near_m": config.render.near_m,
+        "seeds": model.seeds,
+        "settings": digest(identity),
+    }
+    save_surfels(path, surfels, meta)
+    return TrainResult(
+        surfels_path=path,
+        surfels=len(surfels.centers),
+        seeds=model.seeds,
+        iterations=model.iteration,
+        seconds=dict(clock.seconds),
+        losses=report.losses,
+        test_psnr_db=report.test_psnr_db,
+    )
+
+
+def _start(
+    scene: Scene, points: PointCloud, config: Config, out: Path, identity: dict[str, Any], log: Log
+) -> tuple[Model, StageClock]:
+    """The model to go on with, and the time it took so far."""
+    remove_leftovers(checkpoint.folder_of(out))
+    state = checkpoint.latest(out, log) if config.resume else None
+    if state:
+        check_same(state.fingerprint, identity, out)
+        log(f"resuming after iteration {state.iteration} of {config.train.iterations}")
+        return restored_model(state), StageClock(state.seconds)
+    if config.resume:
+        log(f"no whole checkpoint in {checkpoint.folder_of(out)}; starting from the beginning")
+    model = new_model(scene, points, config)
+    log(f"{len(points)} points, {model.seeds} seeds, {model.surfel_count} surfels, {len(scene.train)} training views")
+    return model, StageClock()
+
+
+def _optimise(
+    model: Model,
+    scene: Scene,
+    config: Config,
+    out: Path,
+    identity: dict[str, Any],
+    clock: StageClock,
+    report: Report,
+) -> None:
+    settings = config.train
+    views, held_out = Views(scene.train), Views(scene.test)
+    extent = scene.extent
+    # a run from the beginning takes the place of an earlier one, once it has a checkpoint of its own
+    kept = checkpoint.up_to(out, model.iteration) if model.iteration else []
+    while model.iteration < settings.iterations:
+        clock.start()
+        index = view_index(model.iteration, len(views), settings.seed)
+        view = views.at(index, image_fraction(model.iteration, settings.resolutions))
+        step = iterate(model, view, config, extent, clock)
+        done, last = model.iteration, model.iteration == settings.iterations
+        report.step(done, step, model.surfel_count)
+        if settings.test_every and len(held_out) and (done % settings.test_every == 0 or last):
+            report.test(done, mean_psnr_db(model, held_out, config.render))
+        if done % settings.checkpoint_every == 0 or last:
+            kept.append(checkpoint.save(out, checkpoint_of(model, identity, clock.seconds)))
+            kept = kept[-settings.keep_checkpoints :]
+            checkpoint.keep_only(out, kept)

@@ -1,0 +1,66 @@
+"""Named tensors with JSON metadata and a checksum in one safetensors file."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor
+
+from room2dgs.errors import InputError
+from room2dgs.files import whole_file
+
+FORMAT = 1
+KEY = "room2dgs"  # one metadata entry: safetensors does not keep the order of several
+
+
+def write_tensors(path: Path, kind: str, tensors: dict[str, Tensor], meta: dict[str, Any]) -> None:
+    """Write atomically; the same tensors and metadata give the same bytes.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    plain = {name: tensors[name].detach().cpu().contiguous() for name in sorted(tensors)}
+    header = {"format": FORMAT, "kind": kind, "crc32": _checksum(plain), **meta}
+    data = save(plain, {KEY: json.dumps(header, sort_keys=True)})
+    try:
+        with whole_file(path) as temporary:
+            temporary.write_bytes(data)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"{path} cannot be written ({reason}); make room or give another folder") from error
+
+
+def read_tensors(path: Path, kind: str) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Read and check what `write_tensors` wrote.
+
+    Raises:
+        InputError: missing, truncated, damaged, another kind of file or a newer format.
+    """
+    if not path.is_file():
+        raise InputError(f"{path} is not there; train first, or give the folder of an earlier run")
+    try:
+        with safe_open(path, framework="pt") as file:
+            meta = json.loads((file.metadata() or {})[KEY])
+            tensors = {name: file.get_tensor(name) for name in sorted(file.keys())}
+    except (SafetensorError, OSError, KeyError, ValueError) as error:
+        raise InputError(f"{path} is not a whole room2dgs file; delete it and train again") from error
+    if not isinstance(meta, dict) or meta.get("kind") != kind:
+        raise InputError(f"{path} does not hold a {kind}; give the file that training wrote")
+    if meta.get("format") != FORMAT:
+        raise InputError(f"{path} has format {meta.get('format')}, not {FORMAT}; use the version that wrote it")
+    if meta.get("crc32") != _checksum(tensors):
+        raise InputError(f"{path} is damaged (its checksum differs); delete it and train again")
+    return tensors, meta
+
+
+def _checksum(tensors: dict[str, Tensor]) -> int:
+    value = 0
+    for name in sorted(tensors):
+        value = zlib.crc32(tensors[name].reshape(-1).view(torch.uint8).numpy(), zlib.crc32(name.encode(), value))
+    return value

@@ -1,0 +1,81 @@
+"""Photos and cameras as the loop needs them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from room2dgs.scene.scene import Frame
+
+
+class View(NamedTuple):
+    """One photo at one size.
+
+    Attributes:
+        name: the frame's.
+        image: (H, W, 3) uint8 RGB.
+        K: (3, 3) float32, pixels.
+        cam_from_world: (4, 4) float32, metres.
+        width, height: pixels.
+    """
+
+    name: str
+    image: Tensor
+    K: Tensor
+    cam_from_world: Tensor
+    width: int
+    height: int
+
+    def target(self) -> Tensor:
+        """(H, W, 3) float32 in 0..1."""
+        return torch.div(self.image, 255)
+
+
+class Views:
+    """Frames read once for each image size and kept as bytes; only the size in use is kept."""
+
+    def __init__(self, frames: Sequence[Frame]) -> None:
+        self.frames = frames
+        self._fraction = 1.0
+        self._kept: dict[int, View] = {}
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def at(self, index: int, fraction: float = 1.0) -> View:
+        """The index-th view at `fraction` of the frame's size.
+
+        Raises:
+            InputError: the photo cannot be decoded.
+        """
+        if fraction != self._fraction:
+            self._fraction, self._kept = fraction, {}
+        if index not in self._kept:
+            self._kept[index] = load_view(self.frames[index], fraction)
+        return self._kept[index]
+
+
+def load_view(frame: Frame, fraction: float) -> View:
+    """Read one photo at `fraction` of the frame's size, intrinsics scaled alike.
+
+    Raises:
+        InputError: the photo cannot be decoded.
+    """
+    camera = frame.camera
+    if fraction != 1.0:
+        size = [max(1, round(fraction * pixels)) for pixels in (camera.width, camera.height)]
+        camera = camera.resized(*size)
+    image = np.ascontiguousarray(replace(frame, camera=camera).color())
+    return View(
+        frame.name,
+        torch.from_numpy(image),
+        torch.from_numpy(camera.K.astype(np.float32)),
+        torch.from_numpy(camera.cam_from_world.astype(np.float32)),
+        camera.width,
+        camera.height,
+    )

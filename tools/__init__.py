@@ -1,0 +1,1 @@
+"""Capture-side programs: what makes or converts captures before room2dgs reads them."""
