@@ -49,6 +49,39 @@ class PointsConfig:
 
 
 @dataclass
+class DepthPriorConfig:
+    """Depth maps of the photos, from a network or a sensor."""
+
+    source: str = MISSING  # none | files
+    path: str | None = MISSING  # folder of <photo's name>.png (16-bit) or .npy
+    unit_m: float | None = MISSING  # metres of one stored unit (null: 0.001 for PNG, 1 for .npy)
+    meaning: str = MISSING  # metric_depth | relative_depth | relative_inverse_depth
+    align: bool = MISSING  # robust scale and shift of each map to the sparse points
+    max_residual: float = MISSING  # maps with a larger median relative residual are left out
+
+
+@dataclass
+class NormalPriorConfig:
+    """Normal maps of the photos; what their numbers mean must be said."""
+
+    source: str = MISSING  # none | files
+    path: str | None = MISSING  # folder of <photo's name>.png or .npy
+    encoding: str = MISSING  # png8 (n = rgb / 127.5 - 1) | npy
+    axes: str = MISSING  # opencv (x right, y down, z forward) | opengl (x right, y up, z back)
+    facing: str = MISSING  # camera | away: the side that normals point to
+    frame: str = MISSING  # camera | world
+    check: bool = MISSING  # stop if another convention fits clearly better
+
+
+@dataclass
+class PriorConfig:
+    """Maps that tell depth and normals of each photo beforehand."""
+
+    depth: DepthPriorConfig = field(default_factory=DepthPriorConfig)
+    normal: NormalPriorConfig = field(default_factory=NormalPriorConfig)
+
+
+@dataclass
 class SeedsConfig:
     """Seeds and the surfels they spawn (eq. 8-9)."""
 
@@ -87,6 +120,8 @@ class LossConfig:
     dssim: float = MISSING  # L_rgb = (1 - dssim) L1 + dssim D-SSIM
     distortion: TermConfig = field(default_factory=TermConfig)
     normal_consistency: TermConfig = field(default_factory=TermConfig)
+    depth_prior: TermConfig = field(default_factory=TermConfig)  # acts on views that have a depth prior
+    normal_prior: TermConfig = field(default_factory=TermConfig)  # acts on views that have a normal prior
 
 
 @dataclass
@@ -160,6 +195,7 @@ class Config:
     resume: bool = MISSING  # go on from the last checkpoint in `out`
     scene: SceneConfig = field(default_factory=SceneConfig)
     points: PointsConfig = field(default_factory=PointsConfig)
+    prior: PriorConfig = field(default_factory=PriorConfig)
     seeds: SeedsConfig = field(default_factory=SeedsConfig)
     render: RenderConfig = field(default_factory=RenderConfig)
     loss: LossConfig = field(default_factory=LossConfig)
@@ -209,7 +245,10 @@ def dump_config(config: Config) -> str:
 
 
 def _on_top_of(earlier: Path, composed: DictConfig, chosen: list[str]) -> DictConfig:
-    """The earlier run's settings with the chosen keys (settings or whole groups) taken from `composed`."""
+    """The earlier run's settings with the chosen keys (settings or whole groups) taken from `composed`.
+
+    Settings that did not exist yet when that run was made have their default.
+    """
     if "experiment" in chosen:
         raise InputError("experiment= starts a new run; on an earlier one set single values instead")
     try:
@@ -217,6 +256,7 @@ def _on_top_of(earlier: Path, composed: DictConfig, chosen: list[str]) -> DictCo
         OmegaConf.merge(OmegaConf.structured(Config), raw)
     except (OSError, UnicodeDecodeError, yaml.YAMLError, OmegaConfBaseException) as error:
         raise InputError(f"{earlier} is not the configuration of a run; choose another out=DIR") from error
+    raw = OmegaConf.merge(composed, raw)
     for key in chosen:
         OmegaConf.update(raw, key, OmegaConf.select(composed, key), merge=False)
     return raw

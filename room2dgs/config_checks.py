@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import sys
 
-from room2dgs.config import Config, ResolutionConfig
+from room2dgs.config import Config, PriorConfig, ResolutionConfig
 from room2dgs.errors import InputError
 
 CHOICES = {
     "scene.layout": ("scannet",),
     "scene.pixel_centres": ("integer", "half"),
     "points.source": ("sfm", "file"),
+    "prior.depth.source": ("none", "files"),
+    "prior.depth.meaning": ("metric_depth", "relative_depth", "relative_inverse_depth"),
+    "prior.normal.source": ("none", "files"),
+    "prior.normal.encoding": ("png8", "npy"),
+    "prior.normal.axes": ("opencv", "opengl"),
+    "prior.normal.facing": ("camera", "away"),
+    "prior.normal.frame": ("camera", "world"),
     "seeds.decoder": ("explicit",),
     "mesh.depth": ("median", "expected"),
 }
@@ -26,6 +33,8 @@ RANGES = {
     "points.overlap": (1, None),
     "points.min_track": (2, None),
     "points.max_error_px": (1e-3, None),
+    "prior.depth.unit_m": (1e-9, 1e6),
+    "prior.depth.max_residual": (1e-3, 10.0),
     "seeds.voxel_m": (1e-4, 10.0),
     "seeds.per_seed": (1, 64),
     "seeds.neighbours": (3, 256),
@@ -40,6 +49,10 @@ RANGES = {
     "loss.distortion.start": (0, None),
     "loss.normal_consistency.weight": (0.0, None),
     "loss.normal_consistency.start": (0, None),
+    "loss.depth_prior.weight": (0.0, None),
+    "loss.depth_prior.start": (0, None),
+    "loss.normal_prior.weight": (0.0, None),
+    "loss.normal_prior.start": (0, None),
     "train.iterations": (1, None),
     "train.log_every": (1, None),
     "train.test_every": (0, None),
@@ -78,6 +91,7 @@ def check(config: Config) -> None:
         raise InputError("train.rates.center_final=0 cannot be reached exponentially; give a small positive rate")
     if config.points.source == "file" and not config.points.file:
         raise InputError("points.source=file needs points.file=PATH of a .ply with points")
+    _check_priors(config.prior)
     _check_background(config.render.background)
     _check_protocols(config.eval.protocols)
     _check_resolutions(config.train.resolutions)
@@ -88,6 +102,15 @@ def _check_range(key: str, value: float | None, low: float, high: float | None) 
     if value is not None and not (low <= value <= (sys.float_info.max if high is None else high)):
         allowed = f"of {low} or more" if high is None else f"from {low} to {high}"
         raise InputError(f"{key}={value} is impossible; give a value {allowed}")
+
+
+def _check_priors(prior: PriorConfig) -> None:
+    for name in ("depth", "normal"):
+        part = getattr(prior, name)
+        if part.source == "files" and not part.path:
+            raise InputError(f"prior.{name}.source=files needs prior.{name}.path=DIR with a map for each photo")
+    if prior.depth.source != "none" and not prior.depth.align and prior.depth.meaning != "metric_depth":
+        raise InputError(f"prior.depth.align=false needs metres, not {prior.depth.meaning}; align the maps")
 
 
 def _check_background(background: list[float]) -> None:

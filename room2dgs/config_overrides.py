@@ -9,7 +9,16 @@ from pathlib import Path
 from room2dgs.errors import InputError
 
 # Their values are taken as they stand: Hydra would stumble over `=`, `,` or a bracket in a folder's name.
-PATH_KEYS = ("out", "scene.path", "scene.gt_mesh", "points.file", "eval.gt", "eval.pred")
+PATH_KEYS = (
+    "out",
+    "scene.path",
+    "scene.gt_mesh",
+    "points.file",
+    "prior.depth.path",
+    "prior.normal.path",
+    "eval.gt",
+    "eval.pred",
+)
 
 
 def group_choices(conf: Path) -> dict[str, list[str]]:

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 
 from room2dgs.config import Config, dump_config, load_config
@@ -15,6 +16,7 @@ from room2dgs.files import whole_file
 
 CONFIG, LOG, MESH, METRICS = "config.yaml", "log.txt", "mesh.ply", "metrics.json"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
+PRIORS = "priors.csv"
 
 _logs: list[Path] = []
 
@@ -110,7 +112,7 @@ def absolute(config: Config) -> Config:
     """Paths that stay right when a later command starts elsewhere."""
     for key in PATH_KEYS:
         *parents, name = key.split(".")
-        node = getattr(config, parents[0]) if parents else config
+        node = reduce(getattr, parents, config)
         if getattr(node, name):
             setattr(node, name, str(Path(getattr(node, name)).expanduser().absolute()))
     return config

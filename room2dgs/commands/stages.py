@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from room2dgs.commands.run_folder import SURFELS, required
+from room2dgs.commands.run_folder import PRIORS, SURFELS, required
 from room2dgs.config import Config
-from room2dgs.scene.scene import Frame, Scene
+from room2dgs.scene.scene import Frame, PointCloud, Scene
 
 if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be told at once
+    from room2dgs.priors import Priors
     from room2dgs.splat.types import Rendering, Surfels
 
 Log = Callable[[str], None]
@@ -32,6 +33,25 @@ def use_threads(config: Config) -> None:
     from room2dgs.splat import set_threads
 
     set_threads(config.render.threads)
+
+
+def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log: Log) -> Priors:
+    """Priors of the training views; how each depth map was aligned goes to out/priors.csv.
+
+    Raises:
+        InputError: as `load_priors`.
+    """
+    from room2dgs.files import whole_file
+    from room2dgs.priors import load_priors
+
+    priors = load_priors(scene.train, points, config.prior, log)
+    if priors.fits:
+        rows = ["view,scale,shift,median_relative_residual,points"]
+        for name, fit in priors.fits.items():
+            rows.append(f"{name},{fit.scale:.6g},{fit.shift:.6g},{fit.residual:.4f},{fit.points}")
+        with whole_file(out / PRIORS) as temporary:
+            temporary.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return priors
 
 
 def trained_surfels(out: Path) -> Surfels:

@@ -8,7 +8,7 @@ from typing import Any
 from room2dgs.commands.metrics import record, stale, timed
 from room2dgs.commands.run_folder import POINTS, claimed, logger, new_run
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import Log, read, use_threads
+from room2dgs.commands.stages import Log, read, read_priors, use_threads
 from room2dgs.config import Config
 from room2dgs.scene.scene import Scene
 
@@ -33,7 +33,7 @@ def main(argv: list[str]) -> int:
 
 
 def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str, float]) -> None:
-    """Points and training into the run's folder, their figures into its metrics.json."""
+    """Points, priors and training into the run's folder, their figures into its metrics.json."""
     from room2dgs.scene.sparse import sparse_points
     from room2dgs.train import train
 
@@ -43,8 +43,10 @@ def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict
     log(f"{len(scene.train)} training views, {len(scene.test)} held out")
     with timed(seconds, "points"):
         points = sparse_points(scene, config.points, out / POINTS, log)
+    with timed(seconds, "priors"):
+        priors = read_priors(scene, points, config, out, log)
     with timed(seconds, "train"):
-        result = train(scene, points, config, out, log)
+        result = train(scene, points, config, out, log, priors.by_frame)
     # The loop's own clock also has what an interrupted run took before it was resumed.
     seconds["train"] = max(seconds["train"], round(sum(result.seconds.values()), 3))
     part: dict[str, Any] = {
@@ -52,6 +54,7 @@ def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict
         "primitives": result.surfels,
         "seeds": result.seeds,
         "points": len(points),
+        "priors": priors.label,
         "iterations": result.iterations,
         "training_seconds": result.seconds,
     }

@@ -1,7 +1,18 @@
 """Losses: each a pure function of a rendering and what it should be."""
 
+from room2dgs.losses.depth_prior import depth_prior_loss, edge_band
 from room2dgs.losses.geometry import depth_to_normals, depth_to_points
+from room2dgs.losses.normal_prior import normal_prior_loss
 from room2dgs.losses.photometric import rgb_loss
 from room2dgs.losses.surface import distortion, normal_consistency
 
-__all__ = ["depth_to_normals", "depth_to_points", "distortion", "normal_consistency", "rgb_loss"]
+__all__ = [
+    "depth_prior_loss",
+    "depth_to_normals",
+    "depth_to_points",
+    "distortion",
+    "edge_band",
+    "normal_consistency",
+    "normal_prior_loss",
+    "rgb_loss",
+]

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.scene.scene import Scene
+from room2dgs.train.prior_maps import priors_digest
+
+if TYPE_CHECKING:
+    from room2dgs.priors.prior import Prior
 
 # `train.iterations` is not among them: a run may be prolonged.
 SECTIONS = ("scene", "points", "seeds", "render", "loss")
 TRAIN_KEYS = ("seed", "rates", "resolutions")
 FREE = ("scene.gt_mesh", "scene.test_every", "render.threads")
 VIEWS = "training views"
+PRIORS = "prior maps"
 
 
-def fingerprint(config: Config, scene: Scene) -> dict[str, Any]:
-    """Dotted key -> plain value of all settings that decide the result, and the training views' digest."""
+def fingerprint(config: Config, scene: Scene, priors: Mapping[str, Prior] | None = None) -> dict[str, Any]:
+    """Dotted key -> plain value of all settings that decide the result; digests of training views and priors."""
     values = asdict(config)
     values["scene"]["path"] = str(Path(config.scene.path).resolve())
     flat: dict[str, Any] = {}
@@ -31,6 +37,8 @@ def fingerprint(config: Config, scene: Scene) -> dict[str, Any]:
     for key in FREE:
         flat.pop(key, None)
     flat[VIEWS] = _views_digest(scene)
+    if priors:
+        flat[PRIORS] = priors_digest(priors, [frame.name for frame in scene.train])
     return flat
 
 
@@ -47,11 +55,13 @@ def check_same(before: dict[str, Any], now: dict[str, Any], where: Path) -> None
     """
     # what comes over JSON has lists where there may be tuples
     now = json.loads(json.dumps(now))
-    for key in sorted(before.keys() | now.keys(), key=lambda key: (key == VIEWS, key)):
+    for key in sorted(before.keys() | now.keys(), key=lambda key: (key in (VIEWS, PRIORS), key)):
         if before.get(key) == now.get(key):
             continue
         if key == VIEWS:
             raise InputError(f"{where} was trained on other views than the scene has now; choose another out=DIR")
+        if key == PRIORS:
+            raise InputError(f"{where} was trained with other depth or normal priors; choose another out=DIR")
         raise InputError(
             f"{where} was trained with {key}={before.get(key)}, so {key}={now.get(key)} cannot resume it; "
             "give the old value or choose another out=DIR"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from room2dgs.config import Config
 from room2dgs.files import remove_leftovers
@@ -20,6 +21,9 @@ from room2dgs.train.step import current_surfels, iterate, mean_psnr_db
 from room2dgs.train.surfel_file import save_surfels
 from room2dgs.train.threads import one_torch_thread
 from room2dgs.train.views import Views
+
+if TYPE_CHECKING:
+    from room2dgs.priors.prior import Prior
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,14 @@ class TrainResult:
 
 
 @one_torch_thread()
-def train(scene: Scene, points: PointCloud, config: Config, out: Path | str, log: Log | None = None) -> TrainResult:
+def train(
+    scene: Scene,
+    points: PointCloud,
+    config: Config,
+    out: Path | str,
+    log: Log | None = None,
+    priors: Mapping[str, Prior] | None = None,
+) -> TrainResult:
     """Optimise surfels for `config.train.iterations`; with `config.resume`, from the last whole checkpoint.
 
     The same scene, points and settings give the same bits on the same machine, on any number of threads,
@@ -58,18 +69,19 @@ def train(scene: Scene, points: PointCloud, config: Config, out: Path | str, log
         config: settings.
         out: the run's folder; takes checkpoints/, surfels.safetensors and tensorboard/.
         log: takes one line at a time; None: standard output and out/log.txt.
+        priors: depth and normals predicted for training views, by frame name; views without train without.
 
     Raises:
         InputError: no usable points, a photo that cannot be decoded, a full disk, or a resumed run
-            whose settings differ from the first one's.
+            whose settings, views or priors differ from the first one's.
         RuntimeError: a loss or gradient that is not finite (our fault).
     """
     out = Path(out)
     log = log or file_log(out)
-    identity = fingerprint(config, scene)
+    identity = fingerprint(config, scene, priors)
     model, clock = _start(scene, points, config, out, identity, log)
     with Report(out, config.train, model.iteration, log) as report:
-        _optimise(model, scene, config, out, identity, clock, report)
+        _optimise(model, scene, priors, config, out, identity, clock, report)
 
     surfels = current_surfels(model, config.render)
     path = out / "surfels.safetensors"
@@ -113,6 +125,7 @@ def _start(
 def _optimise(
     model: Model,
     scene: Scene,
+    priors: Mapping[str, Prior] | None,
     config: Config,
     out: Path,
     identity: dict[str, Any],
@@ -120,7 +133,7 @@ def _optimise(
     report: Report,
 ) -> None:
     settings = config.train
-    views, held_out = Views(scene.train), Views(scene.test)
+    views, held_out = Views(scene.train, priors), Views(scene.test)
     extent = scene.extent
     # a run from the beginning takes the place of an earlier one, once it has a checkpoint of its own
     kept = checkpoint.up_to(out, model.iteration) if model.iteration else []

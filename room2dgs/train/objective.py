@@ -8,6 +8,8 @@ from typing import NamedTuple
 from torch import Tensor
 
 from room2dgs.config import LossConfig
+from room2dgs.losses.depth_prior import depth_prior_loss
+from room2dgs.losses.normal_prior import normal_prior_loss
 from room2dgs.losses.photometric import rgb_loss
 from room2dgs.losses.surface import distortion, normal_consistency
 from room2dgs.splat.types import Rendering
@@ -29,29 +31,44 @@ SURFACE_TERMS: dict[str, Callable[[Rendering, View], Tensor]] = {
         rendering, view.K, view.cam_from_world, DEPTH_KIND
     ),
 }
+# Every other row and column: a surfel covers many pixels, and the terms cost a quarter.
+SPARSE = (slice(None, None, 2), slice(None, None, 2))
+# Act on views that have the map of their name.
+PRIOR_TERMS: dict[str, Callable[[Rendering, View], Tensor]] = {
+    "depth_prior": lambda rendering, view: depth_prior_loss(
+        rendering.depth[SPARSE], rendering.alpha[SPARSE], view.depth_prior[SPARSE], view.depth_prior_valid[SPARSE]
+    ),
+    "normal_prior": lambda rendering, view: normal_prior_loss(
+        rendering.normal[SPARSE], rendering.alpha[SPARSE], view.normal_prior[SPARSE], view.normal_prior_valid[SPARSE]
+    ),
+}
 
 
 def loss_terms(rendering: Rendering, target: Tensor, view: View, config: LossConfig, iteration: int) -> dict[str, Term]:
-    """The terms that act in this iteration, by name; "rgb" always does.
+    """The terms that act on this view in this iteration, by name; "rgb" always does.
 
     Args:
         rendering: of `view`.
         target: (H, W, 3) float32 in 0..1.
     """
     terms = {"rgb": Term(1.0, rgb_loss(rendering.color, target, config.dssim))}
-    for name, function in SURFACE_TERMS.items():
-        toggle = getattr(config, name)
-        if is_active(iteration, toggle):
-            terms[name] = Term(toggle.weight, function(rendering, view))
+    for name, function in (SURFACE_TERMS | PRIOR_TERMS).items():
+        if _acts(name, view, config, iteration):
+            terms[name] = Term(getattr(config, name).weight, function(rendering, view))
     return terms
 
 
-def needed_maps(config: LossConfig, iteration: int) -> dict[str, bool]:
+def needed_maps(view: View, config: LossConfig, iteration: int) -> dict[str, bool]:
     """Switches of `splat.render` for the outputs that cost time: only those that an active term reads."""
     return {
-        "with_normal": is_active(iteration, config.normal_consistency),
-        "with_distortion": is_active(iteration, config.distortion),
+        "with_normal": any(_acts(name, view, config, iteration) for name in ("normal_consistency", "normal_prior")),
+        "with_distortion": _acts("distortion", view, config, iteration),
     }
+
+
+def _acts(name: str, view: View, config: LossConfig, iteration: int) -> bool:
+    has_maps = name not in PRIOR_TERMS or getattr(view, name) is not None
+    return has_maps and is_active(iteration, getattr(config, name))
 
 
 def total_loss(terms: dict[str, Term]) -> Tensor:

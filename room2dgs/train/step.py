@@ -49,7 +49,7 @@ def iterate(model: Model, view: View, config: Config, extent_m: float, clock: St
 
     def rendered() -> Rendering:
         surfels = model.surfels(active_sh_degree(iteration, config.render))
-        return render_view(surfels, view, config.render, **needed_maps(config.loss, iteration))
+        return render_view(surfels, view, config.render, **needed_maps(view, config.loss, iteration))
 
     def terms_of(rendering: Rendering) -> dict[str, Term]:
         return loss_terms(rendering, target, view, config.loss, iteration)

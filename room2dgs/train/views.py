@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from room2dgs.scene.scene import Frame
+from room2dgs.train.prior_maps import prior_maps
+
+if TYPE_CHECKING:
+    from room2dgs.priors.prior import Prior
 
 
 class View(NamedTuple):
@@ -22,6 +26,10 @@ class View(NamedTuple):
         K: (3, 3) float32, pixels.
         cam_from_world: (4, 4) float32, metres.
         width, height: pixels.
+        depth_prior: (H, W) float32, metres; depth_prior_valid: (H, W) bool, without the prior's own depth edges.
+            None without a prior.
+        normal_prior: (H, W, 3) float32 unit, world frame, facing the camera; normal_prior_valid: (H, W) bool.
+            None without a prior.
     """
 
     name: str
@@ -30,6 +38,10 @@ class View(NamedTuple):
     cam_from_world: Tensor
     width: int
     height: int
+    depth_prior: Tensor | None = None
+    depth_prior_valid: Tensor | None = None
+    normal_prior: Tensor | None = None
+    normal_prior_valid: Tensor | None = None
 
     def target(self) -> Tensor:
         """(H, W, 3) float32 in 0..1."""
@@ -37,10 +49,15 @@ class View(NamedTuple):
 
 
 class Views:
-    """Frames read once for each image size and kept as bytes; only the size in use is kept."""
+    """Frames read once for each image size and kept as bytes; only the size in use is kept.
 
-    def __init__(self, frames: Sequence[Frame]) -> None:
+    Args:
+        priors: by frame name; frames may have none.
+    """
+
+    def __init__(self, frames: Sequence[Frame], priors: Mapping[str, Prior] | None = None) -> None:
         self.frames = frames
+        self._priors = priors or {}
         self._fraction = 1.0
         self._kept: dict[int, View] = {}
 
@@ -56,12 +73,13 @@ class Views:
         if fraction != self._fraction:
             self._fraction, self._kept = fraction, {}
         if index not in self._kept:
-            self._kept[index] = load_view(self.frames[index], fraction)
+            frame = self.frames[index]
+            self._kept[index] = load_view(frame, fraction, self._priors.get(frame.name))
         return self._kept[index]
 
 
-def load_view(frame: Frame, fraction: float) -> View:
-    """Read one photo at `fraction` of the frame's size, intrinsics scaled alike.
+def load_view(frame: Frame, fraction: float, prior: Prior | None = None) -> View:
+    """Read one photo at `fraction` of the frame's size, intrinsics and priors scaled alike.
 
     Raises:
         InputError: the photo cannot be decoded.
@@ -78,4 +96,5 @@ def load_view(frame: Frame, fraction: float) -> View:
         torch.from_numpy(camera.cam_from_world.astype(np.float32)),
         camera.width,
         camera.height,
+        *prior_maps(prior, camera.width, camera.height),
     )

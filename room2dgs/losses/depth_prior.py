@@ -1,0 +1,151 @@
+"""Rendered depth against a predicted depth map, up to scale and shift."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+
+MIN_ALPHA = 0.5  # pixels less covered have no depth worth comparing
+MIN_PIXELS = 64  # fewer say nothing about scale and shift
+MIN_SPREAD = 1e-4  # standard deviation over mean; a flatter map fixes no scale and shift
+MIN_CORRELATION = 0.1  # of rendering and prior; below it the fitted scale is noise, or upside down
+
+
+def depth_prior_loss(
+    depth: Tensor,
+    alpha: Tensor,
+    prior: Tensor,
+    valid: Tensor,
+    *,
+    space: str = "depth",
+    align: bool = True,
+    gradient_weight: float = 0.5,
+    scales: int = 4,
+) -> Tensor:
+    """L_d = mean r^2 + gradient_weight * sum over scales of (mean |d_x r| + mean |d_y r|) (eq. 10).
+
+    r = (x - (s p + t)) / m at the compared pixels, with x the rendered depth or its inverse, p the prior, and m the
+    mean of s p + t. The paper aligns the rendering to the prior, which makes the loss grow with the prior's unit
+    (and it has no solution for a flat rendering); here the prior is aligned to the rendering, and r is relative: no
+    unit of either map changes the value. s, t and m are held constant in the gradient. The gradient term is that of
+    MiDaS: neighbours of r taken at strides 1, 2, 4, ..., each mean over the pairs whose two pixels are compared.
+
+    Compared are pixels that are `valid`, with a positive finite prior, a positive depth and alpha >= 0.5. With fewer
+    than 64 of them the loss is 0.
+
+    Args:
+        depth: (H, W) rendered expected z-depth, metres; 0 = none.
+        alpha: (H, W) rendered coverage; no gradient.
+        prior: (H, W) depth or inverse depth as `space` says, in any unit; no gradient.
+        valid: (H, W) bool; leave out `edge_band` of the prior.
+        space: "depth" or "disparity" (inverse depth): what the prior is.
+        align: fit s and t by least squares; False takes a prior that is metric already as it is (s = 1, t = 0).
+
+    Returns:
+        scalar, differentiable once with respect to `depth`.
+
+    Raises:
+        ValueError: unknown `space`, or maps of different sizes.
+    """
+    if space not in ("depth", "disparity"):
+        raise ValueError(f"space={space!r} is not known; choose depth or disparity")
+    if not depth.shape == alpha.shape == prior.shape == valid.shape:
+        raise ValueError("depth, alpha, prior and valid differ in size")
+    compared = valid & (prior > 0) & torch.isfinite(prior) & (alpha.detach() >= MIN_ALPHA) & (depth.detach() > 0)
+    count = int(torch.count_nonzero(compared))
+    # A depth of 1 in place of the others keeps infinities and NaN out of the gradients.
+    rendered = torch.where(compared, depth, 1.0)
+    if count < MIN_PIXELS:
+        return 0.0 * rendered.sum()
+    if space == "disparity":
+        rendered = rendered.reciprocal()
+    prior = torch.where(compared, prior, 0.0).to(depth.dtype)
+    scale, shift = scale_and_shift(prior, rendered, compared) if align else (1.0, 0.0)
+    unit = scale * float(prior.sum()) / count + shift
+    residual = (rendered - (scale * prior + shift)) * (compared.to(depth.dtype) / unit)
+    return _Penalty.apply(residual, compared, count, gradient_weight, scales)
+
+
+def scale_and_shift(prior: Tensor, rendered: Tensor, compared: Tensor) -> tuple[float, float]:
+    """s and t that minimise the sum of (s prior + t - rendered)^2 over the compared pixels.
+
+    Where they are not determined, or s would be negative, s alone: the ratio of the means, and t = 0. So it is for a
+    flat prior; for a flat rendering, to which least squares would fit s = 0 and find nothing to correct; and where
+    the two are as good as uncorrelated.
+
+    Args:
+        prior, rendered: (H, W), with positive means over the compared pixels.
+        compared: (H, W) bool, at least one True.
+    """
+    weight = compared.to(rendered.dtype).flatten()
+    prior, rendered = prior.detach().flatten(), rendered.detach().flatten()
+    count = float(weight.sum())
+    mean_prior, mean_rendered = float(prior.dot(weight)) / count, float(rendered.dot(weight)) / count
+    from_mean, rendered_from_mean = (prior - mean_prior) * weight, (rendered - mean_rendered) * weight
+    spread = (float(from_mean.dot(from_mean)) / count) ** 0.5
+    rendered_spread = (float(rendered_from_mean.dot(rendered_from_mean)) / count) ** 0.5
+    covariance = float(from_mean.dot(rendered_from_mean)) / count
+    if (
+        spread <= MIN_SPREAD * mean_prior
+        or rendered_spread <= MIN_SPREAD * mean_rendered
+        or covariance <= MIN_CORRELATION * spread * rendered_spread
+    ):
+        return mean_rendered / mean_prior, 0.0
+    scale = covariance / spread**2
+    return scale, mean_rendered - scale * mean_prior
+
+
+def edge_band(prior: np.ndarray, relative_jump: float, width_px: int) -> np.ndarray:
+    """The pixels within `width_px` of a depth edge, where predicted maps are blurred or shifted.
+
+    An edge is where inverse depth bends from one pixel to the next two by more than `relative_jump` of its value.
+    On a plane inverse depth is linear in the image, so no plane has an edge, however slanted.
+
+    Args:
+        prior: (H, W) depth, any unit; 0 or not finite = invalid, which is no edge by itself.
+        relative_jump: of depth, e.g. 0.05.
+        width_px: reach to each side, along rows, columns and diagonals.
+
+    Returns:
+        (H, W) bool.
+    """
+    present = np.isfinite(prior) & (prior > 0)
+    inverse = np.zeros(prior.shape)
+    np.divide(1.0, prior, out=inverse, where=present)
+    edge = np.zeros(prior.shape, np.uint8)
+    # the second pass sees the transposed maps: views, so that both mark the same edges
+    for value, there, mark in ((inverse, present, edge), (inverse.T, present.T, edge.T)):
+        before, here, after = value[:-2], value[1:-1], value[2:]
+        bend = np.abs(before - 2 * here + after)
+        smallest = np.minimum(np.minimum(before, here), after)
+        mark[1:-1] |= there[:-2] & there[1:-1] & there[2:] & (bend > relative_jump * smallest)
+    return cv2.dilate(edge, np.ones((2 * width_px + 1,) * 2, np.uint8)).astype(bool)
+
+
+class _Penalty(torch.autograd.Function):
+    """Value and gradient in one sweep: autograd's own backward through the slices takes twice as long."""
+
+    @staticmethod
+    def forward(ctx, residual: Tensor, compared: Tensor, count: int, gradient_weight: float, scales: int) -> Tensor:
+        value = residual.square().sum() / count
+        gradient = residual * (2 / count)
+        for level in range(scales if gradient_weight else 0):
+            r, m, g = (t[:: 2**level, :: 2**level] for t in (residual, compared, gradient))
+            for along, there, push in ((r, m, g), (r.T, m.T, g.T)):
+                pairs = there[1:] & there[:-1]
+                share = gradient_weight / max(1, int(torch.count_nonzero(pairs)))
+                difference = (along[1:] - along[:-1]).mul_(pairs)
+                value += share * difference.abs().sum()
+                sign = difference.sign_().mul_(share)
+                push[1:] += sign
+                push[:-1] -= sign
+        ctx.save_for_backward(gradient)
+        return value
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad: Tensor):
+        (gradient,) = ctx.saved_tensors
+        return gradient * grad, None, None, None, None

@@ -1,0 +1,105 @@
+"""A box room drawn by ray casting, and priors of it on disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from room2dgs.config import load_config
+from room2dgs.scene.camera import Camera
+from room2dgs.scene.scene import Frame, PointCloud
+
+WIDTH, HEIGHT = 80, 60
+ROOM = np.array([4.0, 5.0, 2.6])  # metres, one corner at the origin
+
+
+@dataclass
+class Room:
+    """Frames inside a box, their exact depth (m) and normals (camera frame, facing it), and points on the walls."""
+
+    frames: list[Frame]
+    depths: list[np.ndarray]
+    normals: list[np.ndarray]
+    points: PointCloud
+
+
+def camera_at(eye: np.ndarray, yaw: float, pitch: float) -> Camera:
+    forward = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    cam_from_world = np.eye(4)
+    cam_from_world[:3, :3] = np.stack([right, np.cross(forward, right), forward])
+    cam_from_world[:3, 3] = -cam_from_world[:3, :3] @ eye
+    K = np.array([[60.0, 0, 40.5], [0, 61.0, 29.0], [0, 0, 1.0]])
+    return Camera(K, WIDTH, HEIGHT, cam_from_world)
+
+
+def cast(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Exact z-depth and camera-frame normals of the box."""
+    x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+    K = camera.K
+    rays = np.stack([(x - K[0, 2]) / K[0, 0], (y - K[1, 2]) / K[1, 1], np.ones_like(x)], axis=-1)
+    in_world = rays @ camera.cam_from_world[:3, :3]
+    with np.errstate(divide="ignore"):
+        distance = (np.where(in_world > 0, ROOM, 0.0) - camera.centre) / in_world
+    wall = distance.argmin(axis=-1)
+    normal = np.zeros_like(rays)
+    sign = -np.sign(np.take_along_axis(in_world, wall[..., None], axis=-1))
+    np.put_along_axis(normal, wall[..., None], sign, axis=-1)
+    return distance.min(axis=-1), normal @ camera.cam_from_world[:3, :3].T
+
+
+@pytest.fixture(scope="session")
+def room() -> Room:
+    frames, depths, normals, xyz = [], [], [], []
+    rng = np.random.default_rng(0)
+    for i in range(6):
+        camera = camera_at(np.array([1.5 + 0.2 * i, 2.0, 1.4]), yaw=0.4 + 0.8 * i, pitch=-0.25)
+        depth, normal = cast(camera)
+        frames.append(Frame(f"{3 * i:06d}", camera, Path(f"color/{3 * i}.jpg")))
+        depths.append(depth)
+        normals.append(normal)
+        row, column = rng.integers(0, HEIGHT, 60), rng.integers(0, WIDTH, 60)
+        K = camera.K
+        rays = np.stack([(column + 0.5 - K[0, 2]) / K[0, 0], (row + 0.5 - K[1, 2]) / K[1, 1], np.ones(60)], axis=-1)
+        in_cam = rays * depth[row, column][:, None]
+        xyz.append(in_cam @ camera.cam_from_world[:3, :3] + camera.centre)
+    xyz = np.concatenate(xyz)
+    points = PointCloud(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 3, np.int32))
+    return Room(frames, depths, normals, points)
+
+
+@pytest.fixture
+def prior_config():
+    """`prior_config(**settings)`: dotted prior settings with the dots written as two underscores."""
+
+    def make(*choice: str, **changes):
+        overrides = [f"prior.{key.replace('__', '.')}={value}" for key, value in changes.items()]
+        return load_config(["scene.path=a", "out=b", *choice, *overrides]).prior
+
+    return make
+
+
+def png8(normal: np.ndarray) -> np.ndarray:
+    """BGR bytes as cv2 writes them."""
+    return np.round((normal + 1.0) * 127.5).astype(np.uint8)[..., ::-1]
+
+
+@pytest.fixture
+def map_files(tmp_path: Path, room: Room):
+    """`map_files(depth=f, normal=g)` writes every frame's maps, changed by f(depth, i) and g(normal, i), and
+    gives their folder."""
+
+    def write(depth=lambda depth, i: depth, normal=lambda normal, i: normal) -> Path:
+        (tmp_path / "depth").mkdir()
+        (tmp_path / "normal").mkdir()
+        for i, frame in enumerate(room.frames):
+            np.save(tmp_path / "depth" / f"{frame.color_path.stem}.npy", depth(room.depths[i], i).astype(np.float32))
+            cv2.imwrite(str(tmp_path / "normal" / f"{frame.name}.png"), png8(normal(room.normals[i], i)))
+        return tmp_path
+
+    return write

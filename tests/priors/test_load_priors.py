@@ -1,0 +1,176 @@
+"""Maps on disk to aligned depth and world normals, and what is said about those that cannot be used."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from room2dgs.errors import InputError
+from room2dgs.priors import load_priors
+from room2dgs.scene.scene import PointCloud
+
+
+def load(room, prior_config, folder, points=None, frames=None, **changes):
+    lines: list[str] = []
+    settings = prior_config("prior=files", depth__path=folder / "depth", normal__path=folder / "normal", **changes)
+    priors = load_priors(frames or room.frames, points or room.points, settings, lines.append)
+    return priors, "\n".join(lines)
+
+
+def test_each_view_gets_back_its_own_scale_and_shift(room, prior_config, map_files):
+    folder = map_files(depth=lambda depth, i: (depth - 0.1 * i) / (0.5 + 0.2 * i))
+    priors, _ = load(room, prior_config, folder, depth__meaning="relative_depth")
+    for i, frame in enumerate(room.frames):
+        prior = priors.by_frame[frame.name]
+        assert priors.fits[frame.name].scale == pytest.approx(0.5 + 0.2 * i, rel=0.01)
+        assert np.abs(prior.depth / room.depths[i] - 1.0).max() < 0.01
+        assert prior.depth.dtype == np.float32
+        assert prior.depth_valid.all()
+    assert priors.label == "files"
+
+
+def test_disparity_maps_give_metres(room, prior_config, map_files):
+    folder = map_files(depth=lambda depth, i: 300.0 / depth + 20.0)
+    priors, _ = load(room, prior_config, folder, depth__meaning="relative_inverse_depth")
+    for i, frame in enumerate(room.frames):
+        assert np.abs(priors.by_frame[frame.name].depth / room.depths[i] - 1.0).max() < 0.02
+
+
+def test_points_behind_the_walls_do_no_harm(room, prior_config, map_files):
+    # another room next door: seen by the cameras, if walls were glass
+    behind = room.points.xyz[::2] + np.array([0.0, 6.0, 0.0])
+    points = PointCloud(
+        np.concatenate([room.points.xyz, behind]), np.zeros((540, 3), np.uint8), np.zeros(540, np.int32)
+    )
+    priors, _ = load(room, prior_config, map_files(depth=lambda depth, i: 0.8 * depth), points)
+    for i, frame in enumerate(room.frames):
+        assert np.abs(priors.by_frame[frame.name].depth / room.depths[i] - 1.0).max() < 0.02
+
+
+def test_normals_are_unit_world_and_face_the_camera(room, prior_config, map_files):
+    priors, _ = load(room, prior_config, map_files())
+    for i, frame in enumerate(room.frames):
+        prior, pose = priors.by_frame[frame.name], frame.camera.cam_from_world[:3, :3]
+        expected = room.normals[i] @ pose
+        assert prior.normal_valid.mean() > 0.99
+        np.testing.assert_allclose(np.linalg.norm(prior.normal[prior.normal_valid], axis=-1), 1.0, atol=1e-6)
+        assert (prior.normal * expected).sum(axis=-1)[prior.normal_valid].min() > 0.999
+
+
+@pytest.mark.parametrize("axes", ["opencv", "opengl"])
+@pytest.mark.parametrize("facing", ["camera", "away"])
+@pytest.mark.parametrize("with_depth", [True, False])
+def test_the_right_convention_is_named_whatever_the_files_have(room, prior_config, map_files, axes, facing, with_depth):
+    flip = np.array({"opencv": (1, 1, 1), "opengl": (1, -1, -1)}[axes]) * {"camera": 1, "away": -1}[facing]
+    folder = map_files(normal=lambda normal, i: normal * flip)
+    extra = {} if with_depth else {"depth__source": "none"}
+    priors, _ = load(room, prior_config, folder, normal__axes=axes, normal__facing=facing, **extra)
+    prior = priors.by_frame[room.frames[2].name]
+    expected = room.normals[2] @ room.frames[2].camera.cam_from_world[:3, :3]
+    assert (prior.normal * expected).sum(axis=-1)[prior.normal_valid].min() > 0.999
+    # OpenGL facing away is x negated, which a depth prior shows and the facing side alone does not.
+    if (axes, facing) != ("opencv", "camera") and (with_depth or (axes, facing) != ("opengl", "away")):
+        with pytest.raises(InputError) as refused:
+            load(room, prior_config, folder, **extra)
+        assert ("prior.normal.axes=opengl" in str(refused.value)) == (axes == "opengl")
+        assert ("prior.normal.facing=away" in str(refused.value)) == (facing == "away")
+        assert "\n" not in str(refused.value)
+
+
+def test_world_normals_taken_for_camera_normals_are_refused(room, prior_config, map_files):
+    folder = map_files(normal=lambda normal, i: normal @ room.frames[i].camera.cam_from_world[:3, :3])
+    with pytest.raises(InputError, match=r"prior\.normal\.frame=world"):
+        load(room, prior_config, folder)
+    priors, _ = load(room, prior_config, folder, normal__frame="world")
+    expected = room.normals[1] @ room.frames[1].camera.cam_from_world[:3, :3]
+    prior = priors.by_frame[room.frames[1].name]
+    assert (prior.normal * expected).sum(axis=-1)[prior.normal_valid].min() > 0.999
+
+
+def test_one_flipped_axis_is_named_as_the_files_fault(room, prior_config, map_files):
+    folder = map_files(normal=lambda normal, i: normal * (1, -1, 1))
+    with pytest.raises(InputError, match="the files with y negated"):
+        load(room, prior_config, folder)
+
+
+def test_the_override_lets_a_wrong_convention_through_with_a_warning(room, prior_config, map_files):
+    folder = map_files(normal=lambda normal, i: normal * (1, -1, -1))
+    _, said = load(room, prior_config, folder, normal__check="false")
+    assert "WARNING" in said
+    assert "prior.normal.axes=opengl" in said
+
+
+def test_noise_is_left_out_or_warned_about(room, prior_config, map_files):
+    rng = np.random.default_rng(0)
+
+    def noise(normal, i):
+        random = rng.normal(size=normal.shape)
+        random /= np.linalg.norm(random, axis=-1, keepdims=True)
+        return random * -np.sign(random[..., 2:])
+
+    folder = map_files(depth=lambda depth, i: rng.uniform(0.5, 6.0, depth.shape), normal=noise)
+    priors, said = load(room, prior_config, folder)
+    assert all(prior.depth is None for prior in priors.by_frame.values())
+    assert said.count("left out") == len(room.frames)
+    assert "training goes on without depth" in said
+
+
+def test_one_bad_map_is_left_out_and_said(room, prior_config, map_files):
+    rng = np.random.default_rng(1)
+    folder = map_files(depth=lambda depth, i: depth if i != 3 else rng.uniform(0.3, 6.0, depth.shape))
+    priors, said = load(room, prior_config, folder)
+    without = [name for name, prior in priors.by_frame.items() if prior.depth is None]
+    assert without == [room.frames[3].name]
+    assert f"depth prior of {room.frames[3].name} left out" in said
+    assert priors.fits[room.frames[3].name].residual > 0.15
+
+
+@pytest.mark.parametrize(("meaning", "kept"), [("metric_depth", True), ("relative_depth", False)])
+def test_a_view_without_points_takes_the_common_scale_only_if_there_is_one(
+    room, prior_config, map_files, meaning, kept
+):
+    lonely = room.frames[4]
+    # out of the world of the points, but the same room to its map
+    away = lonely.camera.cam_from_world.copy()
+    away[:3, 3] += 100.0
+    frames = [*room.frames[:4], replace(lonely, camera=replace(lonely.camera, cam_from_world=away))]
+    folder = map_files(depth=lambda depth, i: depth / 1.25)
+    priors, said = load(room, prior_config, folder, frames=frames, depth__meaning=meaning, normal__source="none")
+    assert (lonely.name in priors.by_frame) == kept
+    assert lonely.name in said
+    if kept:
+        assert np.abs(priors.by_frame[lonely.name].depth / room.depths[4] - 1.0).max() < 0.01
+
+
+def test_missing_maps_are_said_and_all_missing_is_an_error(room, prior_config, map_files):
+    folder = map_files()
+    (folder / "depth" / "6.npy").unlink()
+    priors, said = load(room, prior_config, folder)
+    assert "no map for 1 of 6 views: 000006" in said
+    assert priors.by_frame["000006"].depth is None
+    for file in (folder / "depth").iterdir():
+        file.unlink()
+    with pytest.raises(InputError, match=r"has no map for any of the 6 views.*0\.png"):
+        load(room, prior_config, folder)
+
+
+def test_none_reads_nothing(room, prior_config):
+    priors = load_priors(room.frames, room.points, prior_config())
+    assert (priors.by_frame, priors.fits, priors.label) == ({}, {}, "none")
+
+
+def test_without_alignment_metres_stay_as_they_are(room, prior_config, map_files):
+    folder = map_files(depth=lambda depth, i: 1.1 * depth)
+    priors, _ = load(room, prior_config, folder, depth__align="false")
+    np.testing.assert_allclose(priors.by_frame["000000"].depth, 1.1 * room.depths[0], rtol=1e-5)
+
+
+def test_simulated_maps_say_so(room, prior_config, map_files):
+    folder = map_files()
+    (folder / "priors.json").write_text(json.dumps({"simulated": True}))
+    priors, said = load(room, prior_config, folder)
+    assert priors.label == "simulated"
+    assert "simulated priors" in said

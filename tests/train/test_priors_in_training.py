@@ -1,0 +1,152 @@
+"""Depth and normal priors on their way into the loss."""
+
+import numpy as np
+import pytest
+import torch
+
+from room2dgs.errors import InputError
+from room2dgs.priors.prior import Prior
+from room2dgs.train import load_surfels, train
+from room2dgs.train.objective import needed_maps
+from room2dgs.train.views import Views, load_view
+
+START = ["loss.depth_prior.start=0", "loss.normal_prior.start=0", "loss.normal_consistency.enabled=false"]
+
+
+def wall_prior(tilt=0.0, **changes) -> Prior:
+    """The capture's wall, 1.5 m before each camera, as a right prior would have it; or turned by `tilt`."""
+    depth = np.full((24, 32), 1.5, np.float32)
+    normal = np.zeros((24, 32, 3), np.float32)
+    normal[:] = np.sin(tilt), 0, -np.cos(tilt)
+    everywhere = np.ones((24, 32), bool)
+    return Prior(depth, everywhere, normal, everywhere)._replace(**changes)
+
+
+def slanted_depth() -> np.ndarray:
+    """Depth of a plane: its inverse is linear in the pixel's centre."""
+    return np.broadcast_to(1 / (0.4 + 0.01 * (np.arange(32, dtype=np.float32) + 0.5)), (24, 32)).copy()
+
+
+def surfel_bits(result):
+    return [values.numpy().tobytes() for values in load_surfels(result.surfels_path)]
+
+
+def test_a_view_has_its_own_frames_maps_and_others_have_none(capture):
+    frames = capture[0].train
+    views = Views(frames, {frames[1].name: wall_prior()})
+    assert all(values is None for values in views.at(0)[-4:])
+    view = views.at(1)
+    np.testing.assert_array_equal(view.depth_prior, np.full((24, 32), 1.5, np.float32))
+    np.testing.assert_array_equal(view.normal_prior, wall_prior().normal)
+    assert view.depth_prior_valid.all() and view.normal_prior_valid.all()
+
+
+def test_a_smaller_view_sees_the_same_plane(capture):
+    view = load_view(capture[0].train[0], 0.5, wall_prior(tilt=0.3, depth=slanted_depth()))
+    # a small pixel's centre lies between two of the large ones
+    wanted = 1 / (0.4 + 0.01 * (2 * np.arange(16) + 1))
+    np.testing.assert_allclose(view.depth_prior, np.broadcast_to(wanted, (12, 16)), rtol=1e-6)
+    np.testing.assert_allclose(view.normal_prior[5, 6], [np.sin(0.3), 0, -np.cos(0.3)], atol=1e-6)
+    assert view.depth_prior_valid.all() and view.normal_prior_valid.shape == (12, 16)
+
+
+@pytest.mark.parametrize("fraction", [1.0, 0.5])
+def test_invalid_pixels_and_depth_edges_are_not_valid_at_any_size(capture, fraction):
+    depth = slanted_depth()
+    depth[:, 20:] *= 1.5
+    depth_valid, normal_valid = np.ones((24, 32), bool), np.ones((24, 32), bool)
+    depth_valid[4, 4], normal_valid[10, 8] = False, False
+    depth[20, 2] = np.nan
+    prior = wall_prior(depth=depth, depth_valid=depth_valid, normal_valid=normal_valid)
+    view = load_view(capture[0].train[0], fraction, prior)
+    step = int(1 / fraction)
+    depth_valid, normal_valid = view.depth_prior_valid.numpy(), view.normal_prior_valid.numpy()
+    assert not depth_valid[4 // step, 4 // step] and not depth_valid[20 // step, 2 // step]
+    assert not normal_valid[10 // step, 8 // step] and normal_valid.sum() == normal_valid.size - 1
+    assert not depth_valid[:, 18 // step : 22 // step].any()
+    assert depth_valid[:, 26 // step :].all() and depth_valid[0, : 14 // step].all()
+    assert torch.isfinite(view.depth_prior).all()
+
+
+def test_terms_act_where_their_map_is_and_normals_are_rendered_only_then(capture, configure):
+    config = configure(*START).loss
+    frame = capture[0].train[0]
+    wants = {
+        (True, True): load_view(frame, 1.0, wall_prior()),
+        (True, False): load_view(frame, 1.0, wall_prior(normal=None, normal_valid=None)),
+        (False, True): load_view(frame, 1.0, wall_prior(depth=None, depth_valid=None)),
+        (False, False): load_view(frame, 1.0),
+    }
+    for (has_depth, has_normal), view in wants.items():
+        assert (view.depth_prior is not None, view.normal_prior is not None) == (has_depth, has_normal)
+        assert needed_maps(view, config, 0) == {"with_normal": has_normal, "with_distortion": False}
+    late = configure(*START, "loss.normal_prior.start=5").loss
+    assert [needed_maps(wants[True, True], late, n)["with_normal"] for n in (4, 5)] == [False, True]
+
+
+def test_logged_terms_make_up_the_loss(capture, configure, log, tmp_path):
+    scene, points = capture
+    priors = {frame.name: wall_prior(tilt=0.5) for frame in scene.train}
+    weights = ["loss.depth_prior.weight=0.7", "loss.normal_prior.weight=3"]
+    losses = train(scene, points, configure(*START, *weights), tmp_path, log, priors).losses
+    assert losses["depth_prior"] > 0 and losses["normal_prior"] > 0
+    expected = losses["rgb"] + 0.7 * losses["depth_prior"] + 3 * losses["normal_prior"]
+    assert losses["loss"] == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("size", ["1.0", "0.5"])
+def test_normals_turn_towards_the_prior(capture, configure, log, tmp_path, size):
+    scene, points = capture
+    priors = {frame.name: wall_prior(tilt=0.6)._replace(depth=None, depth_valid=None) for frame in scene.train}
+    settings = [*START, "loss.normal_prior.weight=100", f"train.resolutions=[{{fraction: {size}, until: 40}}]"]
+    settings += ["train.iterations=40", "train.log_every=4", "train.rates.rotation=0.02"]
+    train(scene, points, configure(*settings), tmp_path, log, priors)
+    values = [float(line.split("normal_prior ")[1].split(")")[0].rstrip(",")) for line in log.lines if ": loss" in line]
+    assert values[-1] < 0.5 * values[0]
+
+
+def test_depth_follows_the_prior(capture, configure, log, tmp_path):
+    scene, points = capture
+    prior = Prior(depth=10 * slanted_depth())  # relative: neither unit nor mask is given
+    settings = [
+        *START,
+        "loss.depth_prior.weight=10",
+        "train.rates.center=0.02",
+        "train.iterations=40",
+        "seeds.opacity=0.9",
+    ]
+    priors = {frame.name: prior for frame in scene.train}
+    train(scene, points, configure(*settings), tmp_path, log, priors)
+    values = [float(line.split("depth_prior ")[1].split(")")[0]) for line in log.lines if ": loss" in line]
+    assert values[-1] < 0.5 * values[0]
+
+
+def test_without_priors_the_prior_terms_change_no_bit(capture, configure, log, tmp_path):
+    scene, points = capture
+    off = ["loss.depth_prior.enabled=false", "loss.normal_prior.enabled=false"]
+    priors = {frame.name: wall_prior(tilt=0.3) for frame in scene.train}
+    plain = surfel_bits(train(scene, points, configure(*off), tmp_path / "off", log))
+    assert surfel_bits(train(scene, points, configure(), tmp_path / "none", log)) == plain
+    assert surfel_bits(train(scene, points, configure(), tmp_path / "empty", log, {})) == plain
+    assert surfel_bits(train(scene, points, configure(*off), tmp_path / "unused", log, priors)) == plain
+    elsewhere = {"of another frame": wall_prior()}
+    assert surfel_bits(train(scene, points, configure(), tmp_path / "elsewhere", log, elsewhere)) == plain
+    assert surfel_bits(train(scene, points, configure(), tmp_path / "used", log, priors)) != plain
+
+
+def test_resume_wants_the_same_priors(capture, configure, log, tmp_path):
+    scene, points = capture
+    priors = {frame.name: wall_prior() for frame in scene.train}
+    whole = train(scene, points, configure(), tmp_path, log, priors).surfels_path.read_bytes()
+    copies = {name: Prior(*(values.copy() for values in prior)) for name, prior in priors.items()}
+    resumed = train(scene, points, configure("resume=true"), tmp_path, log, copies)
+    assert resumed.surfels_path.read_bytes() == whole
+    first = scene.train[0].name
+    depth = priors[first].depth.copy()
+    depth[3, 4] += 1e-3
+    fewer = {name: prior for name, prior in priors.items() if name != first}
+    for other in (None, fewer, priors | {first: priors[first]._replace(depth=depth)}):
+        with pytest.raises(InputError, match="other depth or normal priors"):
+            train(scene, points, configure("resume=true"), tmp_path, log, other)
+    # a held-out frame's prior is not looked at
+    train(scene, points, configure("resume=true"), tmp_path, log, priors | {scene.test[0].name: wall_prior()})
