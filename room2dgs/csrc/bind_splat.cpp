@@ -18,7 +18,6 @@ namespace {
 
 using FloatArray = Array<float>;
 using ConstArray = Array<const float>;
-using MaybeArray = std::optional<FloatArray>;
 
 Camera camera_of(const Array<const double>& cam_from_world, const Array<const double>& K, int width, int height, double near) {
   Camera c;
