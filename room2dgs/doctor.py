@@ -97,7 +97,11 @@ def _kernels() -> tuple[str, str | None]:
 
 def _cuda() -> dict[str, str]:
     """What there is of CUDA; nothing needs it."""
-    return {"CUDA in torch": _tried(_torch_cuda), "CUDA compiler": _tried(_nvcc)}
+    return {
+        "CUDA in torch": _tried(_torch_cuda),
+        "CUDA compiler": _tried(_nvcc),
+        "networks in onnxruntime run on": _tried(_onnx_providers),
+    }
 
 
 def _torch_cuda() -> str:
@@ -108,6 +112,13 @@ def _torch_cuda() -> str:
     if not torch.cuda.is_available():
         return f"{torch.version.cuda}, no device"
     return f"{torch.version.cuda}, {torch.cuda.get_device_name(0)}; not used: the kernels run on the CPU"
+
+
+def _onnx_providers() -> str:
+    import onnxruntime
+
+    there = onnxruntime.get_available_providers()
+    return "cpu, cuda (prior.provider=cuda)" if "CUDAExecutionProvider" in there else "cpu"
 
 
 def _nvcc() -> str:

@@ -3,28 +3,43 @@
 The house has camera axes as OpenCV (x right, y down, z forward) and normals that face the camera: a wall seen
 frontally is (0, 0, -1). Files in the wild have OpenGL axes (y up, z back), normals that point away, or the world
 frame, and the wrong choice is the commonest fault of prior data.
+
+Three things tell a wrong choice: what is seen faces the camera; a depth prior has normals of its own; and a point
+that several views see has one normal in the world, which a wrong axis breaks as soon as the camera turns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from room2dgs.config import NormalPriorConfig
+from room2dgs.priors.normal_samples import Sample, view_pairs
 from room2dgs.scene.camera import Camera
 
-AXES = {"opencv": (1.0, 1.0, 1.0), "opengl": (1.0, -1.0, -1.0)}
+# right or left, down or up, forward or back
+_SIGNS = {"r": 1.0, "l": -1.0, "d": 1.0, "u": -1.0, "f": 1.0, "b": -1.0}
+_LETTERS = ("".join(letters) for letters in product("rl", "du", "fb"))
+AXES = {
+    "opencv": (1.0, 1.0, 1.0),
+    "opengl": (1.0, -1.0, -1.0),
+    **{letters: tuple(_SIGNS[letter] for letter in letters) for letters in _LETTERS},
+}
 SIDES = {"camera": 1.0, "away": -1.0}
-# A candidate must beat the present setting by so much: mean cosine against depth, share of pixels facing away.
+# A candidate must beat the present setting by so much: mean cosine against depth, between views, share of pixels
+# facing away.
 CLEAR_COSINE = 0.2
+CLEAR_AGREEMENT = 0.08
 CLEAR_SHARE = 0.08
-# Below this mean cosine with the depth's normals nothing is known about either.
+# Below this mean cosine with the depth's normals, or between views, nothing is known about either.
 MIN_COSINE = 0.5
 # Noise and grazing views turn a few normals away.
 MAX_AWAY = 0.1
+# Fewer pairs of views of a point say nothing.
+MIN_PAIRS = 100
 
 
 def camera_normals(raw: np.ndarray, settings: NormalPriorConfig, camera: Camera) -> np.ndarray:
@@ -40,20 +55,19 @@ def camera_normals(raw: np.ndarray, settings: NormalPriorConfig, camera: Camera)
 
 
 @dataclass(frozen=True)
-class Sample:
-    """Some pixels of one frame.
+class Score:
+    """How well one convention fits.
 
     Attributes:
-        raw: (N, 3) normals as in the file.
-        rays: (N, 3) camera frame.
-        from_depth: (N, 3) normals of the depth prior, camera frame, facing the camera; 0 where there are none.
-        camera: of the frame.
+        away: fraction of pixels whose normal points away from the camera, n . ray > 0.
+        cosine: mean cosine with the depth prior's normals; None without a depth prior.
+        agreement: mean cosine between two views' normals of the same point, in the world; None where too few
+            points are seen twice. Noise that faces the camera has at most 0.25.
     """
 
-    raw: np.ndarray
-    rays: np.ndarray
-    from_depth: np.ndarray
-    camera: Camera
+    away: float
+    cosine: float | None
+    agreement: float | None
 
 
 @dataclass(frozen=True)
@@ -61,71 +75,78 @@ class Verdict:
     """What the check found.
 
     Attributes:
-        away: fraction of pixels whose normal points away from the camera, n . ray > 0.
-        cosine: mean cosine with the depth prior's normals; None without a depth prior.
+        score: of the present convention.
         better: how to name the convention that fits clearly better ("prior.normal.axes=opengl"); None: the
             present one is as good as any.
+        agreement: the best of any convention; None if unknown.
     """
 
-    away: float
-    cosine: float | None
+    score: Score
     better: str | None
+    agreement: float | None
 
 
-def judge(samples: Iterable[Sample], settings: NormalPriorConfig) -> Verdict:
-    """Compare the present convention with every other: axis flips, facing, frame."""
-    samples = list(samples)
-    scores = {name: _score(samples, settings, candidate) for name, candidate in _candidates(settings)}
-    away, cosine = scores[""]
-    if cosine is not None:
-        best = max(scores, key=lambda name: scores[name][1])
-        wrong = scores[best][1] >= MIN_COSINE and scores[best][1] - cosine > CLEAR_COSINE
-        # Depth that says nothing leaves the question to the side alone.
-        if wrong or max(score[1] for score in scores.values()) >= MIN_COSINE:
-            return Verdict(away, cosine, best if wrong else None)
-    best = min(scores, key=lambda name: scores[name][0])
-    wrong = away > MAX_AWAY and away - scores[best][0] > CLEAR_SHARE
-    return Verdict(away, cosine, best if wrong else None)
+def judge(samples: Sequence[Sample], settings: NormalPriorConfig) -> Verdict:
+    """Compare the present convention with every other: axes, facing, frame."""
+    pairs = view_pairs(samples)
+    scores = {name: _score(samples, pairs, candidate) for name, candidate in _candidates(settings).items()}
+    present = scores[""]
+    known = [score.agreement for score in scores.values() if score.agreement is not None]
+    return Verdict(present, _better(scores, present), max(known, default=None))
 
 
-def _candidates(settings: NormalPriorConfig) -> list[tuple[str, tuple[NormalPriorConfig, np.ndarray]]]:
-    """(name, (settings, (3,) flip of the camera's axes)); first the present one, named "", then what settings can
-    say, then what only the files' maker can mend."""
-    ones = np.ones(3)
-    found = [("", (settings, ones))]
-    seen = {_meaning(settings, ones)}
+def _better(scores: dict[str, Score], present: Score) -> str | None:
+    if present.cosine is not None:
+        best = max(scores, key=lambda name: scores[name].cosine)
+        wrong = scores[best].cosine >= MIN_COSINE and scores[best].cosine - present.cosine > CLEAR_COSINE
+        # Depth that says nothing leaves the question to the rest.
+        if wrong or scores[best].cosine >= MIN_COSINE:
+            return best if wrong else None
+    least_away = min(score.away for score in scores.values())
+    turned = present.away > MAX_AWAY and present.away - least_away > CLEAR_SHARE
+    # Turning all normals round changes no agreement between views: the side decides that first.
+    facing = [name for name, score in scores.items() if score.away <= max(MAX_AWAY, least_away)]
+    if present.agreement is not None:
+        best = max(facing, key=lambda name: scores[name].agreement)
+        gain = scores[best].agreement - present.agreement
+        if scores[best].agreement >= MIN_COSINE:
+            return best if gain > CLEAR_AGREEMENT or (turned and gain > -CLEAR_AGREEMENT / 2) else None
+    return min(scores, key=lambda name: scores[name].away) if turned else None
+
+
+def _candidates(settings: NormalPriorConfig) -> dict[str, NormalPriorConfig]:
+    """Name -> settings of every convention, each once; first the present one, named ""."""
+    found, seen = {"": settings}, {_meaning(settings)}
     for frame, axes, facing in product(("camera", "world"), AXES, SIDES):
         other = replace(settings, frame=frame, axes=axes, facing=facing)
-        if _meaning(other, ones) not in seen:
-            seen.add(_meaning(other, ones))
-            keys = [key for key in ("frame", "axes", "facing") if getattr(other, key) != getattr(settings, key)]
-            if frame == "world":
-                keys = [key for key in keys if key != "axes"]
-            found.append((" ".join(f"prior.normal.{key}={getattr(other, key)}" for key in keys), (other, ones)))
-    for flip in product((1.0, -1.0), repeat=3):
-        if settings.frame == "camera" and _meaning(settings, np.array(flip)) not in seen:
-            seen.add(_meaning(settings, np.array(flip)))
-            axes = " and ".join(name for name, sign in zip("xyz", flip, strict=True) if sign < 0)
-            found.append((f"the files with {axes} negated", (settings, np.array(flip))))
+        if _meaning(other) in seen:
+            continue
+        seen.add(_meaning(other))
+        keys = [key for key in ("frame", "axes", "facing") if getattr(other, key) != getattr(settings, key)]
+        if frame == "world":
+            keys = [key for key in keys if key != "axes"]
+        found[" ".join(f"prior.normal.{key}={getattr(other, key)}" for key in keys)] = other
     return found
 
 
-def _meaning(settings: NormalPriorConfig, flip: np.ndarray) -> tuple:
+def _meaning(settings: NormalPriorConfig) -> tuple:
     if settings.frame == "world":
-        return ("world", settings.facing, *flip)
-    return ("camera", *(SIDES[settings.facing] * np.array(AXES[settings.axes]) * flip))
+        return ("world", settings.facing)
+    return ("camera", *(SIDES[settings.facing] * np.array(AXES[settings.axes])))
 
 
-def _score(
-    samples: list[Sample], settings: NormalPriorConfig, candidate: tuple[NormalPriorConfig, np.ndarray]
-) -> tuple[float, float | None]:
-    """(share of pixels that face away, mean cosine with the depth's normals or None)."""
-    other, flip = candidate
-    away, cosines = [], []
+def _score(samples: Sequence[Sample], pairs: np.ndarray, settings: NormalPriorConfig) -> Score:
+    away, cosines, in_world = [], [], []
     for sample in samples:
-        normal = camera_normals(sample.raw, other, sample.camera) * flip
+        normal = camera_normals(sample.raw, settings, sample.camera)
         away.append((normal * sample.rays).sum(axis=-1) > 0)
         known = sample.from_depth.any(axis=-1)
         cosines.append((normal * sample.from_depth).sum(axis=-1)[known])
-    cosines = np.concatenate(cosines) if cosines else np.zeros(0)
-    return float(np.concatenate(away).mean()), float(cosines.mean()) if len(cosines) else None
+        in_world.append(normal @ sample.camera.cam_from_world[:3, :3])
+    cosine, world = np.concatenate(cosines), np.concatenate(in_world)
+    between = (world[pairs[:, 0]] * world[pairs[:, 1]]).sum(axis=-1)
+    return Score(
+        float(np.concatenate(away).mean()),
+        float(cosine.mean()) if len(cosine) else None,
+        float(between.mean()) if len(pairs) >= MIN_PAIRS else None,
+    )

@@ -65,7 +65,7 @@ def read_depth(path: Path, settings: DepthPriorConfig, camera: Camera) -> tuple[
     valid = values > 0 if settings.meaning == "metric_depth" else values != 0
     if not valid.any():
         raise InputError(f"{path} has no valid depth (0 = invalid); replace it or delete it")
-    return _resize_depth(np.where(valid, values, 0.0).astype(np.float32), valid, camera)
+    return resize_depth(np.where(valid, values, 0.0).astype(np.float32), valid, camera)
 
 
 def read_normal(path: Path, settings: NormalPriorConfig, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -104,7 +104,7 @@ def read_normal(path: Path, settings: NormalPriorConfig, camera: Camera) -> tupl
             f"{path} holds no unit normals (median length {median:.2f}); give prior.normal.encoding what the file "
             "has, or write n = rgb / 127.5 - 1"
         )
-    return _resize_normal(normal, unit, camera)
+    return resize_normal(normal, unit, camera)
 
 
 def _read_png(path: Path, mode: str, kind: str) -> np.ndarray:
@@ -146,7 +146,7 @@ def _check_finite(path: Path, finite: np.ndarray) -> np.ndarray:
     return finite
 
 
-def _resize_depth(values: np.ndarray, valid: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def resize_depth(values: np.ndarray, valid: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Linear inside a surface, nearest at its edges and at holes."""
     size = (camera.width, camera.height)
     if (values.shape[1], values.shape[0]) == size:
@@ -159,7 +159,7 @@ def _resize_depth(values: np.ndarray, valid: np.ndarray, camera: Camera) -> tupl
     return np.where(smooth, linear, nearest), nearest_valid
 
 
-def _resize_normal(normal: np.ndarray, valid: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def resize_normal(normal: np.ndarray, valid: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Averaged and brought back to unit length."""
     size = (camera.width, camera.height)
     normal = np.where(valid[..., None], normal, 0.0)

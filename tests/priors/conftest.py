@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
+import onnx
 import pytest
 
 from room2dgs.config import load_config
@@ -53,12 +54,12 @@ def cast(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     return distance.min(axis=-1), normal @ camera.cam_from_world[:3, :3].T
 
 
-@pytest.fixture(scope="session")
-def room() -> Room:
+def room_seen_from(count: int, turn: float) -> Room:
+    """`count` views, each turned by `turn` radians from the one before."""
     frames, depths, normals, xyz = [], [], [], []
     rng = np.random.default_rng(0)
-    for i in range(6):
-        camera = camera_at(np.array([1.5 + 0.2 * i, 2.0, 1.4]), yaw=0.4 + 0.8 * i, pitch=-0.25)
+    for i in range(count):
+        camera = camera_at(np.array([1.5 + 1.0 / (count - 1) * i, 2.0, 1.4]), yaw=0.4 + turn * i, pitch=-0.25)
         depth, normal = cast(camera)
         frames.append(Frame(f"{3 * i:06d}", camera, Path(f"color/{3 * i}.jpg")))
         depths.append(depth)
@@ -71,6 +72,17 @@ def room() -> Room:
     xyz = np.concatenate(xyz)
     points = PointCloud(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 3, np.int32))
     return Room(frames, depths, normals, points)
+
+
+@pytest.fixture(scope="session")
+def room() -> Room:
+    return room_seen_from(6, turn=0.8)
+
+
+@pytest.fixture(scope="session")
+def box_room():
+    """`box_room(count, turn)`."""
+    return room_seen_from
 
 
 @pytest.fixture
@@ -101,5 +113,54 @@ def map_files(tmp_path: Path, room: Room):
             np.save(tmp_path / "depth" / f"{frame.color_path.stem}.npy", depth(room.depths[i], i).astype(np.float32))
             cv2.imwrite(str(tmp_path / "normal" / f"{frame.name}.png"), png8(normal(room.normals[i], i)))
         return tmp_path
+
+    return write
+
+
+@pytest.fixture
+def onnx_file(tmp_path: Path):
+    """`onnx_file(nodes, ...)` writes a network of the given nodes and gives its path.
+
+    nodes: (operator, inputs, outputs, attributes) each. inputs, outputs: name -> (element type, shape), a
+    shape's text being a side of any size. constants: name -> array. name: of the file.
+    """
+
+    def write(nodes, inputs=None, outputs=None, constants=None, name="model.onnx") -> Path:
+        photo = {"photo": ("FLOAT", (1, 3, "h", "w"))}
+        graph = onnx.helper.make_graph(
+            [onnx.helper.make_node(kind, source, target, **attributes) for kind, source, target, attributes in nodes],
+            "test",
+            *(
+                [
+                    onnx.helper.make_tensor_value_info(key, getattr(onnx.TensorProto, kind), shape)
+                    for key, (kind, shape) in (given or photo).items()
+                ]
+                for given in (inputs, outputs or {"map": ("FLOAT", None)})
+            ),
+            [onnx.numpy_helper.from_array(np.asarray(value), key) for key, value in (constants or {}).items()],
+        )
+        model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=8)
+        onnx.save(model, str(tmp_path / name))
+        return tmp_path / name
+
+    return write
+
+
+@pytest.fixture
+def depth_network(onnx_file) -> Path:
+    """Its map is the mean of the photo's channels."""
+    return onnx_file([("ReduceMean", ["photo"], ["map"], {"axes": [1], "keepdims": 1})], name="mean.onnx")
+
+
+@pytest.fixture
+def photos(tmp_path: Path, room: Room):
+    """`photos(images)` writes an (H, W, 3) uint8 RGB photo for each frame of the room and gives the frames."""
+
+    def write(images) -> list[Frame]:
+        (tmp_path / "color").mkdir(exist_ok=True)
+        frames = [replace(frame, color_path=tmp_path / "color" / f"{frame.name}.png") for frame in room.frames]
+        for frame, image in zip(frames, images, strict=True):
+            cv2.imwrite(str(frame.color_path), image[..., ::-1])
+        return frames
 
     return write

@@ -15,6 +15,7 @@ from room2dgs.scene.scene import PointCloud
 
 def load(room, prior_config, folder, points=None, frames=None, **changes):
     lines: list[str] = []
+    changes.setdefault("depth__joint", "false")  # what bending adds is told in test_joint.py
     settings = prior_config("prior=files", depth__path=folder / "depth", normal__path=folder / "normal", **changes)
     priors = load_priors(frames or room.frames, points or room.points, settings, lines.append)
     return priors, "\n".join(lines)
@@ -71,8 +72,8 @@ def test_the_right_convention_is_named_whatever_the_files_have(room, prior_confi
     prior = priors.by_frame[room.frames[2].name]
     expected = room.normals[2] @ room.frames[2].camera.cam_from_world[:3, :3]
     assert (prior.normal * expected).sum(axis=-1)[prior.normal_valid].min() > 0.999
-    # OpenGL facing away is x negated, which a depth prior shows and the facing side alone does not.
-    if (axes, facing) != ("opencv", "camera") and (with_depth or (axes, facing) != ("opengl", "away")):
+    # OpenGL facing away is x negated: a depth prior shows it, and so do views of the same points.
+    if (axes, facing) != ("opencv", "camera"):
         with pytest.raises(InputError) as refused:
             load(room, prior_config, folder, **extra)
         assert ("prior.normal.axes=opengl" in str(refused.value)) == (axes == "opengl")
@@ -90,9 +91,9 @@ def test_world_normals_taken_for_camera_normals_are_refused(room, prior_config, 
     assert (prior.normal * expected).sum(axis=-1)[prior.normal_valid].min() > 0.999
 
 
-def test_one_flipped_axis_is_named_as_the_files_fault(room, prior_config, map_files):
+def test_one_flipped_axis_is_named(room, prior_config, map_files):
     folder = map_files(normal=lambda normal, i: normal * (1, -1, 1))
-    with pytest.raises(InputError, match="the files with y negated"):
+    with pytest.raises(InputError, match=r"prior\.normal\.axes=ruf fits best"):
         load(room, prior_config, folder)
 
 
@@ -113,8 +114,9 @@ def test_noise_is_left_out_or_warned_about(room, prior_config, map_files):
 
     folder = map_files(depth=lambda depth, i: rng.uniform(0.5, 6.0, depth.shape), normal=noise)
     priors, said = load(room, prior_config, folder)
-    assert all(prior.depth is None for prior in priors.by_frame.values())
-    assert said.count("left out") == len(room.frames)
+    assert not priors.by_frame
+    assert said.count("depth prior of") == len(room.frames)
+    assert "WARNING: the normals say nothing" in said
     assert "training goes on without depth" in said
 
 
@@ -133,7 +135,7 @@ def test_a_view_without_points_takes_the_common_scale_only_if_there_is_one(
     room, prior_config, map_files, meaning, kept
 ):
     lonely = room.frames[4]
-    # out of the world of the points, but the same room to its map
+    # out of the world of the points and of the other views, but the same room to its map
     away = lonely.camera.cam_from_world.copy()
     away[:3, 3] += 100.0
     frames = [*room.frames[:4], replace(lonely, camera=replace(lonely.camera, cam_from_world=away))]
@@ -174,3 +176,20 @@ def test_simulated_maps_say_so(room, prior_config, map_files):
     priors, said = load(room, prior_config, folder)
     assert priors.label == "simulated"
     assert "simulated priors" in said
+
+
+def test_a_view_without_points_is_aligned_to_the_views_beside_it(room, prior_config, map_files):
+    # the other views' scales differ, so that only what they see tells this one's
+    lonely, pose = room.frames[2], room.frames[2].camera
+    in_cam = room.points.xyz @ pose.cam_from_world[:3, :3].T + pose.cam_from_world[:3, 3]
+    pixel = in_cam[:, :2] / in_cam[:, 2:] * pose.K[(0, 1), (0, 1)] + pose.K[:2, 2]
+    seen = (in_cam[:, 2] > 0) & ((pixel > -1) & (pixel < (pose.width + 1, pose.height + 1))).all(axis=1)
+    points = PointCloud(*(values[~seen] for values in vars(room.points).values()))
+    folder = map_files(depth=lambda depth, i: (depth - 0.05 * i) / (0.5 + 0.2 * i))
+    priors, said = load(
+        room, prior_config, folder, points=points, depth__meaning="relative_depth", normal__source="none"
+    )
+    assert priors.fits[lonely.name].points == 0
+    assert priors.fits[lonely.name].scale == pytest.approx(0.9, rel=0.03)
+    assert np.abs(priors.by_frame[lonely.name].depth / room.depths[2] - 1.0).max() < 0.03
+    assert f"depth prior of {lonely.name} aligned to" in said

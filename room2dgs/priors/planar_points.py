@@ -1,0 +1,34 @@
+"""Normals of the sparse points themselves, where they lie on a plane: few and rough, but nobody's guess."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+NEIGHBOURS = 16
+# Neighbours nearer than this tell the points' noise rather than the surface.
+SPACING_M = 0.05
+# Of a plane: its variance across against that along its shorter side, and that against the longer side.
+MAX_THICKNESS, MIN_WIDTH = 0.05, 0.1
+
+
+def planar_normals(xyz: np.ndarray) -> np.ndarray:
+    """Normals by principal components of each point's neighbours.
+
+    Args:
+        xyz: (M, 3) metres.
+
+    Returns:
+        (M, 3) float64 unit, of either sign; 0 where the neighbours lie on no plane.
+    """
+    cells = np.unique(np.floor(xyz / SPACING_M).astype(np.int64), axis=0, return_index=True)[1]
+    thinned = xyz[cells]
+    normals = np.zeros((len(xyz), 3))
+    if len(thinned) < NEIGHBOURS:
+        return normals
+    near = thinned[cKDTree(thinned).query(xyz, k=NEIGHBOURS)[1]]
+    offsets = near - near.mean(axis=1, keepdims=True)
+    variances, axes = np.linalg.eigh(np.einsum("mki,mkj->mij", offsets, offsets))
+    plane = (variances[:, 0] < MAX_THICKNESS * variances[:, 1]) & (variances[:, 1] > MIN_WIDTH * variances[:, 2])
+    normals[plane] = axes[plane, :, 0]
+    return normals

@@ -1,0 +1,140 @@
+"""Depth maps with smooth errors of their own, bent until they agree."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from room2dgs.priors.joint import joint_depths
+from room2dgs.priors.overlap import overlap, plain_regions
+from room2dgs.scene.scene import Frame, PointCloud
+
+NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int32))
+
+
+@pytest.fixture(scope="module")
+def ring(box_room, tmp_path_factory) -> tuple[list[Frame], dict[str, np.ndarray], dict[str, np.ndarray], PointCloud]:
+    """Frames with textured photos on disk, exact depths, world normals, and points."""
+    room = box_room(count=12, turn=0.3)
+    folder = tmp_path_factory.mktemp("photos")
+    rng = np.random.default_rng(3)
+    frames = []
+    for frame in room.frames:
+        path = folder / frame.color_path.name
+        cv2.imwrite(str(path), rng.integers(0, 255, (frame.camera.height, frame.camera.width, 3), dtype=np.uint8))
+        frames.append(replace(frame, color_path=Path(path)))
+    depths = {frame.name: depth.astype(np.float32) for frame, depth in zip(frames, room.depths, strict=True)}
+    normals = {
+        frame.name: (normal @ frame.camera.cam_from_world[:3, :3]).astype(np.float32)
+        for frame, normal in zip(frames, room.normals, strict=True)
+    }
+    return frames, depths, normals, room.points
+
+
+def warped(depths: dict[str, np.ndarray], size: float = 0.08) -> dict[str, np.ndarray]:
+    """Each map times exp of its own wave."""
+    found = {}
+    for index, (name, depth) in enumerate(depths.items()):
+        y, x = np.mgrid[0 : depth.shape[0], 0 : depth.shape[1]] / max(depth.shape)
+        wave = np.cos(5.0 * x * np.cos(index) + 5.0 * y * np.sin(index) + 2.0 * index)
+        found[name] = (depth * np.exp(size * wave)).astype(np.float32)
+    return found
+
+
+def error(found: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> float:
+    return float(np.mean([np.abs(found[name] / truth[name] - 1).mean() for name in found]))
+
+
+def test_what_every_view_gets_wrong_in_its_own_way_is_found_out(ring):
+    frames, depths, normals, points = ring
+    spoilt = warped(depths)
+    bent = joint_depths(frames, spoilt, normals, points)
+    assert error(spoilt, depths) > 0.04
+    assert error(bent.depths, depths) < 0.01
+    assert bent.between_views[1] < 0.3 * bent.between_views[0]
+    assert bent.at_points[1] < 0.3 * bent.at_points[0]
+
+
+def test_views_help_each_other_where_there_are_no_points(ring):
+    frames, depths, _, _ = ring
+    spoilt = warped(depths)
+    assert error(joint_depths(frames, spoilt, {}, NOTHING).depths, depths) < 0.6 * error(spoilt, depths)
+
+
+def test_normals_help_a_view_that_has_nothing_else(ring):
+    frames, depths, normals, _ = ring
+    name = frames[0].name
+    spoilt = {name: warped(depths)[name]}
+    bent = joint_depths(frames, spoilt, normals, NOTHING).depths[name]
+
+    # no view and no point tells the size
+    def off(depth):
+        return np.abs(depth / depths[name] / np.median(depth / depths[name]) - 1).mean()
+
+    assert off(bent) < 0.5 * off(spoilt[name])
+
+
+def test_true_maps_stay_true(ring):
+    frames, depths, normals, points = ring
+    assert error(joint_depths(frames, depths, normals, points).depths, depths) < 2e-3
+
+
+def test_one_bad_map_does_not_spoil_the_others(ring):
+    frames, depths, normals, points = ring
+    rng = np.random.default_rng(0)
+    spoilt = warped(depths)
+    bad = frames[4].name
+    spoilt[bad] = rng.uniform(0.5, 6.0, spoilt[bad].shape).astype(np.float32)
+    bent = joint_depths(frames, spoilt, normals, points).depths
+    others = {name: depth for name, depth in bent.items() if name != bad}
+    assert error(others, depths) < 0.015
+
+
+def test_the_same_maps_give_the_same_bits_and_holes_stay_holes(ring):
+    frames, depths, normals, points = ring
+    spoilt = warped(depths)
+    spoilt[frames[1].name][10:20, 30:50] = 0.0
+    first, second = (joint_depths(frames, spoilt, normals, points).depths for _ in range(2))
+    for name, depth in first.items():
+        np.testing.assert_array_equal(depth, second[name])
+        np.testing.assert_array_equal(depth == 0, spoilt[name] == 0)
+
+
+def test_no_maps_at_all_give_none(ring):
+    frames, _, _, points = ring
+    assert joint_depths(frames, {}, {}, points).depths == {}
+
+
+def test_points_are_carried_into_other_views_exactly(ring):
+    frames, depths, normals, points = ring
+    views = overlap(frames, depths, normals, points)
+    # a true map at a point's pixel has the point's depth, up to the pixel's size
+    assert np.median(np.abs(views.point_prior.numpy() / views.point_depth.numpy() - 1)) < 5e-3
+    view, other = views.pairs[0, :1], views.pairs[0, 1:]
+    row = column = views.region.new_full((1,), 30).long()
+    pixel = views.pixel(row, column)
+    in_cam = views.rays(view, pixel) * views.depth[view, row, column][:, None]
+    there, z = views.seen_by(other, view, in_cam)
+    world = (in_cam[0].double().numpy() - frames[int(view)].camera.cam_from_world[:3, 3]) @ frames[
+        int(view)
+    ].camera.cam_from_world[:3, :3]
+    camera = frames[int(other)].camera
+    expected = camera.K @ (camera.cam_from_world[:3, :3] @ world + camera.cam_from_world[:3, 3])
+    assert float(z) == pytest.approx(expected[2], rel=1e-4)
+    np.testing.assert_allclose(there[0].numpy(), expected[:2] / expected[2], atol=0.02)
+
+
+def test_plain_walls_are_pieces_and_texture_is_none():
+    photo = np.full((120, 160, 3), 120, np.uint8)
+    photo[:, 80:] = 60  # a corner: two walls
+    photo[80:, :] = np.random.default_rng(0).integers(0, 255, (40, 160, 3))
+    region = plain_regions(photo, step=2)
+    assert region.shape == (60, 80)
+    assert region[10, 10] > 0
+    assert region[10, 70] > 0
+    assert region[10, 10] != region[10, 70]
+    assert (region[45:] == 0).mean() > 0.95
