@@ -6,24 +6,48 @@ pass: a clamped value would have no gradient to come back by.
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 SCALE_MIN_M, SCALE_MAX_M = 1e-5, 10.0  # thinner than any pixel's footprint; wider than any wall piece
-LOG_SCALE_MIN, LOG_SCALE_MAX = math.log(SCALE_MIN_M), math.log(SCALE_MAX_M)
 OPACITY_LOGIT_MAX = 12.0  # sigmoid(12) = 1 - 6e-6: still below 1 in float32, with a gradient left
+LINEAR_ABOVE = 40.0  # softplus(40) - 40 = 4e-18
 
 
-def scale_of(log_scale: Tensor) -> Tensor:
-    """Metres."""
-    return torch.exp(log_scale)
+@dataclass(frozen=True)
+class ScaleActivation:
+    """What a raw scale means: unit_m x exp(raw) or unit_m x softplus(raw), metres.
+
+    An optimiser's step of d changes the scale by the factor exp(d) under exp, whatever the scale is.
+    Under softplus it does so for scales well below the unit, and adds unit_m x d above it.
+    """
+
+    name: str = "exp"
+    unit_m: float = 1.0
+
+    def scale_of(self, raw: Tensor) -> Tensor:
+        """Metres."""
+        if self.name == "exp":
+            return self.unit_m * torch.exp(raw)
+        return self.unit_m * functional.softplus(raw, threshold=LINEAR_ABOVE)
+
+    def raw_of(self, scale: Tensor) -> Tensor:
+        """Inverse of `scale_of`, inside the bounds."""
+        units = scale.clamp(SCALE_MIN_M, SCALE_MAX_M) / self.unit_m
+        if self.name == "exp":
+            return torch.log(units)
+        return units + torch.log(-torch.expm1(-units))
+
+    def constrain_(self, raw: Tensor, low_m: float = SCALE_MIN_M, high_m: float = SCALE_MAX_M) -> None:
+        """Bring raw scales back to what means `low_m` to `high_m`, in place."""
+        low, high = self.raw_of(torch.tensor([low_m, high_m], dtype=torch.float64)).tolist()
+        raw.clamp_(low, high)
 
 
-def log_scale_of(scale: Tensor) -> Tensor:
-    """Inverse of `scale_of`, inside the bounds."""
-    return torch.log(scale).clamp(LOG_SCALE_MIN, LOG_SCALE_MAX)
+EXP = ScaleActivation()
 
 
 def opacity_of(logit: Tensor) -> Tensor:

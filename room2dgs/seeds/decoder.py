@@ -6,20 +6,37 @@ from typing import Protocol
 
 from torch import Tensor
 
+from room2dgs.seeds.spawn import Spawned
+
 
 class Decoder(Protocol):
     """Seeds with learnable surfels.
 
-    Every parameter's first dimension counts seeds (or belongs to all seeds together), so that a later
-    birth or death of seeds is one gather for a parameter and its optimiser state alike.
+    Seeds are born and die row by row: the parameters named by `per_seed` and all of `fixed()` have one
+    row a seed, so that a birth or a death is one gather for a tensor and its optimiser state alike.
     """
+
+    @property
+    def per_seed(self) -> tuple[str, ...]:
+        """Names of the parameters whose first dimension counts seeds; the others belong to all seeds."""
+        ...
 
     def parameters(self) -> dict[str, Tensor]:
         """Learnable leaves by name, in a fixed order."""
         ...
 
     def fixed(self) -> dict[str, Tensor]:
-        """Tensors that are not learnt but belong to the state, by name."""
+        """Tensors that are not learnt but belong to the state, by name; one row a seed."""
+        ...
+
+    def newborn(self, spawned: Spawned, features: Tensor | None = None) -> dict[str, Tensor]:
+        """Rows for new seeds, by name: of every `per_seed` parameter and every `fixed()` tensor; detached.
+
+        Args:
+            spawned: the first surfels of B seeds, k each as this decoder has.
+            features: (B, F) what the seeds start from, such as their parents' features (None: zeros);
+                decoders without a parameter "features" do not look at it.
+        """
         ...
 
     def count(self) -> int:

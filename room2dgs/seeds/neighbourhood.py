@@ -46,12 +46,13 @@ def local_normals(points: np.ndarray, at: np.ndarray, neighbours: int, towards: 
     return normals * side[:, None]
 
 
-def spacing(positions: np.ndarray, low_m: float, high_m: float) -> np.ndarray:
+def spacing(positions: np.ndarray, low_m: float, high_m: float, squared: bool = False) -> np.ndarray:
     """Mean distance to the three nearest others, clamped.
 
     Args:
         positions: (S, 3) metres, distinct.
         low_m, high_m: bounds of the result; with fewer than two positions it is `high_m`.
+        squared: the root of the mean square instead, as 2DGS has it.
 
     Returns:
         (S,) float64 metres.
@@ -60,4 +61,5 @@ def spacing(positions: np.ndarray, low_m: float, high_m: float) -> np.ndarray:
     if count < 1:
         return np.full(len(positions), high_m)
     distances, _ = cKDTree(positions).query(positions, k=list(range(2, count + 2)))
-    return np.clip(distances.mean(axis=1), low_m, high_m)
+    mean = np.sqrt(np.square(distances).mean(axis=1)) if squared else distances.mean(axis=1)
+    return np.clip(mean, low_m, high_m)

@@ -60,6 +60,17 @@ def cell_centres(keys: np.ndarray, voxel_m: float) -> np.ndarray:
     return cells * voxel_m + 0.5 * voxel_m
 
 
+def point_keys(xyz: np.ndarray, voxel_m: float) -> np.ndarray:
+    """`cell_keys` of points that seeds are made of.
+
+    Raises:
+        InputError: no points, or points out of range (see `cell_keys`).
+    """
+    if len(xyz) == 0:
+        raise InputError("there are no points to seed from; give more overlapping views or a point file")
+    return cell_keys(xyz, voxel_m)
+
+
 def voxelise(xyz: np.ndarray, rgb: np.ndarray, voxel_m: float) -> Voxels:
     """Occupied voxels of a point cloud (eq. 8); the same bits for any order of the points.
 
@@ -71,10 +82,8 @@ def voxelise(xyz: np.ndarray, rgb: np.ndarray, voxel_m: float) -> Voxels:
     Raises:
         InputError: no points, or points out of range (see `cell_keys`).
     """
-    if len(xyz) == 0:
-        raise InputError("there are no points to seed from; give more overlapping views or a point file")
     xyz = np.asarray(xyz, dtype=np.float64)
-    keys = cell_keys(xyz, voxel_m)
+    keys = point_keys(xyz, voxel_m)
     # sums of floats depend on their order, so the order inside a cell is fixed too
     order = np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], keys))
     unique, first = np.unique(keys[order], return_index=True)

@@ -48,7 +48,7 @@ def test_seeds_are_fixed_and_everything_else_learns():
     decoder = explicit_decoder(spawned(), 1)
     sum((value**2).sum() for value in decoder.surfels(1)).backward()
     gradients = {name: p.grad for name, p in decoder.parameters().items()}
-    assert set(gradients) == {"offsets", "rotations", "log_scales", "opacity_logits", "sh_dc", "sh_rest"}
+    assert set(gradients) == {"offsets", "rotations", "raw_scales", "opacity_logits", "sh_dc", "sh_rest"}
     assert all(g is not None for g in gradients.values())
     assert decoder.fixed()["positions"].grad is None and not decoder.fixed()["positions"].requires_grad
 
@@ -56,8 +56,8 @@ def test_seeds_are_fixed_and_everything_else_learns():
 def test_constrain_brings_back_what_ran_away_and_keeps_its_gradient():
     decoder = explicit_decoder(spawned(), 0)
     with torch.no_grad():
-        decoder.log_scales[0] = 80.0
-        decoder.log_scales[1] = -80.0
+        decoder.raw_scales[0] = 80.0
+        decoder.raw_scales[1] = -80.0
         decoder.opacity_logits[2] = 1e4
         decoder.opacity_logits[3] = -1e4
     decoder.constrain()
@@ -67,7 +67,7 @@ def test_constrain_brings_back_what_ran_away_and_keeps_its_gradient():
     assert surfels.opacities.min() > 0 and surfels.opacities.max() < 1
     assert decoder.opacity_logits.abs().max().item() == OPACITY_LOGIT_MAX
     (surfels.opacities.sum() + surfels.scales.sum()).backward()
-    assert (decoder.opacity_logits.grad > 0).all() and (decoder.log_scales.grad > 0).all()
+    assert (decoder.opacity_logits.grad > 0).all() and (decoder.raw_scales.grad > 0).all()
 
 
 def test_changing_a_decoder_leaves_the_spawned_tensors_alone():

@@ -1,0 +1,129 @@
+"""Seeds where structure from motion is blind: the depth prior's surface, where several views agree on it.
+
+Blank walls have no sparse points and growth cannot reach them. The aligned depth maps do, and what they say is
+believed where other views say the same and none looks through it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from scipy.spatial import cKDTree
+
+from room2dgs.priors.geometry import depth_normals
+from room2dgs.priors.overlap import Overlap, overlap
+from room2dgs.priors.prior import Prior
+from room2dgs.scene.scene import Frame
+from room2dgs.seeds.voxelise import cell_centres, cell_keys
+
+AGREES = 0.03  # relative difference of depth within which two views mean the same surface
+LEAST_AGREEING = 2  # other views
+# Of the other views that look there, so many may look through the point.
+MAX_THROUGH = 0.34
+# A cell with fewer pixels, over all views, is noise.
+LEAST_PIXELS = 5
+# Means of neighbouring cells nearer than this share of a cell are one piece of surface, cut by the cells' border.
+LEAST_APART = 0.5
+NORMAL_STEP = 4  # pixels to either side
+
+
+class Surface(NamedTuple):
+    """Pieces of surface, one a cell.
+
+    Attributes:
+        cells: (S, 3) centres of the cells, metres.
+        xyz: (S, 3) mean of what the views saw in the cell, metres.
+        normals: (S, 3) unit, towards the cameras that saw it.
+        rgb: (S, 3) 0..1.
+    """
+
+    cells: np.ndarray
+    xyz: np.ndarray
+    normals: np.ndarray
+    rgb: np.ndarray
+
+
+def agreed_surface(frames: Sequence[Frame], priors: Mapping[str, Prior], voxel_m: float) -> Surface:
+    """Fuse the depth priors into cells; the same input gives the same bits.
+
+    Args:
+        frames: training views; those without a depth prior are passed over.
+        priors: by frame name; depth in metres, aligned.
+        voxel_m: edge of a cell.
+
+    Returns:
+        Pieces in rising order of their cells' keys; none if no views overlap.
+
+    Raises:
+        InputError: depths so large that their cells cannot be counted.
+    """
+    frames = [frame for frame in frames if frame.name in priors and priors[frame.name].depth is not None]
+    if not frames:
+        return Surface(*np.zeros((4, 0, 3)))
+    depths = {frame.name: priors[frame.name].depth for frame in frames}
+    views = overlap(frames, depths, {})
+    parts = [_believed(views, index, frame, depths[frame.name]) for index, frame in enumerate(frames)]
+    xyz, normals, rgb = (np.concatenate(values) for values in zip(*parts, strict=True))
+    return _in_cells(xyz, normals, rgb, voxel_m)
+
+
+def away_from(surface: Surface, xyz: np.ndarray, voxel_m: float) -> Surface:
+    """The pieces whose cell holds none of the points `xyz` (M, 3)."""
+    taken = np.unique(cell_keys(xyz, voxel_m))
+    free = ~np.isin(cell_keys(surface.cells, voxel_m), taken)
+    return Surface(*(values[free] for values in surface))
+
+
+def _believed(views: Overlap, index: int, frame: Frame, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """World points, normals and colours of one view's kept pixels on which other views agree."""
+    kept = (slice(views.step // 2, None, views.step),) * 2
+    normal = depth_normals(depth, frame.camera, NORMAL_STEP)[kept]
+    row, column = np.nonzero((depth[kept] > 0) & normal.any(axis=-1))
+    row, column = torch.from_numpy(row), torch.from_numpy(column)
+    view = torch.full_like(row, index)
+    in_cam = views.rays(view, views.pixel(row, column)) * views.depth[view, row, column][:, None]
+    agreeing, looking, through = (torch.zeros(len(row)) for _ in range(3))
+    for beside in views.pairs[views.pairs[:, 0] == index, 1]:
+        other = torch.full_like(row, int(beside))
+        pixel, z = views.seen_by(other, view, in_cam)
+        inside = (z > 0.05) & (pixel > 0).all(dim=1) & (pixel < views.size[other]).all(dim=1)
+        known, good = views.depth_at(other, pixel)
+        good &= inside
+        ratio = z / known.clamp(min=1e-6)
+        looking += good
+        agreeing += good & ((ratio - 1).abs() < AGREES)
+        through += good & (ratio < 1 - AGREES)
+    believed = ((agreeing >= LEAST_AGREEING) & (through <= MAX_THROUGH * looking)).numpy()
+    camera = frame.camera
+    xyz = (in_cam.numpy()[believed] - camera.cam_from_world[:3, 3]) @ camera.cam_from_world[:3, :3]
+    picked = (row.numpy()[believed], column.numpy()[believed])
+    return xyz, normal[picked] @ camera.cam_from_world[:3, :3], frame.color()[kept][picked] / 255.0
+
+
+def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, voxel_m: float) -> Surface:
+    keys, cell, count = np.unique(cell_keys(xyz, voxel_m), return_inverse=True, return_counts=True)
+    cell = cell.reshape(-1)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return np.stack([np.bincount(cell, values[:, axis], len(keys)) for axis in range(3)], axis=1) / count[:, None]
+
+    place, normal, color = mean(xyz), mean(normals), mean(rgb)
+    length = np.linalg.norm(normal, axis=1)
+    # normals that cancel are no surface; a slanted one is cut by cells into slivers, of which the fuller stays
+    good = (count >= LEAST_PIXELS) & (length > 0.5)
+    good &= ~_beaten(place, np.where(good, count, 0), LEAST_APART * voxel_m)
+    return Surface(cell_centres(keys, voxel_m)[good], place[good], normal[good] / length[good, None], color[good])
+
+
+def _beaten(place: np.ndarray, count: np.ndarray, radius_m: float) -> np.ndarray:
+    """(S,) bool: has a neighbour within the radius with more pixels (as many and a lower index), itself unbeaten."""
+    beaten = count == 0
+    neighbours = cKDTree(place).query_ball_point(place, radius_m) if len(place) else []
+    for index in np.lexsort((np.arange(len(place)), -count)):
+        if not beaten[index]:
+            for other in neighbours[index]:
+                beaten[other] |= other != index
+    return beaten

@@ -1,0 +1,99 @@
+"""Seeds from depth maps that agree: a wall seen by cameras that step sideways."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from room2dgs.config import load_config
+from room2dgs.priors.prior import Prior
+from room2dgs.scene.camera import Camera
+from room2dgs.scene.scene import Frame, PointCloud, Scene
+from room2dgs.seeds.depth_seeds import agreed_surface, away_from
+from room2dgs.train.model import new_model
+
+WIDTH, HEIGHT, WALL_M, VOXEL_M = 96, 72, 2.0, 0.1
+K = np.array([[80.0, 0, 48.0], [0, 80.0, 36.0], [0, 0, 1.0]])
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> list[Frame]:
+    made = []
+    for index in range(5):
+        cam_from_world = np.eye(4)
+        cam_from_world[0, 3] = -0.1 * index
+        path = tmp_path / f"{index}.png"
+        cv2.imwrite(str(path), np.full((HEIGHT, WIDTH, 3), (30, 60, 90), np.uint8))  # BGR
+        made.append(Frame(f"{index:06d}", Camera(K, WIDTH, HEIGHT, cam_from_world), path))
+    return made
+
+
+def wall(frames: list[Frame], noise_m: float = 0.0) -> dict[str, Prior]:
+    rng = np.random.default_rng(0)
+    maps = {f.name: np.float32(WALL_M) + rng.uniform(-noise_m, noise_m, (HEIGHT, WIDTH)) for f in frames}
+    return {name: Prior(depth=depth.astype(np.float32), depth_valid=depth > 0) for name, depth in maps.items()}
+
+
+def test_seeds_lie_on_the_wall_and_face_the_cameras(frames):
+    surface = agreed_surface(frames, wall(frames), VOXEL_M)
+    np.testing.assert_allclose(surface.xyz[:, 2], WALL_M, atol=1e-6)
+    np.testing.assert_allclose(surface.normals, np.tile([0.0, 0.0, -1.0], (len(surface.xyz), 1)), atol=1e-6)
+    np.testing.assert_allclose(surface.rgb, np.tile(np.array([90, 60, 30]) / 255, (len(surface.xyz), 1)), atol=1e-6)
+    # a cell for each 10 cm x 10 cm that three views share: at least the middle view's image without a border
+    seen = (WIDTH - 8) / 80 * WALL_M * (HEIGHT - 8) / 80 * WALL_M
+    assert len(surface.xyz) >= 0.8 * seen / VOXEL_M**2
+    assert len(np.unique(surface.cells, axis=0)) == len(surface.cells)
+
+
+def test_a_wall_on_the_border_of_two_layers_of_cells_is_seeded_once(frames):
+    surface = agreed_surface(frames, wall(frames, noise_m=2e-3), VOXEL_M)
+    apart, _ = cKDTree(surface.xyz).query(surface.xyz, k=2)
+    assert apart[:, 1].min() > 0.5 * VOXEL_M
+    assert len(surface.xyz) > 100
+
+
+def test_what_one_view_says_against_the_others_is_not_believed(frames):
+    priors = wall(frames)
+    liar = frames[2].name
+    priors[liar].depth[:] = 1.5
+    surface = agreed_surface(frames, priors, VOXEL_M)
+    assert len(surface.xyz)
+    np.testing.assert_allclose(surface.xyz[:, 2], WALL_M, atol=1e-6)
+
+
+def test_what_others_look_through_is_not_believed_though_some_agree(frames):
+    priors = wall(frames)
+    for frame in frames[:2]:
+        priors[frame.name].depth[:] = 1.5
+    priors[frames[2].name].depth[:] = 1.5  # three agree, two see the wall behind
+    lonely = agreed_surface(frames, priors, VOXEL_M)
+    seen_by_all = (lonely.xyz[:, 0] > -0.3) & (lonely.xyz[:, 0] < 0.7)
+    assert not (np.abs(lonely.xyz[seen_by_all, 2] - 1.5) < 0.2).any()
+
+
+def test_one_view_alone_gives_nothing(frames):
+    assert len(agreed_surface(frames[:1], wall(frames), VOXEL_M).xyz) == 0
+    assert len(agreed_surface(frames, {}, VOXEL_M).xyz) == 0
+
+
+def test_cells_that_hold_a_sparse_point_are_left_to_it(frames):
+    surface = agreed_surface(frames, wall(frames), VOXEL_M)
+    points = surface.xyz[::7]
+    left = away_from(surface, points, VOXEL_M)
+    assert len(left.xyz) == len(surface.xyz) - len(points)
+    assert cKDTree(points).query(left.xyz)[0].min() > 0
+
+
+@pytest.mark.parametrize(("init", "more"), [("sfm", False), ("sfm+depth", True)])
+def test_a_new_model_has_them_if_asked(frames, tmp_path, init, more):
+    config = load_config([f"scene.path={tmp_path}", "out=x", f"seeds.init={init}"])
+    xyz = np.random.default_rng(1).uniform(-0.3, 0.3, (40, 3)) + np.array([0.2, 0.0, WALL_M])
+    points = PointCloud(xyz, np.zeros((40, 3), np.uint8), np.full(40, 3, np.int32))
+    scene = Scene(tmp_path, tuple(frames), ())
+    model = new_model(scene, points, config, wall(frames))
+    assert (model.seeds > len(xyz) + 50) == more
+    assert model.seeds == new_model(scene, points, config).seeds or more
