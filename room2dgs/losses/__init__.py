@@ -2,6 +2,7 @@
 
 from room2dgs.losses.depth_prior import depth_prior_loss, edge_band
 from room2dgs.losses.geometry import depth_to_normals, depth_to_points
+from room2dgs.losses.multiview import multiview_geometric, multiview_photometric
 from room2dgs.losses.normal_prior import normal_prior_loss
 from room2dgs.losses.photometric import rgb_loss
 from room2dgs.losses.surface import distortion, normal_consistency
@@ -12,6 +13,8 @@ __all__ = [
     "depth_to_points",
     "distortion",
     "edge_band",
+    "multiview_geometric",
+    "multiview_photometric",
     "normal_consistency",
     "normal_prior_loss",
     "rgb_loss",

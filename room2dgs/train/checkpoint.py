@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from room2dgs.train.tensor_file import read_tensors, write_tensors
 
 KIND = "checkpoint"
 NAME = re.compile(r"iteration_(\d+)\.safetensors")
-PARTS = ("parameter", "fixed", "adam")
+PARTS = ("parameter", "fixed", "adam", "extra")
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,7 @@ class Checkpoint:
         adam: the optimiser's tensors by name (`optimiser.adam_state`).
         fingerprint: the settings that decide the result (`fingerprint.fingerprint`).
         seconds: by stage, so far.
+        extra: what others keep from iteration to iteration, by "owner/name", such as "strategy/visits".
     """
 
     iteration: int
@@ -39,6 +40,7 @@ class Checkpoint:
     adam: dict[str, Tensor]
     fingerprint: dict[str, Any]
     seconds: dict[str, float]
+    extra: dict[str, Tensor] = field(default_factory=dict)
 
 
 def folder_of(out: Path) -> Path:
@@ -53,7 +55,7 @@ def save(out: Path, state: Checkpoint) -> Path:
         InputError: the disk is full or not writable; earlier checkpoints are untouched.
     """
     path = folder_of(out) / f"iteration_{state.iteration:07d}.safetensors"
-    groups = (state.parameters, state.fixed, state.adam)
+    groups = (state.parameters, state.fixed, state.adam, state.extra)
     tensors = {f"{part}/{k}": v for part, group in zip(PARTS, groups, strict=True) for k, v in group.items()}
     meta = {"iteration": state.iteration, "fingerprint": state.fingerprint, "seconds": state.seconds}
     write_tensors(path, KIND, tensors, meta)
@@ -78,6 +80,7 @@ def load(path: Path) -> Checkpoint:
         groups["adam"],
         meta["fingerprint"],
         meta["seconds"],
+        groups["extra"],
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-STAGES = ("data", "render", "loss", "backward", "optimiser")
+STAGES = ("data", "render", "loss", "multiview", "backward", "optimiser", "strategy")
 
 
 class StageClock:

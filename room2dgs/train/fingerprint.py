@@ -13,12 +13,13 @@ from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.scene.scene import Scene
 from room2dgs.train.prior_maps import priors_digest
+from room2dgs.train.schedule import has_shares
 
 if TYPE_CHECKING:
     from room2dgs.priors.prior import Prior
 
-# `train.iterations` is not among them: a run may be prolonged.
-SECTIONS = ("scene", "points", "seeds", "render", "loss")
+# `train.iterations` is not among them, unless times are shares of it: a run may be prolonged.
+SECTIONS = ("scene", "points", "seeds", "render", "loss", "strategy")
 TRAIN_KEYS = ("seed", "rates", "resolutions")
 FREE = ("scene.gt_mesh", "scene.test_every", "render.threads")
 VIEWS = "training views"
@@ -34,6 +35,8 @@ def fingerprint(config: Config, scene: Scene, priors: Mapping[str, Prior] | None
         _flatten(section, values[section], flat)
     for key in TRAIN_KEYS:
         _flatten(f"train.{key}", values["train"][key], flat)
+    if has_shares(config):
+        flat["train.iterations"] = config.train.iterations
     for key in FREE:
         flat.pop(key, None)
     flat[VIEWS] = _views_digest(scene)

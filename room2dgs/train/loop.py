@@ -7,23 +7,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from torch import Tensor
+
 from room2dgs.config import Config
 from room2dgs.files import remove_leftovers
 from room2dgs.scene.scene import PointCloud, Scene
+from room2dgs.torch_threads import one_torch_thread
 from room2dgs.train import checkpoint
 from room2dgs.train.clock import StageClock
 from room2dgs.train.fingerprint import check_same, digest, fingerprint
 from room2dgs.train.model import Model, checkpoint_of, new_model, restored_model
+from room2dgs.train.neighbour_views import NeighbourViews
 from room2dgs.train.progress import Log, file_log
 from room2dgs.train.report import Report
 from room2dgs.train.schedule import image_fraction, view_index
 from room2dgs.train.step import current_surfels, iterate, mean_psnr_db
+from room2dgs.train.strategy import Strategy, new_strategy
 from room2dgs.train.surfel_file import save_surfels
-from room2dgs.train.threads import one_torch_thread
 from room2dgs.train.views import Views
 
 if TYPE_CHECKING:
     from room2dgs.priors.prior import Prior
+
+STRATEGY, MULTIVIEW = "strategy", "multiview"  # in `Checkpoint.extra`
 
 
 @dataclass(frozen=True)
@@ -79,9 +85,11 @@ def train(
     out = Path(out)
     log = log or file_log(out)
     identity = fingerprint(config, scene, priors)
-    model, clock = _start(scene, points, config, out, identity, log)
+    strategy = new_strategy(config, scene.extent, len(scene.train))
+    neighbour_views = NeighbourViews(Views(scene.train, priors), config)
+    model, clock = _start(scene, points, priors, config, out, identity, strategy, neighbour_views, log)
     with Report(out, config.train, model.iteration, log) as report:
-        _optimise(model, scene, priors, config, out, identity, clock, report)
+        _optimise(model, strategy, scene, neighbour_views, config, out, identity, clock, report)
 
     surfels = current_surfels(model, config.render)
     path = out / "surfels.safetensors"
@@ -106,26 +114,37 @@ def train(
 
 
 def _start(
-    scene: Scene, points: PointCloud, config: Config, out: Path, identity: dict[str, Any], log: Log
+    scene: Scene,
+    points: PointCloud,
+    priors: Mapping[str, Prior] | None,
+    config: Config,
+    out: Path,
+    identity: dict[str, Any],
+    strategy: Strategy,
+    neighbour_views: NeighbourViews,
+    log: Log,
 ) -> tuple[Model, StageClock]:
-    """The model to go on with, and the time it took so far."""
+    """The model to go on with, and the time it took so far; strategy and neighbours take up their states."""
     remove_leftovers(checkpoint.folder_of(out))
     state = checkpoint.latest(out, log) if config.resume else None
     if state:
         check_same(state.fingerprint, identity, out)
         log(f"resuming after iteration {state.iteration} of {config.train.iterations}")
-        return restored_model(state), StageClock(state.seconds)
+        strategy.load(_part(state.extra, STRATEGY))
+        neighbour_views.load(_part(state.extra, MULTIVIEW), state.iteration)
+        return restored_model(state, config), StageClock(state.seconds)
     if config.resume:
         log(f"no whole checkpoint in {checkpoint.folder_of(out)}; starting from the beginning")
-    model = new_model(scene, points, config)
+    model = new_model(scene, points, config, priors)
     log(f"{len(points)} points, {model.seeds} seeds, {model.surfel_count} surfels, {len(scene.train)} training views")
     return model, StageClock()
 
 
 def _optimise(
     model: Model,
+    strategy: Strategy,
     scene: Scene,
-    priors: Mapping[str, Prior] | None,
+    neighbour_views: NeighbourViews,
     config: Config,
     out: Path,
     identity: dict[str, Any],
@@ -133,7 +152,7 @@ def _optimise(
     report: Report,
 ) -> None:
     settings = config.train
-    views, held_out = Views(scene.train, priors), Views(scene.test)
+    views, held_out = neighbour_views.views, Views(scene.test)
     extent = scene.extent
     # a run from the beginning takes the place of an earlier one, once it has a checkpoint of its own
     kept = checkpoint.up_to(out, model.iteration) if model.iteration else []
@@ -141,12 +160,28 @@ def _optimise(
         clock.start()
         index = view_index(model.iteration, len(views), settings.seed)
         view = views.at(index, image_fraction(model.iteration, settings.resolutions))
-        step = iterate(model, view, config, extent, clock)
+        watched = strategy.before_backward(model.iteration)
+        pair = neighbour_views.pair(model.iteration, index)
+        step = iterate(model, view, config, extent, clock, watched, pair)
+        neighbour_views.keep(model.iteration - 1, index, step.depth, step.alpha)
+        if watched:
+            strategy.after_backward(step)
+        adjustment = strategy.after_step(model)
+        clock.lap("strategy")
         done, last = model.iteration, model.iteration == settings.iterations
         report.step(done, step, model.surfel_count)
+        if adjustment:
+            report.adjusted(done, adjustment, model.seeds)
         if settings.test_every and len(held_out) and (done % settings.test_every == 0 or last):
             report.test(done, mean_psnr_db(model, held_out, config.render))
         if done % settings.checkpoint_every == 0 or last:
-            kept.append(checkpoint.save(out, checkpoint_of(model, identity, clock.seconds)))
+            states = {STRATEGY: strategy.state(), MULTIVIEW: neighbour_views.state()}
+            extra = {f"{owner}/{name}": value for owner, state in states.items() for name, value in state.items()}
+            kept.append(checkpoint.save(out, checkpoint_of(model, identity, clock.seconds, extra)))
             kept = kept[-settings.keep_checkpoints :]
             checkpoint.keep_only(out, kept)
+
+
+def _part(extra: dict[str, Tensor], owner: str) -> dict[str, Tensor]:
+    """One owner's tensors by their own names."""
+    return {name.removeprefix(f"{owner}/"): v for name, v in extra.items() if name.startswith(f"{owner}/")}

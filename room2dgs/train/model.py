@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from torch import Tensor
 from torch.optim import Adam
 
 from room2dgs.config import Config
 from room2dgs.scene.scene import PointCloud, Scene
 from room2dgs.seeds.decoder import Decoder
-from room2dgs.seeds.explicit import ExplicitDecoder, explicit_decoder
-from room2dgs.seeds.seeds import seed_points
+from room2dgs.seeds.decoders import new_decoder, restored_decoder
+from room2dgs.seeds.depth_seeds import agreed_surface, away_from
+from room2dgs.seeds.seeds import joined, seed_points, surface_seeds
 from room2dgs.seeds.spawn import spawn
 from room2dgs.splat.types import Surfels
 from room2dgs.train.checkpoint import Checkpoint
 from room2dgs.train.optimiser import adam_state, load_adam_state, make_adam
+
+if TYPE_CHECKING:
+    from room2dgs.priors.prior import Prior
 
 
 @dataclass
@@ -42,29 +48,35 @@ class Model:
         return Surfels(*self.decoder.surfels(active_sh_degree))
 
 
-def new_model(scene: Scene, points: PointCloud, config: Config) -> Model:
-    """Seeds from points, surfels from seeds.
+def new_model(scene: Scene, points: PointCloud, config: Config, priors: Mapping[str, Prior] | None = None) -> Model:
+    """Seeds from points and, with seeds.init=sfm+depth, from depth priors; surfels from seeds.
 
     Raises:
         InputError: no points, or points out of range.
     """
     centres = np.stack([frame.camera.centre for frame in scene.train])
-    seeds = seed_points(points.xyz, points.rgb, centres, config.seeds)
+    seeds = seed_points(points.xyz, points.rgb, centres, config.seeds, config.train.seed)
+    if config.seeds.init == "sfm+depth" and priors:
+        surface = agreed_surface(scene.train, priors, config.seeds.depth_voxel_m)
+        surface = away_from(surface, points.xyz, config.seeds.depth_voxel_m)
+        seeds = joined(seeds, surface_seeds(surface, config.seeds))
     spawned = spawn(seeds, config.seeds.per_seed, config.seeds.opacity, config.train.seed)
-    decoder = explicit_decoder(spawned, config.render.sh_degree)
+    decoder = new_decoder(spawned, config.seeds, config.render.sh_degree, config.train.seed)
     return Model(decoder, make_adam(decoder.parameters()))
 
 
-def restored_model(state: Checkpoint) -> Model:
+def restored_model(state: Checkpoint, config: Config) -> Model:
     """The model that `checkpoint_of` was given."""
-    decoder = ExplicitDecoder(**state.fixed, **state.parameters)
+    decoder = restored_decoder(config.seeds, state.fixed, state.parameters)
     adam = make_adam(decoder.parameters())
     load_adam_state(adam, state.adam)
     return Model(decoder, adam, state.iteration)
 
 
-def checkpoint_of(model: Model, fingerprint: dict[str, Any], seconds: dict[str, float]) -> Checkpoint:
-    """The model's state, sharing its tensors."""
+def checkpoint_of(
+    model: Model, fingerprint: dict[str, Any], seconds: dict[str, float], extra: dict[str, Tensor]
+) -> Checkpoint:
+    """The model's state, sharing its tensors, and what else belongs to the run's (`Checkpoint.extra`)."""
     return Checkpoint(
         model.iteration,
         model.decoder.parameters(),
@@ -72,4 +84,5 @@ def checkpoint_of(model: Model, fingerprint: dict[str, Any], seconds: dict[str, 
         adam_state(model.adam),
         fingerprint,
         dict(seconds),
+        extra,
     )

@@ -7,13 +7,15 @@ from typing import NamedTuple
 
 from torch import Tensor
 
-from room2dgs.config import LossConfig
+from room2dgs.config import Config
 from room2dgs.losses.depth_prior import depth_prior_loss
 from room2dgs.losses.normal_prior import normal_prior_loss
 from room2dgs.losses.photometric import rgb_loss
 from room2dgs.losses.surface import distortion, normal_consistency
 from room2dgs.splat.types import Rendering
-from room2dgs.train.schedule import is_active
+from room2dgs.train.multiview import GEOMETRIC, PHOTOMETRIC, multiview_terms
+from room2dgs.train.neighbour_views import Pair
+from room2dgs.train.schedule import term_weight
 from room2dgs.train.views import View
 
 
@@ -42,33 +44,49 @@ PRIOR_TERMS: dict[str, Callable[[Rendering, View], Tensor]] = {
         rendering.normal[SPARSE], rendering.alpha[SPARSE], view.normal_prior[SPARSE], view.normal_prior_valid[SPARSE]
     ),
 }
+MULTIVIEW_TERMS = (GEOMETRIC, PHOTOMETRIC)  # act on views that have a neighbour
 
 
-def loss_terms(rendering: Rendering, target: Tensor, view: View, config: LossConfig, iteration: int) -> dict[str, Term]:
-    """The terms that act on this view in this iteration, by name; "rgb" always does.
+def loss_terms(rendering: Rendering, target: Tensor, view: View, config: Config, iteration: int) -> dict[str, Term]:
+    """The terms of one view alone that act in this iteration, by name; "rgb" always does.
 
     Args:
         rendering: of `view`.
         target: (H, W, 3) float32 in 0..1.
     """
-    terms = {"rgb": Term(1.0, rgb_loss(rendering.color, target, config.dssim))}
+    weights = _weights(view, config, iteration)
+    terms = {"rgb": Term(1.0, rgb_loss(rendering.color, target, config.loss.dssim))}
     for name, function in (SURFACE_TERMS | PRIOR_TERMS).items():
-        if _acts(name, view, config, iteration):
-            terms[name] = Term(getattr(config, name).weight, function(rendering, view))
+        if name in weights:
+            terms[name] = Term(weights[name], function(rendering, view))
     return terms
 
 
-def needed_maps(view: View, config: LossConfig, iteration: int) -> dict[str, bool]:
+def multiview_loss_terms(
+    rendering: Rendering, view: View, pair: Pair, config: Config, iteration: int
+) -> dict[str, Term]:
+    """The terms that compare a view with a neighbour, likewise."""
+    weights = _weights(view, config, iteration, pair)
+    names = [name for name in MULTIVIEW_TERMS if name in weights]
+    values = multiview_terms(rendering, view, pair, config.loss.multiview, names)
+    return {name: Term(weights[name], values[name]) for name in names}
+
+
+def needed_maps(view: View, config: Config, iteration: int, pair: Pair | None = None) -> dict[str, bool]:
     """Switches of `splat.render` for the outputs that cost time: only those that an active term reads."""
+    weights = _weights(view, config, iteration, pair)
     return {
-        "with_normal": any(_acts(name, view, config, iteration) for name in ("normal_consistency", "normal_prior")),
-        "with_distortion": _acts("distortion", view, config, iteration),
+        "with_normal": any(name in weights for name in ("normal_consistency", "normal_prior", PHOTOMETRIC)),
+        "with_distortion": "distortion" in weights,
     }
 
 
-def _acts(name: str, view: View, config: LossConfig, iteration: int) -> bool:
-    has_maps = name not in PRIOR_TERMS or getattr(view, name) is not None
-    return has_maps and is_active(iteration, getattr(config, name))
+def _weights(view: View, config: Config, iteration: int, pair: Pair | None = None) -> dict[str, float]:
+    """Of the terms that act, beside "rgb"."""
+    names = [*SURFACE_TERMS, *(name for name in PRIOR_TERMS if getattr(view, name) is not None)]
+    names += MULTIVIEW_TERMS if pair else ()
+    weights = {name: term_weight(iteration, getattr(config.loss, name), config.train.iterations) for name in names}
+    return {name: weight for name, weight in weights.items() if weight > 0}
 
 
 def total_loss(terms: dict[str, Term]) -> Tensor:

@@ -10,6 +10,7 @@ from room2dgs.train.progress import Bar, Log
 from room2dgs.train.scalars import Scalars
 from room2dgs.train.statistics import Means, psnr_db
 from room2dgs.train.step import Step
+from room2dgs.train.strategy import Adjustment
 
 PSNR_EVERY = 10  # iterations; it is for the eye, and reads a whole image
 
@@ -53,6 +54,11 @@ class Report:
             self._scalars.add({f"train/{name}": value for name, value in self.losses.items()}, done)
             self._scalars.add({"train/surfels": float(surfels)}, done)
         self._bar.update(done, self._figures)
+
+    def adjusted(self, done: int, adjustment: Adjustment, seeds: int) -> None:
+        """After births and deaths of seeds."""
+        self._log(f"iteration {done}/{self._config.iterations}: {adjustment.line() or 'nothing born'}; {seeds} seeds")
+        self._scalars.add(adjustment.scalars() | {"seeds/count": float(seeds)}, done)
 
     def test(self, done: int, psnr: float) -> None:
         """After a look at the held-out views."""

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from room2dgs.config import RatesConfig, RenderConfig, ResolutionConfig, TermConfig
+from room2dgs.config import Config, RatesConfig, RenderConfig, ResolutionConfig, TermConfig
 
 REST_SHARE = 1 / 20  # of the colour's rate, for SH above degree 0 (2DGS)
 EXTENT_MIN_M = 0.1  # cameras that only turn have no extent, and nothing would move
@@ -18,22 +18,33 @@ def center_rate(iteration: int, iterations: int, rates: RatesConfig, extent_m: f
     Args:
         extent_m: `Scene.extent`; taken as at least 0.1 m.
     """
-    if rates.center <= 0:
-        return 0.0
-    share = min(1.0, iteration / max(1, iterations - 1))
-    return max(extent_m, EXTENT_MIN_M) * rates.center * (rates.center_final / rates.center) ** share
+    return max(extent_m, EXTENT_MIN_M) * _decayed(iteration, iterations, rates.center, rates.center_final)
 
 
 def learning_rates(iteration: int, iterations: int, rates: RatesConfig, extent_m: float) -> dict[str, float]:
-    """Adam's rate for each parameter of the explicit decoder, by name."""
+    """Adam's rate for each parameter of either decoder, by name."""
+    network = _decayed(iteration, iterations, rates.network, rates.network_final)
     return {
         "offsets": center_rate(iteration, iterations, rates, extent_m),
         "rotations": rates.rotation,
-        "log_scales": rates.scale,
+        "raw_scales": rates.scale,
         "opacity_logits": rates.opacity,
         "sh_dc": rates.color,
         "sh_rest": rates.color * REST_SHARE,
+        "features": rates.feature,
+        "hidden_weight": network,
+        "hidden_bias": network,
+        "out_weight": network,
+        "out_bias": network,
     }
+
+
+def _decayed(iteration: int, iterations: int, first: float, final: float) -> float:
+    """first -> final, exponentially; the last iteration has the latter."""
+    if first <= 0:
+        return 0.0
+    share = min(1.0, iteration / max(1, iterations - 1))
+    return first * (final / first) ** share
 
 
 def active_sh_degree(iteration: int, render: RenderConfig) -> int:
@@ -46,9 +57,38 @@ def image_fraction(iteration: int, resolutions: list[ResolutionConfig]) -> float
     return next((level.fraction for level in resolutions if iteration < level.until), 1.0)
 
 
-def is_active(iteration: int, term: TermConfig) -> bool:
-    """Does this loss term act?"""
-    return term.enabled and term.weight > 0 and iteration >= term.start
+def at_iteration(value: float, iterations: int) -> int:
+    """What a schedule's setting means in a run of `iterations`: a value below 1 is a share of them."""
+    return round(value * iterations) if value < 1 else int(value)
+
+
+def term_weight(iteration: int, term: TermConfig, iterations: int) -> float:
+    """Weight of a loss term: 0 outside start <= iteration < end, rising linearly over the first `ramp`.
+
+    Args:
+        iterations: of the whole run.
+    """
+    since = iteration - at_iteration(term.start, iterations)
+    over = term.end is not None and iteration >= at_iteration(term.end, iterations)
+    if not term.enabled or since < 0 or over:
+        return 0.0
+    ramp = at_iteration(term.ramp, iterations)
+    return term.weight * min(1.0, (since + 1) / (ramp + 1))
+
+
+def has_shares(config: Config) -> bool:
+    """Is a time that matters to this run given as a share of `train.iterations`?"""
+    terms = [term for term in vars(config.loss).values() if isinstance(term, TermConfig) and term.enabled]
+    times = [time for term in terms for time in (term.start, term.end, term.ramp)]
+    if config.strategy.name != "fixed":
+        times += [config.strategy.start, config.strategy.stop, config.strategy.reset_every]
+    return any(time is not None and 0 < time < 1 for time in times)
+
+
+def multiview_acts(iteration: int, config: Config) -> bool:
+    """Does one of the two multi-view terms act in this iteration?"""
+    terms = (config.loss.multiview_geometric, config.loss.multiview_photometric)
+    return any(term_weight(iteration, term, config.train.iterations) > 0 for term in terms)
 
 
 def view_index(iteration: int, views: int, seed: int) -> int:

@@ -13,7 +13,8 @@ from room2dgs.splat.types import Rendering, Surfels
 from room2dgs.train.clock import StageClock
 from room2dgs.train.diverged import check_gradients, check_loss
 from room2dgs.train.model import Model
-from room2dgs.train.objective import Term, loss_terms, needed_maps, total_loss
+from room2dgs.train.neighbour_views import Pair
+from room2dgs.train.objective import Term, loss_terms, multiview_loss_terms, needed_maps, total_loss
 from room2dgs.train.optimiser import set_rates
 from room2dgs.train.schedule import active_sh_degree, learning_rates
 from room2dgs.train.statistics import psnr_db
@@ -27,18 +28,35 @@ class Step(NamedTuple):
         losses: unweighted value of each active term, and "loss", their weighted sum.
         color: (H, W, 3) the rendering.
         target: (H, W, 3) the photo.
+        depth, alpha: (H, W) of the rendering.
+        opacities: (N,) of the surfels rendered, center_gradients: (N, 2) of their projected centres, 1/pixel;
+            None unless asked for.
     """
 
     losses: dict[str, float]
     color: Tensor
     target: Tensor
+    depth: Tensor
+    alpha: Tensor
+    opacities: Tensor | None = None
+    center_gradients: Tensor | None = None
 
 
-def iterate(model: Model, view: View, config: Config, extent_m: float, clock: StageClock) -> Step:
+def iterate(
+    model: Model,
+    view: View,
+    config: Config,
+    extent_m: float,
+    clock: StageClock,
+    watched: bool = False,
+    pair: Pair | None = None,
+) -> Step:
     """Take one step on one view; `model.iteration` goes up by one.
 
     Args:
         extent_m: `Scene.extent`, the scale of the centres' learning rate.
+        watched: note the surfels' opacities and the gradients of their projected centres.
+        pair: the view with a neighbour, for the multi-view terms.
 
     Raises:
         RuntimeError: a loss or gradient that is not finite; the model is as it was before.
@@ -47,14 +65,21 @@ def iterate(model: Model, view: View, config: Config, extent_m: float, clock: St
     target = view.target()
     clock.lap("data")
 
-    def rendered() -> Rendering:
+    center_px = torch.zeros(model.surfel_count, 2, requires_grad=True) if watched else None
+
+    def rendered() -> tuple[Surfels, Rendering]:
         surfels = model.surfels(active_sh_degree(iteration, config.render))
-        return render_view(surfels, view, config.render, **needed_maps(view, config.loss, iteration))
+        maps = needed_maps(view, config, iteration, pair)
+        return surfels, render_view(surfels, view, config.render, center_px=center_px, **maps)
 
     def terms_of(rendering: Rendering) -> dict[str, Term]:
-        return loss_terms(rendering, target, view, config.loss, iteration)
+        terms = loss_terms(rendering, target, view, config, iteration)
+        clock.lap("loss")
+        terms |= multiview_loss_terms(rendering, view, pair, config, iteration) if pair else {}
+        clock.lap("multiview")
+        return terms
 
-    rendering = rendered()
+    surfels, rendering = rendered()
     clock.lap("render")
     terms = terms_of(rendering)
     loss = total_loss(terms)
@@ -64,13 +89,15 @@ def iterate(model: Model, view: View, config: Config, extent_m: float, clock: St
     model.adam.zero_grad(set_to_none=True)
     loss.backward()
     clock.lap("backward")
-    check_gradients(model.decoder.parameters(), iteration, lambda: terms_of(rendered()))
+    check_gradients(model.decoder.parameters(), iteration, lambda: terms_of(rendered()[1]))
     set_rates(model.adam, learning_rates(iteration, config.train.iterations, config.train.rates, extent_m))
     model.adam.step()
     model.decoder.constrain()
     model.iteration += 1
     clock.lap("optimiser")
-    return Step(losses, rendering.color.detach(), target)
+    seen = (surfels.opacities.detach(), center_px.grad) if watched else ()
+    color, depth, alpha = (values.detach() for values in (rendering.color, rendering.depth, rendering.alpha))
+    return Step(losses, color, target, depth, alpha, *seen)
 
 
 def render_view(
@@ -78,6 +105,7 @@ def render_view(
     view: View,
     render: RenderConfig,
     *,
+    center_px: Tensor | None = None,
     with_normal: bool = False,
     with_distortion: bool = False,
 ) -> Rendering:
@@ -90,6 +118,7 @@ def render_view(
         view.height,
         background=torch.tensor(render.background, dtype=torch.float32),
         near_m=render.near_m,
+        center_px=center_px,
         with_normal=with_normal,
         with_distortion=with_distortion,
     )

@@ -69,7 +69,7 @@ def test_invalid_pixels_and_depth_edges_are_not_valid_at_any_size(capture, fract
 
 
 def test_terms_act_where_their_map_is_and_normals_are_rendered_only_then(capture, configure):
-    config = configure(*START).loss
+    config = configure(*START)
     frame = capture[0].train[0]
     wants = {
         (True, True): load_view(frame, 1.0, wall_prior()),
@@ -80,7 +80,7 @@ def test_terms_act_where_their_map_is_and_normals_are_rendered_only_then(capture
     for (has_depth, has_normal), view in wants.items():
         assert (view.depth_prior is not None, view.normal_prior is not None) == (has_depth, has_normal)
         assert needed_maps(view, config, 0) == {"with_normal": has_normal, "with_distortion": False}
-    late = configure(*START, "loss.normal_prior.start=5").loss
+    late = configure(*START, "loss.normal_prior.start=5")
     assert [needed_maps(wants[True, True], late, n)["with_normal"] for n in (4, 5)] == [False, True]
 
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -6,14 +8,25 @@ from room2dgs.config import RatesConfig, RenderConfig, ResolutionConfig, TermCon
 from room2dgs.errors import InputError
 from room2dgs.train.schedule import (
     active_sh_degree,
+    at_iteration,
     center_rate,
     image_fraction,
-    is_active,
     learning_rates,
+    term_weight,
     view_index,
 )
 
-RATES = RatesConfig(center=1.6e-4, center_final=1.6e-6, rotation=1e-3, scale=5e-3, opacity=0.05, color=2.5e-3)
+RATES = RatesConfig(
+    center=1.6e-4,
+    center_final=1.6e-6,
+    rotation=1e-3,
+    scale=5e-3,
+    opacity=0.05,
+    color=2.5e-3,
+    feature=7.5e-3,
+    network=2e-3,
+    network_final=2e-4,
+)
 
 
 def test_center_rate_goes_from_first_to_final_through_the_geometric_mean():
@@ -34,19 +47,27 @@ def test_cameras_that_only_turn_still_move_centres():
 
 
 def test_zero_centre_rate_freezes_the_centres():
-    frozen = RatesConfig(0.0, 0.0, 1e-3, 5e-3, 0.05, 2.5e-3)
+    frozen = replace(RATES, center=0.0, center_final=0.0)
     assert [center_rate(i, 10, frozen, 3.0) for i in (0, 9)] == [0.0, 0.0]
 
 
-def test_a_final_rate_of_zero_is_refused(configure):
-    with pytest.raises(InputError, match=r"train\.rates\.center_final"):
-        configure("train.rates.center_final=0")
+@pytest.mark.parametrize("rate", ["center", "network"])
+def test_a_final_rate_of_zero_is_refused(configure, rate):
+    with pytest.raises(InputError, match=rf"train\.rates\.{rate}_final"):
+        configure(f"train.rates.{rate}_final=0")
+
+
+def test_every_layer_of_the_network_learns_at_a_falling_rate():
+    first, last = (learning_rates(i, 101, RATES, 2.5) for i in (0, 100))
+    for name in ("hidden_weight", "hidden_bias", "out_weight", "out_bias"):
+        assert (first[name], last[name]) == pytest.approx((2e-3, 2e-4))
+    assert first["features"] == last["features"] == 7.5e-3
 
 
 def test_other_rates_do_not_scale_with_the_scene_and_higher_harmonics_learn_at_a_twentieth():
     rates = learning_rates(3, 10, RATES, 7.0)
     assert rates["sh_rest"] == pytest.approx(rates["sh_dc"] / 20)
-    assert (rates["rotations"], rates["log_scales"], rates["opacity_logits"]) == (1e-3, 5e-3, 0.05)
+    assert (rates["rotations"], rates["raw_scales"], rates["opacity_logits"]) == (1e-3, 5e-3, 0.05)
 
 
 def test_sh_degree_rises_at_its_iterations_and_stops_at_the_top():
@@ -60,10 +81,29 @@ def test_resolution_changes_exactly_at_until():
     assert image_fraction(0, []) == 1.0
 
 
+def term(**changes) -> TermConfig:
+    return TermConfig(**({"enabled": True, "weight": 0.1, "start": 5, "end": None, "ramp": 0} | changes))
+
+
 def test_term_acts_from_its_first_iteration_if_enabled_and_weighted():
-    assert [is_active(i, TermConfig(True, 0.1, 5)) for i in (4, 5)] == [False, True]
-    assert not is_active(9, TermConfig(False, 0.1, 5))
-    assert not is_active(9, TermConfig(True, 0.0, 5))
+    assert [term_weight(i, term(), 100) for i in (4, 5, 99)] == [0, 0.1, 0.1]
+    assert term_weight(9, term(enabled=False), 100) == 0
+    assert term_weight(9, term(weight=0.0), 100) == 0
+
+
+def test_term_ends_before_its_end():
+    assert [term_weight(i, term(end=8), 100) for i in (5, 7, 8, 9)] == [0.1, 0.1, 0, 0]
+
+
+def test_ramp_rises_in_equal_steps_from_above_zero_to_the_full_weight():
+    weights = [term_weight(i, term(ramp=4, weight=1.0), 100) for i in range(4, 11)]
+    assert weights == pytest.approx([0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0])
+
+
+def test_times_below_one_are_shares_of_the_run():
+    shares = term(start=0.25, end=0.5, ramp=0.1, weight=1.0)
+    assert [term_weight(i, shares, 40) for i in (9, 10, 12, 14, 19, 20)] == pytest.approx([0, 0.2, 0.6, 1, 1, 0])
+    assert [at_iteration(value, 200) for value in (0, 0.25, 0.999, 1, 1.0, 150, 300)] == [0, 50, 200, 1, 1, 150, 300]
 
 
 @given(st.integers(1, 40), st.integers(0, 2**31), st.integers(0, 5))

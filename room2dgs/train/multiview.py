@@ -1,0 +1,96 @@
+"""The multi-view terms of one rendering: drawn pixels compared with a neighbour."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from room2dgs.config import MultiviewConfig
+from room2dgs.losses.homography import relative_pose
+from room2dgs.losses.multiview import (
+    agreement,
+    multiview_geometric,
+    multiview_photometric,
+    neighbour_patches,
+    round_trip_error,
+)
+from room2dgs.losses.sampling import patches_at
+from room2dgs.splat.types import Rendering
+from room2dgs.train.kept_depths import MIN_ALPHA, STEP
+from room2dgs.train.neighbour_views import Pair
+from room2dgs.train.views import View
+
+GEOMETRIC, PHOTOMETRIC = "multiview_geometric", "multiview_photometric"
+TRIES = 4  # pixels tried for each that is wanted
+TINY = 1e-3  # rendered normals that cancel have no direction; their gradient stays below 1 / TINY
+
+
+def multiview_terms(
+    rendering: Rendering, view: View, pair: Pair, config: MultiviewConfig, names: list[str]
+) -> dict[str, Tensor]:
+    """Unweighted values of those of the two terms that are named; differentiable once in depth and normal.
+
+    Compared are up to `config.samples` pixels, drawn among those whose patch has texture and whose ray the surfels
+    stop. The neighbour's depth is that of its last rendering and gets no gradient.
+    """
+    column, row = drawn_pixels(rendering, pair, config.samples)
+    reference = patches_at(pair.photo.grey, column, row, config.patch)
+    pixels = torch.stack([column, row], dim=-1) + 0.5
+    pose = relative_pose(view.cam_from_world, pair.neighbour.cam_from_world)
+    K, other_K = view.K, pair.neighbour.K
+
+    def values(depth: Tensor, normal: Tensor) -> list[Tensor]:
+        # the photometric term only weighs by it
+        with torch.set_grad_enabled(GEOMETRIC in names):
+            error, seen = round_trip_error(pixels, depth, pair.inverse_depth, pose, K, other_K, STEP)
+        found = {}
+        if GEOMETRIC in names:
+            found[GEOMETRIC] = multiview_geometric(error, agreement(error, seen))
+        if PHOTOMETRIC in names:
+            normal = normal @ view.cam_from_world[:3, :3].T
+            normal = normal * torch.rsqrt(normal.square().sum(-1, keepdim=True) + TINY**2)
+            image = pair.neighbour_photo.grey
+            patches, whole = neighbour_patches(image, pixels, depth, normal, pose, K, other_K, config.patch)
+            found[PHOTOMETRIC] = multiview_photometric(reference, patches, agreement(error, seen & whole))
+        return [found[name] for name in names]
+
+    results = _WithGradients.apply(values, rendering.depth[row, column], rendering.normal[row, column])
+    return dict(zip(names, results, strict=True))
+
+
+class _WithGradients(torch.autograd.Function):
+    """Values and their gradients at once: the clock counts both as the terms' own, and no graph is kept."""
+
+    @staticmethod
+    def forward(ctx, function: Callable[..., list[Tensor]], *inputs: Tensor) -> tuple[Tensor, ...]:
+        leaves = [values.detach().requires_grad_() for values in inputs]
+        with torch.enable_grad():
+            results = function(*leaves)
+        gradients = [
+            torch.autograd.grad(result, leaves, retain_graph=True, allow_unused=True, materialize_grads=True)
+            for result in results
+        ]
+        ctx.save_for_backward(*(gradient for of_result in gradients for gradient in of_result))
+        return tuple(result.detach() for result in results)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, *grads: Tensor):
+        gradients = ctx.saved_tensors
+        count = len(gradients) // len(grads)
+        by_input = (gradients[i::count] for i in range(count))
+        return None, *(sum(g * of_result for g, of_result in zip(grads, own, strict=True)) for own in by_input)
+
+
+def drawn_pixels(rendering: Rendering, pair: Pair, count: int) -> tuple[Tensor, Tensor]:
+    """(M,) columns and rows, M <= count: fewer where a small part of the image can be compared."""
+    height, width = rendering.depth.shape
+    drawn = np.random.default_rng(pair.seed).integers(height * width, size=TRIES * count)
+    drawn = torch.from_numpy(drawn)
+    drawn = drawn[pair.photo.textured.flatten()[drawn]]
+    alpha, depth = (values.detach().flatten()[drawn] for values in (rendering.alpha, rendering.depth))
+    drawn = drawn[(alpha >= MIN_ALPHA) & (depth > 0)][:count]
+    return drawn % width, drawn // width

@@ -1,0 +1,107 @@
+"""The neighbour that a view is compared with in an iteration."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from torch import Tensor
+
+from room2dgs.config import Config
+from room2dgs.train.grey import GreyPhoto, grey_photo
+from room2dgs.train.kept_depths import KeptDepths
+from room2dgs.train.neighbours import neighbours
+from room2dgs.train.schedule import image_fraction, multiview_acts
+from room2dgs.train.views import View, Views
+
+DRAW = 0x6E62  # tells these draws from others of the same iteration
+
+
+class Pair(NamedTuple):
+    """What the multi-view terms need beside the view that is rendered.
+
+    Attributes:
+        photo: the view's own.
+        neighbour: another view.
+        neighbour_photo: its photo.
+        inverse_depth: (h, w) of the neighbour, as `KeptDepths` has it.
+        seed: of the iteration's draw of pixels.
+    """
+
+    photo: GreyPhoto
+    neighbour: View
+    neighbour_photo: GreyPhoto
+    inverse_depth: Tensor
+    seed: int
+
+
+class NeighbourViews:
+    """Draws neighbours and keeps what is compared of them: grey photos and depths.
+
+    A draw depends on (train.seed, iteration) and on the kept depths, which are part of a checkpoint.
+
+    Attributes:
+        views: the training views.
+    """
+
+    def __init__(self, views: Views, config: Config) -> None:
+        self.views = views
+        self._config = config
+        self._depths = KeptDepths()
+        self._fraction = 1.0
+        self._photos: dict[int, GreyPhoto] = {}
+        self._lists: list[np.ndarray] | None = None
+
+    def pair(self, iteration: int, index: int) -> Pair | None:
+        """A pair of the view `index` with one of its neighbours that were rendered at this size.
+
+        None without one, and in iterations in which no multi-view term acts.
+        """
+        if not multiview_acts(iteration, self._config):
+            return None
+        fraction = self._fraction_of(iteration)
+        kept = [(int(n), self._depths.get(int(n), fraction)) for n in self._neighbours(index)]
+        kept = [(n, depth) for n, depth in kept if depth is not None]
+        if not kept:
+            return None
+        random = np.random.default_rng([self._config.train.seed % 2**63, iteration, DRAW])
+        other, inverse_depth = kept[random.integers(len(kept))]
+        return Pair(
+            self._photo(index, fraction),
+            self.views.at(other, fraction),
+            self._photo(other, fraction),
+            inverse_depth,
+            int(random.integers(2**62)),
+        )
+
+    def keep(self, iteration: int, index: int, depth: Tensor, alpha: Tensor) -> None:
+        """Keep the depth that view `index` was rendered with, if it will be asked for within an epoch."""
+        epoch = len(self.views)
+        if any(multiview_acts(soon, self._config) for soon in (iteration + 1, iteration + epoch)):
+            self._depths.keep(index, self._fraction_of(iteration), depth, alpha)
+
+    def state(self) -> dict[str, Tensor]:
+        """The kept depths, for a checkpoint."""
+        return self._depths.state()
+
+    def load(self, state: dict[str, Tensor], done: int) -> None:
+        """The way back from `state` after `done` iterations."""
+        self._depths.load(state, self._fraction_of(done - 1))
+
+    def _neighbours(self, index: int) -> np.ndarray:
+        if self._lists is None:
+            cameras = [frame.camera for frame in self.views.frames]
+            self._lists = neighbours(cameras, self._config.loss.multiview)
+        return self._lists[index]
+
+    def _photo(self, index: int, fraction: float) -> GreyPhoto:
+        if fraction != self._fraction:
+            self._fraction, self._photos = fraction, {}
+        if index not in self._photos:
+            settings = self._config.loss.multiview
+            image = self.views.at(index, fraction).image
+            self._photos[index] = grey_photo(image, settings.patch, settings.min_std)
+        return self._photos[index]
+
+    def _fraction_of(self, iteration: int) -> float:
+        return image_fraction(iteration, self._config.train.resolutions)
