@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from room2dgs.eval.geometry import Scores
+from room2dgs.eval.geometry import Scores, downsample, nearest_vertices, scores
 from room2dgs.mesh.io import read_mesh
 
 
@@ -61,6 +61,37 @@ def load(path: Path) -> MeshFile:
 def hashes(pred: MeshFile, gt: MeshFile) -> dict[str, str | None]:
     """The two files' hashes, as constants of a result."""
     return {"pred_sha256": pred.sha256, "gt_sha256": gt.sha256}
+
+
+def by_vertex(
+    name: str,
+    pred: MeshFile,
+    gt: MeshFile,
+    vertices: tuple[np.ndarray, np.ndarray],
+    cell_m: float,
+    threshold_m: float,
+    constants: dict[str, Any],
+) -> Result:
+    """Verdict of a protocol that compares vertices, averaged in cells, by nearest neighbours.
+
+    Args:
+        vertices: (N, 3) of the prediction and (M, 3) of the ground truth, culled as the protocol wants it; metres.
+        cell_m: edge of the cells.
+        constants: what else the protocol depends on.
+    """
+    pred_points, gt_points = (downsample(np.asarray(points).reshape(-1, 3), cell_m) for points in vertices)
+    distances = nearest_vertices(pred_points, gt_points), nearest_vertices(gt_points, pred_points)
+    shared = {
+        "threshold_m": threshold_m,
+        **constants,
+        "downsample_m": cell_m,
+        "pred_points": len(pred_points),
+        "gt_points": len(gt_points),
+        "gt_edge_m": edge_length(gt.mesh),
+        "distances": "vertex to nearest vertex, strict < threshold, not clamped",
+        **hashes(pred, gt),
+    }
+    return Result(name, scores(*distances, threshold_m), shared)
 
 
 def edge_length(mesh: trimesh.Trimesh) -> float:

@@ -16,8 +16,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from room2dgs.config import EvalConfig, MeshConfig
-from room2dgs.eval.geometry import downsample, nearest_vertices, scores
-from room2dgs.eval.protocol import MeshFile, Result, edge_length, hashes
+from room2dgs.eval.protocol import MeshFile, Result, by_vertex
 from room2dgs.eval.surface import Surface
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.tsdf import integrate
@@ -41,31 +40,16 @@ def manhattan(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], config: E
         min_weight=MIN_WEIGHT,
     )
     fused = clean(integrate(_depth_views(Surface(pred.mesh), cameras), fusion))
-    pred_points = downsample(np.asarray(fused.vertices).reshape(-1, 3), DOWNSAMPLE_M)
-    gt_points = downsample(gt.mesh.vertices, DOWNSAMPLE_M)
-    return Result(
-        protocol="manhattan",
-        scores=scores(
-            nearest_vertices(pred_points, gt_points),
-            nearest_vertices(gt_points, pred_points),
-            config.threshold_m,
-        ),
-        constants={
-            "threshold_m": config.threshold_m,
-            "image_width": IMAGE_WIDTH,
-            "voxel_m": VOXEL_M,
-            "truncation_m": VOXEL_M * TRUNCATION_VOXELS,
-            "max_depth_m": MAX_DEPTH_M,
-            "min_weight": MIN_WEIGHT,
-            "downsample_m": DOWNSAMPLE_M,
-            "views": len(cameras),
-            "pred_points": len(pred_points),
-            "gt_points": len(gt_points),
-            "gt_edge_m": edge_length(gt.mesh),
-            "distances": "vertex to nearest vertex, strict < threshold, not clamped",
-            **hashes(pred, gt),
-        },
-    )
+    constants = {
+        "image_width": IMAGE_WIDTH,
+        "voxel_m": VOXEL_M,
+        "truncation_m": VOXEL_M * TRUNCATION_VOXELS,
+        "max_depth_m": MAX_DEPTH_M,
+        "min_weight": MIN_WEIGHT,
+        "views": len(cameras),
+    }
+    vertices = fused.vertices, gt.mesh.vertices
+    return by_vertex("manhattan", pred, gt, vertices, DOWNSAMPLE_M, config.threshold_m, constants)
 
 
 def _depth_views(surface: Surface, cameras: Sequence[Camera]) -> Iterator[FusedView]:

@@ -17,8 +17,7 @@ import numpy as np
 import trimesh
 
 from room2dgs.config import EvalConfig
-from room2dgs.eval.geometry import downsample, nearest_vertices, scores
-from room2dgs.eval.protocol import MeshFile, Result, edge_length, hashes
+from room2dgs.eval.protocol import MeshFile, Result, by_vertex
 from room2dgs.eval.surface import Surface
 from room2dgs.scene.camera import Camera
 
@@ -35,29 +34,13 @@ def neuris(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], config: Eval
     masks = [np.isfinite(hits.t) for hits in map(Surface(truth).seen_by, views)]
     judged = _first_hit_faces(_inside_box(pred.mesh, gt.mesh), views)
     judged = judged.vertices[_inside_masks(judged.vertices, views, masks)]
-    pred_points = downsample(judged, DOWNSAMPLE_M)
-    gt_points = downsample(truth.vertices, DOWNSAMPLE_M)
-    return Result(
-        protocol="neuris",
-        scores=scores(
-            nearest_vertices(pred_points, gt_points),
-            nearest_vertices(gt_points, pred_points),
-            config.threshold_m,
-        ),
-        constants={
-            "threshold_m": config.threshold_m,
-            "image_width": IMAGE_WIDTH,
-            "resolution_level": RESOLUTION_LEVEL,
-            "bounding_box_scale": BOX_SCALE,
-            "downsample_m": DOWNSAMPLE_M,
-            "views": len(cameras),
-            "pred_points": len(pred_points),
-            "gt_points": len(gt_points),
-            "gt_edge_m": edge_length(gt.mesh),
-            "distances": "vertex to nearest vertex, strict < threshold, not clamped",
-            **hashes(pred, gt),
-        },
-    )
+    constants = {
+        "image_width": IMAGE_WIDTH,
+        "resolution_level": RESOLUTION_LEVEL,
+        "bounding_box_scale": BOX_SCALE,
+        "views": len(cameras),
+    }
+    return by_vertex("neuris", pred, gt, (judged, truth.vertices), DOWNSAMPLE_M, config.threshold_m, constants)
 
 
 def _small(camera: Camera) -> Camera:

@@ -41,6 +41,7 @@ class PointsConfig:
 
     source: str = MISSING  # sfm | file
     file: str | None = MISSING  # point file (.ply) for source=file
+    cache: str | None = MISSING  # folder that keeps triangulated points (null: points in the run's folder)
     max_features: int = MISSING  # SIFT features an image
     peak_threshold: float = MISSING  # weakest contrast of a feature; lower finds more on plain walls
     overlap: int = MISSING  # views a frame is matched with: half its successors, half chosen by pose
@@ -49,28 +50,57 @@ class PointsConfig:
 
 
 @dataclass
+class OnnxConfig:
+    """A depth or normal network in ONNX: what goes in and what comes out, as its maker documents it."""
+
+    model: str | None = MISSING  # the .onnx file
+    get: str = MISSING  # where that file comes from
+    sha256: str | None = MISSING  # of that file (null: not checked)
+    input: str | None = MISSING  # the photo's input (null: the only one)
+    output: str | None = MISSING  # the map's output (null: the only one)
+    mask: str | None = MISSING  # output that is below 0.5 where the map is invalid (null: none)
+    intrinsics: str | None = MISSING  # input for the 3x3 intrinsics in its own pixels (null: none)
+    tokens: str | None = MISSING  # input for the number of patches of `multiple` pixels a side (null: none)
+    height: int | None = MISSING  # of the photo as the network sees it (null: the model's own)
+    width: int | None = MISSING
+    multiple: int = MISSING  # fit=cover: sides are multiples of this
+    fit: str = MISSING  # stretch | pad (to height x width) | cover (keeps the aspect, no side smaller than that)
+    layout: str = MISSING  # nchw | nhwc
+    channels: str = MISSING  # rgb | bgr
+    white: float = MISSING  # the photo's values are 0..white
+    mean: list[float] = MISSING  # taken off the values, each channel's own
+    std: list[float] = MISSING  # what they are then divided by
+    output_channel: int | None = MISSING  # depth: this channel of the output (null: it has one)
+    canonical_focal_px: float | None = MISSING  # depth: metres for this focal length (null: for the photo's)
+    values: str = MISSING  # normals: signed (-1..1) | zero_to_one (n = 2 v - 1)
+
+
+@dataclass
 class DepthPriorConfig:
     """Depth maps of the photos, from a network or a sensor."""
 
-    source: str = MISSING  # none | files
+    source: str = MISSING  # none | files | onnx
     path: str | None = MISSING  # folder of <photo's name>.png (16-bit) or .npy
     unit_m: float | None = MISSING  # metres of one stored unit (null: 0.001 for PNG, 1 for .npy)
     meaning: str = MISSING  # metric_depth | relative_depth | relative_inverse_depth
     align: bool = MISSING  # robust scale and shift of each map to the sparse points
+    joint: bool = MISSING  # then bend all maps smoothly until views, points and normals agree
     max_residual: float = MISSING  # maps with a larger median relative residual are left out
+    onnx: OnnxConfig = field(default_factory=OnnxConfig)
 
 
 @dataclass
 class NormalPriorConfig:
     """Normal maps of the photos; what their numbers mean must be said."""
 
-    source: str = MISSING  # none | files
+    source: str = MISSING  # none | files | onnx
     path: str | None = MISSING  # folder of <photo's name>.png or .npy
     encoding: str = MISSING  # png8 (n = rgb / 127.5 - 1) | npy
-    axes: str = MISSING  # opencv (x right, y down, z forward) | opengl (x right, y up, z back)
+    axes: str = MISSING  # opencv (x right, y down, z forward) | opengl (x right, y up, z back) | rdf, rub, rdb, ...
     facing: str = MISSING  # camera | away: the side that normals point to
     frame: str = MISSING  # camera | world
-    check: bool = MISSING  # stop if another convention fits clearly better
+    check: bool = MISSING  # stop if another convention fits clearly better, leave out maps that say nothing
+    onnx: OnnxConfig = field(default_factory=OnnxConfig)
 
 
 @dataclass
@@ -79,18 +109,25 @@ class PriorConfig:
 
     depth: DepthPriorConfig = field(default_factory=DepthPriorConfig)
     normal: NormalPriorConfig = field(default_factory=NormalPriorConfig)
+    cache: str | None = MISSING  # folder that keeps the networks' maps (null: priors in the run's folder)
+    threads: int | None = MISSING  # of the networks (null: all cores that this process may use)
+    provider: str = MISSING  # what runs the networks: cpu | cuda
 
 
 @dataclass
 class SeedsConfig:
     """Seeds and the surfels they spawn (eq. 8-9)."""
 
+    init: str = MISSING  # sfm: voxels of the sparse points | sfm+depth | points: every point, as plain 2DGS
     voxel_m: float = MISSING  # delta
+    depth_voxel_m: float = MISSING  # sfm+depth: one seed a cell where views agree on the depth prior and no point is
     per_seed: int = MISSING  # k surfels a seed
     neighbours: int = MISSING  # points for the local normal and scale
     opacity: float = MISSING  # initial opacity of every surfel
     max_scale_m: float = MISSING  # upper bound of the initial scale
-    decoder: str = MISSING  # explicit
+    decoder: str = MISSING  # explicit: surfels store their attributes | shared: a network decodes them
+    feature_size: int = MISSING  # numbers a seed that the shared decoder's network reads
+    scale_activation: str = MISSING  # exp | softplus: what the learnt scale numbers mean
 
 
 @dataclass
@@ -106,11 +143,26 @@ class RenderConfig:
 
 @dataclass
 class TermConfig:
-    """A loss term's weight and the iterations in which it acts."""
+    """A loss term's weight and the iterations in which it acts; times below 1 are shares of train.iterations."""
 
     enabled: bool = MISSING
     weight: float = MISSING
-    start: int = MISSING  # first iteration
+    start: float = MISSING  # first iteration
+    end: float | None = MISSING  # first iteration without it (null: never)
+    ramp: float = MISSING  # iterations until it has its full weight
+
+
+@dataclass
+class MultiviewConfig:
+    """What the multi-view terms compare: a view's pixels with a neighbouring view's (eq. 13-15)."""
+
+    neighbours: int = MISSING  # at most this many a view; one is drawn each iteration
+    max_angle_deg: float = MISSING  # between the optical axes of neighbours
+    min_baseline_m: float = MISSING  # between their centres; nearer ones show no depth
+    max_baseline_m: float = MISSING
+    samples: int = MISSING  # pixels compared each iteration
+    patch: int = MISSING  # side of the compared patches, pixels, odd
+    min_std: float = MISSING  # patches of less contrast (grey levels of 0..1) are not compared
 
 
 @dataclass
@@ -122,6 +174,9 @@ class LossConfig:
     normal_consistency: TermConfig = field(default_factory=TermConfig)
     depth_prior: TermConfig = field(default_factory=TermConfig)  # acts on views that have a depth prior
     normal_prior: TermConfig = field(default_factory=TermConfig)  # acts on views that have a normal prior
+    multiview_geometric: TermConfig = field(default_factory=TermConfig)  # acts on views that have a neighbour
+    multiview_photometric: TermConfig = field(default_factory=TermConfig)  # likewise
+    multiview: MultiviewConfig = field(default_factory=MultiviewConfig)
 
 
 @dataclass
@@ -134,6 +189,9 @@ class RatesConfig:
     scale: float = MISSING
     opacity: float = MISSING
     color: float = MISSING  # SH degree 0; the higher degrees learn at a twentieth
+    feature: float = MISSING  # shared decoder: each seed's feature
+    network: float = MISSING  # shared decoder: its network
+    network_final: float = MISSING  # reached exponentially at the last iteration
 
 
 @dataclass
@@ -157,6 +215,25 @@ class TrainConfig:
     checkpoint_every: int = MISSING
     keep_checkpoints: int = MISSING
     tensorboard: bool = MISSING
+
+
+@dataclass
+class StrategyConfig:
+    """Births and deaths of seeds; times below 1 are shares of train.iterations."""
+
+    name: str = MISSING  # fixed | seeds (the paper's growth and pruning) | plain (2DGS's densification)
+    start: float = MISSING  # of the adjustments
+    stop: float = MISSING  # of the adjustments
+    every: int = MISSING  # iterations between two adjustments (the paper's N_g and N_alpha)
+    grow_gradient: float = MISSING  # mean screen-space gradient that calls for growth (theta_g)
+    min_visits: int = MISSING  # seeds: surfels seen in fewer iterations since the last adjustment have no say
+    levels: int = MISSING  # seeds: of the hierarchy; each is 4 times finer, the last has cells of seeds.voxel_m
+    random_survival: bool = MISSING  # seeds: of newborns, half of the coarsest level's, 3/4 of the next, ...
+    prune_opacity: float = MISSING  # less opaque ones go (theta_alpha)
+    max_surfels: int | None = MISSING  # growth ends there, by falling gradient (null: never)
+    split_size: float = MISSING  # plain: larger surfels split, others are cloned; a share of the scene's extent
+    prune_size: float = MISSING  # plain: larger surfels go once opacities were reset; a share of the extent
+    reset_every: float = MISSING  # plain: iterations between two resets of all opacities (0: none)
 
 
 @dataclass
@@ -199,6 +276,7 @@ class Config:
     seeds: SeedsConfig = field(default_factory=SeedsConfig)
     render: RenderConfig = field(default_factory=RenderConfig)
     loss: LossConfig = field(default_factory=LossConfig)
+    strategy: StrategyConfig = field(default_factory=StrategyConfig)
     train: TrainConfig = field(default_factory=TrainConfig)
     mesh: MeshConfig = field(default_factory=MeshConfig)
     eval: EvalConfig = field(default_factory=EvalConfig)
@@ -257,7 +335,7 @@ def _on_top_of(earlier: Path, composed: DictConfig, chosen: list[str]) -> DictCo
     except (OSError, UnicodeDecodeError, yaml.YAMLError, OmegaConfBaseException) as error:
         raise InputError(f"{earlier} is not the configuration of a run; choose another out=DIR") from error
     raw = OmegaConf.merge(composed, raw)
-    for key in chosen:
+    for key in (key.replace("/", ".") for key in chosen):
         OmegaConf.update(raw, key, OmegaConf.select(composed, key), merge=False)
     return raw
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 import types
 import typing
@@ -54,6 +55,7 @@ def _in_words(hint: object) -> str:
     return _WORDS.get(hint, str(hint))
 
 
+@functools.cache
 def _field_comments(schema: type) -> dict[str, str]:
     """Field name -> the comment at the end of its line."""
     found = {}

@@ -14,17 +14,29 @@ PATH_KEYS = (
     "scene.path",
     "scene.gt_mesh",
     "points.file",
+    "points.cache",
     "prior.depth.path",
     "prior.normal.path",
+    "prior.depth.onnx.model",
+    "prior.normal.onnx.model",
+    "prior.cache",
     "eval.gt",
     "eval.pred",
 )
 
 
 def group_choices(conf: Path) -> dict[str, list[str]]:
-    """Config group -> the names that it can be set to, from the files below `conf`."""
-    folders = sorted(folder for folder in conf.iterdir() if folder.is_dir() and folder.name[0] not in "._")
-    return {folder.name: sorted(file.stem for file in folder.glob("*.yaml")) for folder in folders}
+    """Config group ("prior", "prior/depth") -> the names that it can be set to, from the files below `conf`.
+
+    What begins with an underscore is a part of others and no choice.
+    """
+    folders = sorted(folder for folder in conf.rglob("*") if folder.is_dir() and folder.name[0] not in "._")
+    return {
+        folder.relative_to(conf).as_posix(): sorted(
+            file.stem for file in folder.glob("*.yaml") if not file.name.startswith("_")
+        )
+        for folder in folders
+    }
 
 
 def checked_overrides(overrides: Iterable[str], keys: Iterable[str], groups: dict[str, list[str]]) -> list[str]:
@@ -47,6 +59,8 @@ def checked_overrides(overrides: Iterable[str], keys: Iterable[str], groups: dic
         if key in groups and key not in PATH_KEYS:
             if value not in groups[key]:
                 raise InputError(f"{override} is not known; {_choose(key, value, groups[key])}")
+        elif key.replace(".", "/") in groups and "." in key and not value.startswith("{"):
+            raise InputError(f"{override} is not understood; write {key.replace('.', '/')}={value}")
         elif key not in nodes:
             near = difflib.get_close_matches(key, sorted(nodes | set(groups)), n=1)
             hint = f"did you mean {near[0]}" if near else "`room2dgs run --help` lists them all"

@@ -1,11 +1,14 @@
-"""Files that are whole or not there."""
+"""Files and folders that are whole or not there."""
 
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from room2dgs.errors import InputError
 
 
 @contextmanager
@@ -26,6 +29,35 @@ def whole_file(path: Path) -> Iterator[Path]:
         _flush(path.parent)  # the rename itself
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Gives an empty temporary folder beside `path` to fill, which takes the place of `path` at the end.
+
+    When anything fails, what was at `path` before is there again.
+
+    Raises:
+        InputError: the disk refuses.
+    """
+    path = path.absolute()
+    partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
+    earlier = path.with_name(f".{path.name}.earlier-{os.getpid()}")
+    try:
+        partial.mkdir(parents=True)
+        yield partial
+        if path.exists():
+            os.replace(path, earlier)
+        os.replace(partial, path)
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be written ({error.strerror}); choose another folder or free some space"
+        ) from error
+    finally:
+        if earlier.exists() and not path.exists():
+            os.replace(earlier, path)
+        shutil.rmtree(partial, ignore_errors=True)
+        shutil.rmtree(earlier, ignore_errors=True)
 
 
 def remove_leftovers(folder: Path) -> None:

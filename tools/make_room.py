@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import shutil
 import sys
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -22,6 +20,7 @@ import cv2
 import numpy as np
 
 from room2dgs.errors import InputError
+from room2dgs.files import whole_folder
 from room2dgs.tools.room_layout import room_patches
 from room2dgs.tools.room_mesh import visible_mesh
 from room2dgs.tools.room_path import camera_path
@@ -90,24 +89,8 @@ def make_room(out: Path | str, options: RoomOptions | None = None, overwrite: bo
     check_options(options)
     out = Path(out)
     check_free(out, overwrite)
-    out = out.absolute()
-    partial = out.with_name(f".{out.name}.partial-{os.getpid()}")
-    earlier = out.with_name(f".{out.name}.earlier-{os.getpid()}")
-    try:
-        partial.mkdir(parents=True)
+    with whole_folder(out) as partial:
         write_capture(partial, options)
-        if out.exists():
-            os.replace(out, earlier)
-        os.replace(partial, out)
-    except OSError as error:
-        raise InputError(
-            f"{out} cannot be written ({error.strerror}); choose another folder or free some space"
-        ) from error
-    finally:
-        if earlier.exists() and not out.exists():
-            os.replace(earlier, out)
-        shutil.rmtree(partial, ignore_errors=True)
-        shutil.rmtree(earlier, ignore_errors=True)
     return out
 
 

@@ -15,8 +15,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
@@ -28,6 +26,7 @@ from scipy.ndimage import distance_transform_edt
 
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
+from room2dgs.files import whole_folder
 from room2dgs.priors.geometry import depth_normals, pixel_rays
 from room2dgs.scene.read import read_scene
 from room2dgs.scene.scene import Frame
@@ -130,24 +129,8 @@ def simulate_priors(
     frames = [frame for frame in read_scene(config).train if frame.depth_path]
     if not frames:
         raise InputError(f"{Path(scene) / 'depth'} has no depth maps; priors are simulated from ground-truth depth")
-    out = out.absolute()
-    partial = out.with_name(f".{out.name}.partial-{os.getpid()}")
-    earlier = out.with_name(f".{out.name}.earlier-{os.getpid()}")
-    try:
-        partial.mkdir(parents=True)
+    with whole_folder(out) as partial:
         measured = _write(partial, frames, options)
-        if out.exists():
-            os.replace(out, earlier)
-        os.replace(partial, out)
-    except OSError as error:
-        raise InputError(
-            f"{out} cannot be written ({error.strerror}); choose another folder or free some space"
-        ) from error
-    finally:
-        if earlier.exists() and not out.exists():
-            os.replace(earlier, out)
-        shutil.rmtree(partial, ignore_errors=True)
-        shutil.rmtree(earlier, ignore_errors=True)
     return measured
 
 

@@ -35,6 +35,8 @@ def settings(sections: tuple[str, ...] = ()) -> list[str]:
         if section != previous:
             names = choices.get(section, [])
             lines += ["", f"{section}  (files: {', '.join(names)})" if names else section]
+            nested = {group: names for group, names in choices.items() if group.startswith(section + "/")}
+            lines += [f"  {group}={'|'.join(names)}" for group, names in nested.items() if section]
             previous = section
         value = _shown(defaults.get(key.name))
         lines.append(f"  {key.name + '=' + value:<44} {key.comment}".rstrip())

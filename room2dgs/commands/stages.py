@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from room2dgs.commands.run_folder import PRIORS, SURFELS, required
+from room2dgs.commands.run_folder import PRIOR_MAPS, PRIORS, SURFELS, required
 from room2dgs.config import Config
 from room2dgs.scene.scene import Frame, PointCloud, Scene
 
@@ -44,7 +45,8 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     from room2dgs.files import whole_file
     from room2dgs.priors import load_priors
 
-    priors = load_priors(scene.train, points, config.prior, log)
+    settings = replace(config.prior, cache=config.prior.cache or str(out / PRIOR_MAPS))
+    priors = load_priors(scene.train, points, settings, log)
     if priors.fits:
         rows = ["view,scale,shift,median_relative_residual,points"]
         for name, fit in priors.fits.items():

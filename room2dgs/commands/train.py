@@ -42,7 +42,7 @@ def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict
         log(f"frame {dropped.name} left out: {dropped.reason}")
     log(f"{len(scene.train)} training views, {len(scene.test)} held out")
     with timed(seconds, "points"):
-        points = sparse_points(scene, config.points, out / POINTS, log)
+        points = sparse_points(scene, config.points, Path(config.points.cache or out / POINTS), log)
     with timed(seconds, "priors"):
         priors = read_priors(scene, points, config, out, log)
     with timed(seconds, "train"):

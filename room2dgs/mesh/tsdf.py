@@ -45,7 +45,7 @@ def integrate(views: Iterable[FusedView], config: MeshConfig) -> trimesh.Trimesh
             volume = _empty_volume(config.voxel_m)
             origin = _origin(view.camera, config.voxel_m)
         _integrate_one(volume, origin, view, depth, config)
-    if volume is None:
+    if volume is None or volume.hashmap().size() == 0:
         return trimesh.Trimesh(process=False)
     return _extract(volume, origin, config.min_weight)
 
@@ -84,7 +84,13 @@ def _integrate_one(
     color_image = o3d.t.geometry.Image(o3c.Tensor(color))
     # our depth is in metres already (scale 1) and already cut: the last bound only has to lie above it
     bounds = (1.0, float(depth.max()) + 1.0, float(config.truncation_voxels))
-    blocks = volume.compute_unique_block_coordinates(depth_image, intrinsics, pose, *bounds)
+    try:
+        blocks = volume.compute_unique_block_coordinates(depth_image, intrinsics, pose, *bounds)
+    except RuntimeError as error:
+        # open3d looks at a part of the pixels only, and takes it for a fault if none of them has a depth
+        if "No block is touched" in str(error):
+            return
+        raise
     volume.integrate(blocks, depth_image, color_image, intrinsics, intrinsics, pose, *bounds)
 
 

@@ -69,7 +69,7 @@ def sparse_points(scene: Scene, config: PointsConfig, cache: Path, log: Callable
 
 def _key(scene: Scene, config: PointsConfig) -> str:
     """Hash of everything that the points depend on."""
-    settings = {name: value for name, value in vars(config).items() if name not in ("source", "file")}
+    settings = {name: value for name, value in vars(config).items() if name not in ("source", "file", "cache")}
     digest = hashlib.sha256(json.dumps([RECIPE, pycolmap.__version__, settings], sort_keys=True).encode())
     for frame in scene.train:
         camera = frame.camera

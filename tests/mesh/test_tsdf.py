@@ -141,3 +141,12 @@ def test_nothing_to_mesh_names_the_settings():
     speck = plane_view(camera, np.array([0.0, 0, -1]), -1.5)
     with pytest.raises(InputError, match=r"mesh\.min_triangles"):
         fuse([speck], make_config(min_triangles=10**7), lambda _: None)
+
+
+def test_a_view_with_hardly_any_depth_is_passed_over():
+    camera = make_camera()
+    sparse = plane_view(camera, np.array([0, 0, 1.0]), 2.0)
+    depth = np.zeros_like(sparse.depth)
+    depth[1, 1] = 2.0
+    with pytest.raises(InputError, match=r"mesh\.min_weight"):
+        fuse([FusedView(camera, depth, sparse.color)], make_config(), print)

@@ -1,0 +1,87 @@
+"""`room2dgs ablate`: the method without each of its parts, as one table with pictures."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+from room2dgs.commands.eval import ground_truth
+from room2dgs.commands.metrics import earlier
+from room2dgs.commands.run_folder import CONFIG, last_value, logger
+from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.commands.stages import read
+from room2dgs.commands.study import Job, executed, finished, planned, words_of
+from room2dgs.errors import InputError
+from room2dgs.eval.ablation import Run, Study, rows_of
+
+USAGE = "room2dgs ablate scene.path=DIR out=DIR [experiment=full,no_seed,...] [train.seed=0,1,2] [KEY=A,B,...]"
+DEFAULTS = (
+    "train.seed=0,1,2",  # slowest: every row has one run before any has two
+    "experiment=full,no_seed,no_depth,no_normal,no_mv,no_distortion",
+)
+OURS = ("out", "resume")
+JSON = "ablation.json"
+
+
+def main(argv: list[str]) -> int:
+    """Run every combination of settings that are lists, and compare: a table, whether the paper's ordering
+    holds, and pictures of the error side by side.
+
+    Each run is a `room2dgs run` in out/<experiment>/seed_<n>. What is finished is not run again: after a kill or
+    a failure the same command goes on. A failed run is told in the table, and the others go on.
+    """
+    if asked_for_help(argv):
+        return show(USAGE, main.__doc__)
+    out = _out(argv)
+    jobs = planned([*DEFAULTS, *(text for text in argv if text.partition("=")[0] not in OURS)], out)
+    todo = [job for job in jobs if not job.same_as and not finished(job)]
+    config = jobs[0].config
+    gt = ground_truth(config)
+    scene = read(config)  # told now if missing, not once a row
+    from room2dgs.eval.ablation_report import HTML, MARKDOWN, write_page, write_tables
+
+    out.mkdir(parents=True, exist_ok=True)
+    log = logger(out)
+    command = shlex.join(["room2dgs", "ablate", *argv])
+    failed: dict[Path, str] = {}
+    text = write_tables(_study(jobs, todo, failed, command), out)  # first: it marks the folder as a study's
+    log(f"{command}\n{len(jobs)} runs, {len(jobs) - len(todo)} of them finished before or the same as another")
+    while todo:
+        job, *todo = todo
+        log(f"\n{job.row}, seed {job.seed}, {len(todo)} more to come: {job.folder}")
+        failed[job.folder] = executed(job)
+        if failed[job.folder]:
+            log(f"{job.row}, seed {job.seed}, failed: {failed[job.folder]}")
+        text = write_tables(_study(jobs, todo, failed, command), out)
+    log(f"\n{text}")
+    write_page(_study(jobs, todo, failed, command), out, scene, gt or scene.gt_mesh)
+    log(f"tables: {out / MARKDOWN}, with pictures: {out / HTML}")
+    return 1 if any(failed.values()) else 0
+
+
+def _out(argv: Sequence[str]) -> Path:
+    given = last_value(list(argv), "out")
+    if not given:
+        raise InputError("out is not given; add out=DIR")
+    out = Path(given).expanduser().absolute()
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out} is a file; choose another out=DIR")
+    if (out / CONFIG).exists() or (out.exists() and any(out.iterdir()) and not (out / JSON).exists()):
+        raise InputError(f"{out} is not empty and is not a study's folder; choose another out=DIR")
+    return out
+
+
+def _study(jobs: Sequence[Job], todo: Sequence[Job], failed: dict[Path, str], command: str) -> Study:
+    """The table so far."""
+    by_run = {(job.row, job.seed): job for job in jobs}
+    runs = []
+    for job in jobs:
+        made = by_run[job.same_as or job.row, job.seed]
+        why = failed.get(made.folder, "")
+        metrics = None if why or made in todo else earlier(made.folder)
+        runs.append(Run(job.row, job.seed, made.folder, metrics, why, job.same_as))
+    words = {job.row: words_of(job.experiment) + job.row.removeprefix(job.experiment) for job in jobs}
+    config = jobs[0].config
+    rows = rows_of(runs, words, config.eval.threshold_m)
+    return Study(f"Ablation of {Path(config.scene.path).name}", command, config.eval.threshold_m, rows)
