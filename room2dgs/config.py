@@ -85,6 +85,7 @@ class DepthPriorConfig:
     meaning: str = MISSING  # metric_depth | relative_depth | relative_inverse_depth
     align: bool = MISSING  # robust scale and shift of each map to the sparse points
     joint: bool = MISSING  # then bend all maps smoothly until views, points and normals agree
+    square: bool = MISSING  # and plain walls and floors that nearly face one of the room's axes face it
     max_residual: float = MISSING  # maps with a larger median relative residual are left out
     onnx: OnnxConfig = field(default_factory=OnnxConfig)
 

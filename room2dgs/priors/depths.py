@@ -66,10 +66,11 @@ def agreeing_depths(
     depths: dict[str, np.ndarray],
     normals: dict[str, np.ndarray],
     points: PointCloud,
+    square: bool,
     log: Log,
 ) -> dict[str, np.ndarray]:
     """The maps bent by `joint_depths`, and a line about how well they agree."""
-    bent = joint_depths(frames, depths, normals, points)
+    bent = joint_depths(frames, depths, normals, points, square)
     (views_before, views_after), (points_before, points_after) = bent.between_views, bent.at_points
     log(
         f"depth prior bent until views agree: they differ by {views_after:.1%} ({views_before:.1%} before), "

@@ -2,14 +2,15 @@
 
 A network's depth is off by a smooth factor that changes over the image, not by one scale and shift. Each map is
 multiplied by exp of a coarse grid, and the grids of all views are solved together, coarse to fine, for what must
-hold: sparse points lie at their depth, views that see one surface see it at one place, and the slope of the depth
-is the one that the normal prior says. Residuals are robust (Geman and McClure 1985), since points are hidden,
+hold: sparse points lie at their depth, views that see one surface see it at one place, the slope of the depth is
+the one that the normal prior says, plain pieces of a photo are planes, and in a room whose walls stand at right
+angles those that nearly face an axis do. Residuals are robust (Geman and McClure 1985), since points are hidden,
 views occlude each other and priors fail.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,9 @@ import torch
 from torch import Tensor
 
 from room2dgs.priors import warp_grid
+from room2dgs.priors.agreement import at_points, between_views, of_axes, of_planes, of_slopes, robust
 from room2dgs.priors.overlap import Overlap, overlap
+from room2dgs.priors.room_axes import room_axes
 from room2dgs.scene.scene import Frame, PointCloud
 from room2dgs.torch_threads import one_torch_thread
 
@@ -31,6 +34,7 @@ class Stage(NamedTuple):
         rate: its first rate, in logarithms of depth.
         view_width: relative difference between two views at which a residual starts to count as an outlier.
         plane_width: likewise for the bend of a plain piece of the photo.
+        square: the room's axes are looked for, and used.
     """
 
     rows: int
@@ -39,25 +43,25 @@ class Stage(NamedTuple):
     rate: float
     view_width: float
     plane_width: float
+    square: bool = False
 
 
 STAGES = (
     Stage(3, 4, 150, 0.03, 0.15, 0.05),
     Stage(6, 8, 150, 0.03, 0.08, 0.05),
     Stage(12, 16, 300, 0.03, 0.05, 0.03),
-    Stage(24, 32, 200, 0.01, 0.05, 0.02),
+    Stage(12, 16, 200, 0.02, 0.05, 0.02, square=True),
+    Stage(24, 32, 200, 0.01, 0.05, 0.02, square=True),
 )
 LAST_RATE = 0.02  # of the first one, reached exponentially
 POINT_WIDTH = 0.03  # relative depth error of a sparse point
 SLOPE_WIDTH = 0.3  # sine between the surface and the normal prior's plane
-POINT_WEIGHT, VIEW_WEIGHT, SLOPE_WEIGHT, PLANE_WEIGHT = 3.0, 3.0, 1.0, 2.0
+AXIS_WIDTH = 0.1  # sine
+POINT_WEIGHT, VIEW_WEIGHT, SLOPE_WEIGHT, PLANE_WEIGHT, AXIS_WEIGHT = 3.0, 6.0, 1.0, 2.0, 1.0
 # A bend of 6 % from knot to knot, or a factor of 5 %, costs about what an outlier does.
 BENDING_WEIGHT, SIZE_WEIGHT = 8.0, 2.4
 # Samples of each kind in a step, for each view and in all.
 SAMPLES_A_VIEW, SAMPLES = 64, (2000, 16000)
-SLOPE_STEP = 4  # kept pixels between the two ends of a slope: shorter ones are rounding, longer ones another surface
-PLANE_COSINE = 0.9  # between the normals at both ends of a piece that may be plane
-SLOPE_JUMP = 0.15  # ends that differ more, relatively, lie on two surfaces
 
 
 class Joint(NamedTuple):
@@ -80,7 +84,7 @@ def joint_depths(
     depths: Mapping[str, np.ndarray],
     normals: Mapping[str, np.ndarray],
     points: PointCloud,
-    progress: Callable[[str], None] = lambda line: None,
+    square: bool = True,
 ) -> Joint:
     """Bend the depth maps of some frames so that they agree; the same input gives the same bits.
 
@@ -89,7 +93,7 @@ def joint_depths(
         depths: frame name -> (H, W) float32, metres, aligned view by view (`align`), 0 = invalid.
         normals: frame name -> (H, W, 3) float32, unit, world frame; may be empty.
         points: sparse points, metres.
-        progress: takes one line for each stage.
+        square: plain walls and floors that nearly face one of the room's axes are taken to face it.
     """
     frames = [frame for frame in frames if frame.name in depths]
     if not frames:
@@ -98,8 +102,8 @@ def joint_depths(
     start = torch.zeros(len(views), STAGES[0].rows, STAGES[0].columns)
     grid = start
     for stage in STAGES:
-        grid = _solved(views, warp_grid.finer(grid, stage.rows, stage.columns), stage)
-        progress(f"depth prior: {stage.rows} x {stage.columns} knots a view done")
+        grid = warp_grid.finer(grid, stage.rows, stage.columns)
+        grid = _solved(views, grid, stage, room_axes(views, grid) if square and stage.square else None)
     bent = {}
     for frame, knots in zip(frames, grid, strict=True):
         depth = depths[frame.name]
@@ -108,18 +112,20 @@ def joint_depths(
     return Joint(bent, (before[0], after[0]), (before[1], after[1]))
 
 
-def _solved(views: Overlap, start: Tensor, stage: Stage) -> Tensor:
+def _solved(views: Overlap, start: Tensor, stage: Stage, axes: Tensor | None) -> Tensor:
     grid = start.clone().requires_grad_(True)
     adam = torch.optim.Adam([grid], lr=stage.rate)
     generator = torch.Generator().manual_seed(0)
     count = int(np.clip(SAMPLES_A_VIEW * len(views), *SAMPLES))
     for step in range(stage.steps):
         adam.param_groups[0]["lr"] = stage.rate * LAST_RATE ** (step / stage.steps)
-        points = _robust(_point_residuals(views, grid, count, generator), POINT_WIDTH)
-        between = _robust(_view_residuals(views, grid, count, generator), stage.view_width)
-        slopes = _robust(_slope_residuals(views, grid, count, generator), SLOPE_WIDTH)
-        bends = _robust(_plane_residuals(views, grid, count, generator), stage.plane_width)
-        loss = POINT_WEIGHT * points + VIEW_WEIGHT * between + SLOPE_WEIGHT * slopes + PLANE_WEIGHT * bends
+        drawn = (views, grid, count, generator)
+        loss = POINT_WEIGHT * robust(at_points(*drawn), POINT_WIDTH)
+        loss = loss + VIEW_WEIGHT * robust(between_views(*drawn), stage.view_width)
+        loss = loss + SLOPE_WEIGHT * robust(of_slopes(*drawn), SLOPE_WIDTH)
+        loss = loss + PLANE_WEIGHT * robust(of_planes(*drawn), stage.plane_width)
+        if axes is not None:
+            loss = loss + AXIS_WEIGHT * robust(of_axes(views, grid, axes, count, generator), AXIS_WIDTH)
         loss = loss + BENDING_WEIGHT * warp_grid.bending(grid) + SIZE_WEIGHT * grid.square().mean()
         adam.zero_grad()
         loss.backward()
@@ -127,96 +133,8 @@ def _solved(views: Overlap, start: Tensor, stage: Stage) -> Tensor:
     return grid.detach()
 
 
-def _robust(residual: Tensor, width: float) -> Tensor:
-    """Mean of r^2 / (r^2 + width^2): at most 1 each; 0 without any. Scalar."""
-    squared = (residual / width).square()
-    return (squared / (1 + squared)).sum() / max(1, len(residual))
-
-
-def _point_residuals(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """Log of bent depth over point depth, at random sparse points."""
-    if not len(views.point_view):
-        return grid.new_zeros(0)
-    some = torch.randint(len(views.point_view), (count,), generator=generator)
-    view, pixel = views.point_view[some], views.point_px[some]
-    bend = warp_grid.at(grid, view, pixel / views.size[view])
-    return torch.log(views.point_prior[some] / views.point_depth[some]) + bend
-
-
-def _view_residuals(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """Log of one view's depth, carried to another view, over that one's own; at random pixels of random pairs."""
-    if not len(views.pairs):
-        return grid.new_zeros(0)
-    view, other = views.pairs[torch.randint(len(views.pairs), (count,), generator=generator)].T
-    row = torch.randint(views.depth.shape[1], (count,), generator=generator)
-    column = torch.randint(views.depth.shape[2], (count,), generator=generator)
-    pixel, depth = views.pixel(row, column), views.depth[view, row, column]
-    bent = depth * torch.exp(warp_grid.at(grid, view, pixel / views.size[view]))
-    there, z = views.seen_by(other, view, views.rays(view, pixel) * bent[:, None])
-    inside = (depth > 0) & (z > 0.05) & (there > 0).all(dim=1) & (there < views.size[other]).all(dim=1)
-    view, other, there, z = view[inside], other[inside], there[inside], z[inside]
-    known, good = views.depth_at(other, there)
-    bend = warp_grid.at(grid, other, there / views.size[other])
-    return (torch.log(z) - torch.log(known.clamp(min=1e-6)) - bend)[good]
-
-
-def _slope_residuals(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """Sine of the angle between short pieces of the bent surface and the plane of the normal prior between them."""
-    rows, columns = (size - SLOPE_STEP for size in views.depth.shape[1:])
-    if min(rows, columns) < 1:
-        return grid.new_zeros(0)
-    view = torch.randint(len(views), (count,), generator=generator)
-    row = torch.randint(rows, (count,), generator=generator)
-    column = torch.randint(columns, (count,), generator=generator)
-    down = torch.randint(2, (count,), generator=generator)
-    end_row, end_column = row + SLOPE_STEP * down, column + SLOPE_STEP * (1 - down)
-    normal = views.normal[view, (row + end_row) // 2, (column + end_column) // 2]
-    first, last = views.depth[view, row, column], views.depth[view, end_row, end_column]
-    near, far = torch.minimum(first, last), torch.maximum(first, last)
-    good = (near > 0) & (far < (1 + SLOPE_JUMP) * near) & normal.any(dim=1)
-    view, normal = view[good], normal[good]
-
-    def point(r: Tensor, c: Tensor, depth: Tensor) -> Tensor:
-        pixel = views.pixel(r[good], c[good])
-        bent = depth[good] * torch.exp(warp_grid.at(grid, view, pixel / views.size[view]))
-        return views.rays(view, pixel) * bent[:, None]
-
-    piece = point(end_row, end_column, last) - point(row, column, first)
-    return (piece * normal).sum(dim=1) / piece.norm(dim=1).clamp(min=1e-6)
-
-
-def _plane_residuals(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """How far a plain piece of the photo is from a plane: on a plane 1 / depth is linear over the image.
-
-    Three kept pixels in a row, the middle one's depth times the mean of 1 / depth at the ends, less 1.
-    """
-    height, width = views.depth.shape[1:]
-    view = torch.randint(len(views), (count,), generator=generator)
-    row = torch.randint(height, (count,), generator=generator)
-    column = torch.randint(width, (count,), generator=generator)
-    reach = max(2, width // 4)
-    down = torch.randint(-reach, reach + 1, (count,), generator=generator)
-    right = torch.randint(-reach, reach + 1, (count,), generator=generator)
-    inside = ((row - down.abs()).clamp(min=-1) >= 0) & (row + down.abs() < height)
-    inside &= (column - right.abs() >= 0) & (column + right.abs() < width) & (down.abs() + right.abs() >= 4)
-    view, row, column, down, right = (part[inside] for part in (view, row, column, down, right))
-    places = [(row + side * down, column + side * right) for side in (-1, 0, 1)]
-    regions = [views.region[view, r, c] for r, c in places]
-    normals = [views.region_normal[view, r, c] for r, c in places]
-    depths = [views.depth[view, r, c] for r, c in places]
-    good = (regions[0] > 0) & (regions[0] == regions[1]) & (regions[1] == regions[2])
-    good &= torch.stack(depths).amin(dim=0) > 0
-    good &= (normals[0] * normals[2]).sum(dim=1) >= PLANE_COSINE
-    view = view[good]
-    logs = []
-    for (r, c), depth in zip(places, depths, strict=True):
-        bend = warp_grid.at(grid, view, views.pixel(r[good], c[good]) / views.size[view])
-        logs.append(torch.log(depth[good]) + bend)
-    return 0.5 * (torch.exp(logs[1] - logs[0]) + torch.exp(logs[1] - logs[2])) - 1
-
-
 def _differences(views: Overlap, grid: Tensor) -> tuple[float, float]:
     """Median absolute relative differences between views and at the points; NaN where there are none."""
     generator = torch.Generator().manual_seed(1)
-    parts = [make(views, grid, SAMPLES[1], generator) for make in (_view_residuals, _point_residuals)]
+    parts = [make(views, grid, SAMPLES[1], generator) for make in (between_views, at_points)]
     return tuple(float(part.abs().median()) if len(part) else float("nan") for part in parts)

@@ -8,9 +8,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import torch
 
+from room2dgs.priors import load_priors
+from room2dgs.priors.agreement import of_axes
+from room2dgs.priors.geometry import pixel_rays
 from room2dgs.priors.joint import joint_depths
 from room2dgs.priors.overlap import overlap, plain_regions
+from room2dgs.priors.room_axes import room_axes
 from room2dgs.scene.scene import Frame, PointCloud
 
 NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int32))
@@ -128,6 +133,52 @@ def test_points_are_carried_into_other_views_exactly(ring):
     np.testing.assert_allclose(there[0].numpy(), expected[:2] / expected[2], atol=0.02)
 
 
+def plain(frames: list[Frame], folder: Path) -> list[Frame]:
+    """The same views of a room without texture: each photo is one grey."""
+    path = folder / "grey.png"
+    camera = frames[0].camera
+    cv2.imwrite(str(path), np.full((camera.height, camera.width, 3), 90, np.uint8))
+    return [replace(frame, color_path=path) for frame in frames]
+
+
+def test_plain_pieces_are_measured_against_the_axes(ring, tmp_path):
+    frames, depths, normals, _ = ring
+    views = overlap(plain(frames, tmp_path), depths, normals)
+    flat = torch.zeros(len(views), 3, 4)
+    turn = np.radians(5.0)
+    turned = torch.tensor([[0, 0, 1.0], [np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0]]).float()
+
+    def sines(axes: torch.Tensor) -> torch.Tensor:
+        found = of_axes(views, flat, axes, 20000, torch.Generator().manual_seed(0)).abs()
+        assert len(found) > 500
+        return found
+
+    right = sines(torch.eye(3)[[2, 0, 1]])
+    assert right.median() < 2e-3
+    # walls are off by the turn, floor and ceiling are not
+    wrong = sines(turned)
+    walls = wrong[(wrong - np.sin(turn)).abs() < 0.01]
+    assert len(walls) > 0.3 * len(wrong)
+    assert len(walls) + int((wrong < 0.01).sum()) > 0.95 * len(wrong)
+
+
+def test_the_axes_of_a_box_are_found_and_those_of_a_round_room_are_not(ring):
+    frames, depths, _, _ = ring
+    views = overlap(frames, depths, {})
+    axes = room_axes(views, torch.zeros(len(views), 3, 4))
+    np.testing.assert_allclose(np.sort(np.abs(axes.numpy()), axis=1), [[0, 0, 1]] * 3, atol=0.02)
+    assert float(axes[0, 2]) > 0.99  # up first
+    np.testing.assert_allclose((axes @ axes.T).numpy(), np.eye(3), atol=1e-5)
+    # a round wall about the cameras, floor and ceiling as they were
+    round_room = {}
+    for frame in frames:
+        along = pixel_rays(frame.camera) @ frame.camera.cam_from_world[:3, :3]
+        wall = (3.0 / np.maximum(np.hypot(along[..., 0], along[..., 1]), 1e-9)).astype(np.float32)
+        level = np.where(along[..., 2] < 0, -1.4, 1.2) / along[..., 2]
+        round_room[frame.name] = np.minimum(wall, level).astype(np.float32)
+    assert len(room_axes(overlap(frames, round_room, {}), torch.zeros(len(views), 3, 4))) == 1
+
+
 def test_plain_walls_are_pieces_and_texture_is_none():
     photo = np.full((120, 160, 3), 120, np.uint8)
     photo[:, 80:] = 60  # a corner: two walls
@@ -138,3 +189,16 @@ def test_plain_walls_are_pieces_and_texture_is_none():
     assert region[10, 70] > 0
     assert region[10, 10] != region[10, 70]
     assert (region[45:] == 0).mean() > 0.95
+
+
+@pytest.mark.parametrize("joint", [True, False])
+def test_loaded_maps_are_bent_if_asked_and_the_log_says_how_well_they_agree(ring, prior_config, tmp_path, joint):
+    frames, depths, _, points = ring
+    spoilt = warped(depths)
+    for name, depth in spoilt.items():
+        np.save(tmp_path / f"{name}.npy", depth)
+    settings = prior_config("prior/depth=files", depth__path=tmp_path, depth__joint=str(joint).lower())
+    lines: list[str] = []
+    found = {name: prior.depth for name, prior in load_priors(frames, points, settings, lines.append).by_frame.items()}
+    assert (error(found, depths) < 0.015) == joint
+    assert any("bent until views agree" in line for line in lines) == joint
