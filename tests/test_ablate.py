@@ -184,7 +184,7 @@ def test_paths_are_one_value_commas_and_all(wall, tmp_path, fake):
     ("more", "said"),
     [
         (["out="], "out is not given"),
-        (["experiment=full,no_such"], "experiment=no_such is not known; choose from full, no_"),
+        (["experiment=full,no_such"], "experiment=no_such is not known; choose from distortion, full, "),
         (["train.iterations=10,-1"], "train.iterations=-1 is impossible"),
         (["train.iteration=1,2"], "did you mean train.iterations"),
         (["scene.path=nowhere"], "nowhere is not a folder"),
@@ -238,7 +238,7 @@ def test_an_experiment_removes_its_part_and_nothing_else():
 
 def test_the_full_method_has_every_part_and_plain_2dgs_none():
     full, plain = with_priors("full"), with_priors("plain_2dgs")
-    terms = ("depth_prior", "normal_prior", "multiview_geometric", "multiview_photometric")
+    terms = ("depth_prior", "normal_prior", "multiview_photometric")
     assert all(getattr(full.loss, term).enabled and getattr(full.loss, term).weight > 0 for term in terms)
     assert not any(getattr(plain.loss, term).enabled for term in terms)
     assert (full.prior.depth.source, full.prior.normal.source) == ("files", "files")

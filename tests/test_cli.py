@@ -84,7 +84,7 @@ def test_run_leaves_what_the_readme_promises(finished, scene):
         assert isinstance(metrics[key], float)
     assert metrics["protocols"]["area"]["constants"]["threshold_m"] == 0.05
     assert set(metrics["seconds"]) == {"read", "points", "priors", "train", "mesh", "render", "eval"}
-    assert metrics["primitives"] == metrics["seeds"] * 10
+    assert metrics["primitives"] == metrics["seeds"] * load_config([], finished / "config.yaml").seeds.per_seed
     assert metrics["versions"]["python"] == sys.version.split()[0]
     assert metrics["machine"]["cores"] >= 1
     assert "iteration 40/40" in (finished / "log.txt").read_text()

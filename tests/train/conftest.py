@@ -74,6 +74,9 @@ def configure(capture):
                 "train.checkpoint_every=4",
                 "train.tensorboard=false",
                 "loss.normal_consistency.start=3",
+                # their own tests turn them on
+                "loss.multiview_photometric.enabled=false",
+                "strategy=fixed",
                 *overrides,
             ]
         )
