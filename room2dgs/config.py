@@ -86,6 +86,7 @@ class DepthPriorConfig:
     align: bool = MISSING  # robust scale and shift of each map to the sparse points
     joint: bool = MISSING  # then bend all maps smoothly until views, points and normals agree
     square: bool = MISSING  # and plain walls and floors that nearly face one of the room's axes face it
+    max_misfit: float = MISSING  # bent maps of which more sparse points, as a share, are 5 % off are all left out
     max_residual: float = MISSING  # maps with a larger median relative residual are left out
     onnx: OnnxConfig = field(default_factory=OnnxConfig)
 

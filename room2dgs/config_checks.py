@@ -56,6 +56,7 @@ RANGES = {
     "prior.threads": (1, 1024),
     "prior.depth.unit_m": (1e-9, 1e6),
     "prior.depth.max_residual": (1e-3, 10.0),
+    "prior.depth.max_misfit": (0.0, 1.0),
     "seeds.voxel_m": (1e-4, 10.0),
     "seeds.depth_voxel_m": (1e-3, 10.0),
     "seeds.per_seed": (1, 64),

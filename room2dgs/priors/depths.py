@@ -66,16 +66,26 @@ def agreeing_depths(
     depths: dict[str, np.ndarray],
     normals: dict[str, np.ndarray],
     points: PointCloud,
-    square: bool,
+    settings: DepthPriorConfig,
     log: Log,
 ) -> dict[str, np.ndarray]:
-    """The maps bent by `joint_depths`, and a line about how well they agree."""
-    bent = joint_depths(frames, depths, normals, points, square)
+    """The maps bent by `joint_depths`, with a line about how well they agree; none if the points speak against them.
+
+    Views may agree on what is wrong: a network that takes blank walls for nearer than they are does so from everywhere.
+    It shows at the sparse points, which no smooth bending can then satisfy.
+    """
+    bent = joint_depths(frames, depths, normals, points, settings.square)
     (views_before, views_after), (points_before, points_after) = bent.between_views, bent.at_points
     log(
         f"depth prior bent until views agree: they differ by {views_after:.1%} ({views_before:.1%} before), "
         f"from the sparse points by {points_after:.1%} ({points_before:.1%})"
     )
+    if bent.misfit > settings.max_misfit:
+        log(
+            f"WARNING: depth prior left out: {bent.misfit:.0%} of the sparse points are more than 5% off all the same; "
+            "a better network would help, or prior.depth.max_misfit=1 uses it as it is"
+        )
+        return {}
     return bent.depths
 
 

@@ -55,6 +55,7 @@ STAGES = (
 )
 LAST_RATE = 0.02  # of the first one, reached exponentially
 POINT_WIDTH = 0.03  # relative depth error of a sparse point
+MISFIT = 0.05  # relative
 SLOPE_WIDTH = 0.3  # sine between the surface and the normal prior's plane
 AXIS_WIDTH = 0.1  # sine
 POINT_WEIGHT, VIEW_WEIGHT, SLOPE_WEIGHT, PLANE_WEIGHT, AXIS_WEIGHT = 3.0, 6.0, 1.0, 2.0, 1.0
@@ -71,11 +72,13 @@ class Joint(NamedTuple):
         depths: frame name -> (H, W) float32 metres, 0 = invalid.
         between_views: median relative difference where two views see the same, before and after; NaN without pairs.
         at_points: median relative difference to the sparse points, before and after; NaN without points.
+        misfit: share of the sparse points that are still off by more than `MISFIT`; NaN without points.
     """
 
     depths: dict[str, np.ndarray]
     between_views: tuple[float, float]
     at_points: tuple[float, float]
+    misfit: float
 
 
 @one_torch_thread()
@@ -97,7 +100,7 @@ def joint_depths(
     """
     frames = [frame for frame in frames if frame.name in depths]
     if not frames:
-        return Joint({}, (float("nan"),) * 2, (float("nan"),) * 2)
+        return Joint({}, (float("nan"),) * 2, (float("nan"),) * 2, float("nan"))
     views = overlap(frames, depths, normals, points)
     start = torch.zeros(len(views), STAGES[0].rows, STAGES[0].columns)
     grid = start
@@ -109,7 +112,7 @@ def joint_depths(
         depth = depths[frame.name]
         bent[frame.name] = (depth * torch.exp(warp_grid.whole(knots, *depth.shape)).numpy()).astype(np.float32)
     before, after = _differences(views, start), _differences(views, grid)
-    return Joint(bent, (before[0], after[0]), (before[1], after[1]))
+    return Joint(bent, (before[0], after[0]), (before[1], after[1]), after[2])
 
 
 def _solved(views: Overlap, start: Tensor, stage: Stage, axes: Tensor | None) -> Tensor:
@@ -133,8 +136,10 @@ def _solved(views: Overlap, start: Tensor, stage: Stage, axes: Tensor | None) ->
     return grid.detach()
 
 
-def _differences(views: Overlap, grid: Tensor) -> tuple[float, float]:
-    """Median absolute relative differences between views and at the points; NaN where there are none."""
+def _differences(views: Overlap, grid: Tensor) -> tuple[float, float, float]:
+    """Median absolute relative differences between views and at the points, and the share of points that are off by
+    more than `MISFIT`; NaN where there are none."""
     generator = torch.Generator().manual_seed(1)
-    parts = [make(views, grid, SAMPLES[1], generator) for make in (between_views, at_points)]
-    return tuple(float(part.abs().median()) if len(part) else float("nan") for part in parts)
+    between, points = (make(views, grid, SAMPLES[1], generator).abs() for make in (between_views, at_points))
+    medians = [float(part.median()) if len(part) else float("nan") for part in (between, points)]
+    return *medians, float((points > MISFIT).float().mean()) if len(points) else float("nan")

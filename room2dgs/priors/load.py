@@ -60,7 +60,7 @@ def load_priors(frames: Sequence[Frame], points: PointCloud, config: PriorConfig
     if config.normal.source != "none":
         normals = _normals(frames, depths, points, config, log)
     if config.depth.joint and depths:
-        depths = agreeing_depths(frames, depths, normals, points, config.depth.square, log)
+        depths = agreeing_depths(frames, depths, normals, points, config.depth, log)
     parts = [part for part in (config.depth, config.normal) if part.source != "none"]
     label = "+".join(sorted({part.source for part in parts})) or "none"
     if any(part.source == "files" and simulated(Path(part.path or "")) for part in parts):

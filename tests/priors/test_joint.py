@@ -202,3 +202,19 @@ def test_loaded_maps_are_bent_if_asked_and_the_log_says_how_well_they_agree(ring
     found = {name: prior.depth for name, prior in load_priors(frames, points, settings, lines.append).by_frame.items()}
     assert (error(found, depths) < 0.015) == joint
     assert any("bent until views agree" in line for line in lines) == joint
+
+
+def test_maps_on_which_all_views_agree_but_the_points_do_not_are_left_out(ring, prior_config, tmp_path):
+    frames, depths, _, points = ring
+    # what lies far is drawn nearer, from everywhere, and by more than a grid can mend at single points
+    rng = np.random.default_rng(5)
+    off = points.xyz + rng.uniform(-0.4, 0.4, points.xyz.shape)
+    wrong = PointCloud(off, points.rgb, points.track_length)
+    for name, depth in depths.items():
+        np.save(tmp_path / f"{name}.npy", depth)
+    lines: list[str] = []
+    folder = {"depth__path": tmp_path, "depth__max_residual": 1.0}
+    assert not load_priors(frames, wrong, prior_config("prior/depth=files", **folder), lines.append).by_frame
+    assert any("depth prior left out" in line and "prior.depth.max_misfit" in line for line in lines)
+    trusted = prior_config("prior/depth=files", **folder, depth__max_misfit=1.0)
+    assert len(load_priors(frames, wrong, trusted, lines.append).by_frame) == len(frames)
