@@ -55,10 +55,42 @@ def bake_light(
         (H, W, 3) float32 atlas scaled so that the mean radiance of the room is mid-grey, and its charts.
     """
     charts = pack(patches, LIGHT_TEXEL, 512)
-    owner, index, position, normal = light_texels(patches, charts)
     colors = mean_colors(patches, paint, paint_charts)
-    direct = direct_light(patches, scene, position, normal)
-    lit, seen, buried = bounced_light(soup, scene, charts, position, normal, index, direct, colors)
+    lights = [(patch, radiance(patch)) for patch in patches if patch.material is EMITTER]
+    atlas = light_atlas(patches, soup, scene, charts, colors, lights)
+    for patch, (x, y), (w, h) in zip(patches, charts.corner, charts.size, strict=True):
+        if patch.material is EMITTER:
+            atlas[y : y + h, x : x + w] = GLARE
+    return atlas, charts
+
+
+def radiance(emitter: Patch) -> np.ndarray:
+    """(3,) radiance of a lamp (facing down) or a window."""
+    down = emitter.points_at(np.zeros(1), np.zeros(1))[1][0, 2] < -0.5
+    return np.array(COLOUR_OF_LIGHT["down" if down else "side"]) * (LAMP_TO_WINDOW if down else 1.0)
+
+
+def light_atlas(
+    patches: list[Patch],
+    soup: TriangleSoup,
+    scene: o3d.t.geometry.RaycastingScene,
+    charts: Charts,
+    colors: np.ndarray,
+    lights: list[tuple[Patch, np.ndarray]],
+    bounce_rays: int = BOUNCE_RAYS,
+) -> np.ndarray:
+    """(H, W, 3) float32 atlas of irradiance / pi, the room's mean radiance scaled to mid-grey.
+
+    Args:
+        patches, soup, scene: the room, its triangles and their ray-casting scene (one geometry).
+        charts: of the atlas.
+        colors: (P, 3) linear albedo of the patches, for the bounces.
+        lights: emitters and their radiance (3,).
+        bounce_rays: directions a texel.
+    """
+    owner, index, position, normal = light_texels(patches, charts)
+    direct = direct_light(lights, scene, position, normal)
+    lit, seen, buried = bounced_light(soup, scene, charts, position, normal, index, direct, colors, bounce_rays)
     atlas = np.zeros((charts.shape[0] * charts.shape[1], 3), np.float32)
     albedo = colors[owner]
     lit *= 0.20 / np.average(albedo * lit, axis=0, weights=seen).mean()
@@ -67,10 +99,7 @@ def bake_light(
     covered[index[buried]] = True
     atlas = atlas.reshape(*charts.shape, 3)
     spread_into_buried(atlas, covered.reshape(charts.shape), charts)
-    for patch, (x, y), (w, h) in zip(patches, charts.corner, charts.size, strict=True):
-        if patch.material is EMITTER:
-            atlas[y : y + h, x : x + w] = GLARE
-    return atlas, charts
+    return atlas
 
 
 def light_texels(patches: list[Patch], charts: Charts) -> tuple[np.ndarray, ...]:
@@ -87,17 +116,13 @@ def light_texels(patches: list[Patch], charts: Charts) -> tuple[np.ndarray, ...]
     return np.concatenate(owner), np.concatenate(index), np.concatenate(position), np.concatenate(normal)
 
 
-def direct_light(patches, scene, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(N, 3) irradiance / pi from the emitters through shadow rays, for emitters of unit radiance."""
+def direct_light(lights: list[tuple[Patch, np.ndarray]], scene, position: np.ndarray, normal: np.ndarray):
+    """(N, 3) irradiance / pi from emitters and their radiances (3,) through shadow rays."""
     total = np.zeros((len(position), 3))
     steps = (np.arange(LIGHT_SAMPLES) + 0.5) / LIGHT_SAMPLES
     u, v = (axis.ravel() for axis in np.meshgrid(steps, steps))
-    for patch in patches:
-        if patch.material is not EMITTER:
-            continue
+    for patch, tint in lights:
         points, normals = patch.points_at(u, v)
-        down = normals[0, 2] < -0.5
-        tint = np.array(COLOUR_OF_LIGHT["down" if down else "side"]) * (LAMP_TO_WINDOW if down else 1.0)
         share = patch.size[0] * patch.size[1] / (np.pi * len(points))
         for point, facing in zip(points, normals, strict=True):
             to_light = point + 0.01 * facing - position
@@ -121,7 +146,9 @@ def mean_colors(patches: list[Patch], paint: np.ndarray, charts: Charts) -> np.n
     return colors
 
 
-def bounced_light(soup, scene, charts, position, normal, index, direct, albedo) -> tuple[np.ndarray, ...]:
+def bounced_light(
+    soup, scene, charts, position, normal, index, direct, albedo, rays: int
+) -> tuple[np.ndarray, ...]:
     """Direct light plus diffuse bounces.
 
     The same cosine-distributed directions serve every texel, so that the light stays smooth over a surface.
@@ -132,15 +159,15 @@ def bounced_light(soup, scene, charts, position, normal, index, direct, albedo) 
         buried: (N,) bool, inside another solid (behind a cupboard, under a table leg).
     """
     golden = np.pi * (3 - np.sqrt(5))
-    k = np.arange(BOUNCE_RAYS)
-    radius = np.sqrt((k + 0.5) / BOUNCE_RAYS)
+    k = np.arange(rays)
+    radius = np.sqrt((k + 0.5) / rays)
     local = np.stack([radius * np.cos(golden * k), radius * np.sin(golden * k), np.sqrt(1 - radius**2)], 1)
     helper = np.where(np.abs(normal[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
     tangent = np.cross(helper, normal)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     bitangent = np.cross(normal, tangent)
-    targets = np.zeros((BOUNCE_RAYS, len(position)), np.int64)
-    reflect = np.zeros((BOUNCE_RAYS, len(position), 3), np.float32)
+    targets = np.zeros((rays, len(position)), np.int64)
+    reflect = np.zeros((rays, len(position), 3), np.float32)
     backs, openness = np.zeros(len(position)), np.zeros(len(position))
     row_of_texel = np.zeros(charts.shape[0] * charts.shape[1], np.int64)
     row_of_texel[index] = np.arange(len(index))
@@ -159,10 +186,10 @@ def bounced_light(soup, scene, charts, position, normal, index, direct, albedo) 
     lit = direct
     for _ in range(BOUNCES):
         bounced = np.zeros_like(direct)
-        for ray in range(BOUNCE_RAYS):
+        for ray in range(rays):
             bounced += reflect[ray] * lit[targets[ray]]
-        lit = direct + bounced / BOUNCE_RAYS
-    buried = backs > 0.4 * BOUNCE_RAYS
+        lit = direct + bounced / rays
+    buried = backs > 0.4 * rays
     return lit, np.where(buried, 0.0, openness), buried
 
 
