@@ -164,7 +164,7 @@ def bounced_light(
     local = np.stack([radius * np.cos(golden * k), radius * np.sin(golden * k), np.sqrt(1 - radius**2)], 1)
     helper = np.where(np.abs(normal[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
     tangent = np.cross(helper, normal)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
     bitangent = np.cross(normal, tangent)
     targets = np.zeros((rays, len(position)), np.int64)
     reflect = np.zeros((rays, len(position), 3), np.float32)

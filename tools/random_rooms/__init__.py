@@ -1,0 +1,1 @@
+"""Randomised rooms with exact geometry, to train the depth and normal network on."""
