@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
+from rich.progress import track
 
 from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
@@ -92,11 +92,11 @@ def main(arguments: list[str] | None = None) -> int:
     numbers = range(options.first, options.first + -(-options.rooms // ROOMS))
     write = partial(write_shard, options.out, options.seed)
     if options.workers == 1:
-        for number in tqdm(numbers, unit="shard", mininterval=10):
+        for number in track(numbers, "shards"):
             write(number)
     else:
         with ProcessPoolExecutor(options.workers) as pool:
-            for _ in tqdm(pool.map(write, numbers), total=len(numbers), unit="shard", mininterval=10):
+            for _ in track(pool.map(write, numbers), "shards", total=len(numbers)):
                 pass
     return 0
 

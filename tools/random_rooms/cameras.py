@@ -29,17 +29,20 @@ def random_views(room: RandomRoom, distance: Distance, rng: Rng, count: int) -> 
         For each view its horizontal field of view in degrees and world_from_cam (4, 4), metres, OpenCV axes.
     """
     views: list[tuple[float, np.ndarray]] = []
-    for _ in range(12):
-        for fov, world_from_cam, reach in candidates(room, distance, rng, 4 * count + 8):
-            if len(views) < count and accepted(rng, reach):
+    for attempt in range(24):
+        lenient = attempt >= 8  # a crammed or tiny room: take what keeps half the clearance
+        for fov, world_from_cam, reach in candidates(room, distance, rng, 4 * count + 8, lenient):
+            if len(views) < count and (accepted(rng, reach) or (lenient and np.median(reach) > NEAR)):
                 views.append((fov, world_from_cam))
         if len(views) >= count:
             break
     return views
 
 
-def candidates(room: RandomRoom, distance: Distance, rng: Rng, count: int) -> list[tuple[float, np.ndarray, np.ndarray]]:
-    """Up to `count` views with clearance, each with the lengths of a few rays through its picture."""
+def candidates(
+    room: RandomRoom, distance: Distance, rng: Rng, count: int, lenient: bool = False
+) -> list[tuple[float, np.ndarray, np.ndarray]]:
+    """Up to `count` views with clearance (half of it, if lenient), each with the lengths of rays through its picture."""
     low, high = room.bounds
     centres = rng.uniform(low, high, (count, 3))
     tall = np.where(rng.random(count) < 0.75, rng.normal(1.45, 0.17, count), rng.uniform(0.5, 2.2, count))
@@ -47,7 +50,7 @@ def candidates(room: RandomRoom, distance: Distance, rng: Rng, count: int) -> li
     centres = centres[room.inside(centres) & ~room.blocked(centres)]
     if not len(centres):
         return []
-    centres = centres[distance(centres) >= CLEARANCE]
+    centres = centres[distance(centres) >= (0.5 if lenient else 1.0) * CLEARANCE]
     if not len(centres):
         return []
     fovs, poses, starts, rays = [], [], [], []
@@ -107,6 +110,7 @@ def accepted(rng: Rng, reach: np.ndarray) -> bool:
     if np.mean(reach < NEAR + 0.05) > 0.15 or np.median(reach) < 0.5:
         return False
     median, spread = np.median(reach), np.percentile(reach, 90) / np.percentile(reach, 10)
-    if median < 0.9:
-        return bool(rng.random() < 0.25)
-    return bool(spread > 1.6 or rng.random() < 0.5)
+    chance = np.clip((median - 0.3) / 1.7, 0.12, 1.0)
+    if spread < 1.5:  # one wall or one corner
+        chance *= 0.6
+    return bool(rng.random() < chance)

@@ -75,9 +75,9 @@ def blind(rng: Rng, style: Style, width: float, height: float) -> list[Patch]:
     return patches
 
 
-def ceiling_lamp(rng: Rng, style: Style, light: Material) -> list[Patch]:
-    """A lamp under the ceiling, hanging down from z = 0: a disc, a panel, a tube, a ball or a pendant."""
-    kind, rim = rng.random(), style.metal
+def ceiling_lamp(rng: Rng, style: Style, light: Material, hanging: bool = False) -> list[Patch]:
+    """A lamp under the ceiling, hanging down from z = 0: a disc, a panel, a ball or a pendant (always, if `hanging`)."""
+    kind, rim = rng.uniform(0.55 if hanging else 0.0, 1.0), style.metal
     if kind < 0.3:
         radius, thick = rng.uniform(0.12, 0.3), rng.uniform(0.03, 0.1)
         profile = [(0, -thick), (radius, -thick), (radius, 0), (0, 0)]

@@ -6,22 +6,28 @@ World frame: metres, z up, the floor at z = 0.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from room2dgs.tools.random_rooms import fittings, materials, seats, shell, storage, tables
+from room2dgs.tools.random_rooms import (
+    bathroom, extras, fittings, kitchen, materials, openings, seats, shell, storage, tables
+)
 from room2dgs.tools.random_rooms.clutter import LARGE, SMALL
-from room2dgs.tools.random_rooms.placing import Plan, Wall
-from room2dgs.tools.random_rooms.shell import Opening, Space
-from room2dgs.tools.random_rooms.style import Style, random_style
-from room2dgs.tools.random_rooms.shapes import moved
+from room2dgs.tools.random_rooms.draft import Draft
+from room2dgs.tools.random_rooms.shapes import extent, moved
+from room2dgs.tools.random_rooms.shell import Space
+from room2dgs.tools.random_rooms.style import random_style
+from room2dgs.tools.random_rooms.themes import Theme, random_theme
 from room2dgs.tools.room_geometry import Patch
 
 Rng = np.random.Generator
-WALL_PIECES = (seats.sofa, seats.bed, seats.armchair, tables.desk, tables.tv_board, storage.shelf, storage.cupboard,
-               storage.cupboard, storage.fridge, fittings.radiator)
-FREE_PIECES = (tables.table, tables.table, seats.chair, seats.stool, seats.office_chair)
+AT_WALL = (
+    seats.sofa, seats.bed, seats.armchair, tables.desk, tables.tv_board, extras.workplace, extras.steps, extras.podium,
+    storage.shelf, storage.cupboard, storage.fridge, kitchen.kitchen_run, bathroom.bathtub, bathroom.toilet,
+    bathroom.washbasin, bathroom.shower, bathroom.washer,
+)
+MOST_PATCHES = 4500  # no more pieces are added beyond
 
 
 @dataclass(frozen=True)
@@ -30,7 +36,7 @@ class RandomRoom:
 
     Attributes:
         patches: all surfaces; at least one has an emitter's material.
-        inside: points (N, 3) -> (N,) bool, in the free air of the shell, furniture ignored.
+        inside: points (N, 3) -> (N,) bool, in the free air of the main space's shell, furniture ignored.
         height: metres, of the ceiling at its highest.
         blocked: points (N, 3) -> (N,) bool, within the bounding box of a large piece.
         bounds: lowest and highest corner (2, 3) of the main space.
@@ -43,113 +49,168 @@ class RandomRoom:
     bounds: np.ndarray
 
 
-@dataclass
-class Draft:
-    """A room while it is being filled."""
-
-    space: Space
-    plan: Plan
-    walls: list[Wall]
-    style: Style
-    patches: list[Patch] = field(default_factory=list)
-
-
 def random_room(rng: Rng) -> RandomRoom:
-    """Draws a room: shell, lights, furniture, clutter.
-
-    The same state of `rng` gives the same room.
-    """
+    """Draws a room: shell, openings, lights, furniture, clutter. The same state of `rng` gives the same room."""
     outline = shell.random_outline(rng)
     profile = shell.random_profile(rng, float(outline[:, 1].max()))
-    space, style = Space(outline, profile), random_style(rng)
-    draft = Draft(space, Plan(space), [Wall(space, k) for k in range(len(outline))], style)
-    windows(rng, draft)
-    lamps(rng, draft)
-    fill(rng, draft)
-    covers = shell.wall_materials(rng, len(outline))
-    patches = shell.space_patches(space, materials.floor(rng), materials.ceiling(rng), covers)
-    if rng.random() < 0.7:
-        tall, thick, board = rng.uniform(0.04, 0.14), rng.uniform(0.008, 0.02), style.wood if rng.random() < 0.5 else style.plain
-        for index in range(len(outline)):
-            patches += shell.skirting(space, index, tall, thick, board)
-    height = float(space.top(outline[:, 1]).max())
-    bounds = np.array([[*outline.min(axis=0), 0.0], [*outline.max(axis=0), height]])
-    return RandomRoom(patches + draft.patches, space.encloses, height, draft.plan.blocked, bounds)
-
-
-def windows(rng: Rng, draft: Draft) -> None:
-    """Zero to three windows, each in a recess or set on the wall."""
+    draft = Draft(Space(outline, profile), random_style(rng))
+    theme = random_theme(rng)
+    others = [openings.doorway(rng, draft) for _ in range(int(rng.choice([0, 1, 2, 3], p=[0.4, 0.35, 0.18, 0.07])))]
     light = materials.daylight(rng)
     for _ in range(int(rng.choice([0, 1, 2, 3], p=[0.25, 0.4, 0.25, 0.1]))):
-        wall = draft.walls[rng.integers(len(draft.walls))]
-        width, low = rng.uniform(0.5, 2.0), rng.choice([0.0, 0.4, 0.9, 1.1], p=[0.12, 0.13, 0.5, 0.25])
-        height = rng.uniform(0.6, 1.5) if low else rng.uniform(1.9, 2.2)
-        spot = wall.free_spot(rng, width + 0.3, low, low + height + 0.1)
-        if spot is None:
-            continue
-        wall.take(spot, width + 0.2, low - 0.05, low + height + 0.1)
-        if rng.random() < 0.6:
-            hole, depth = Opening(spot - width / 2, spot + width / 2, low, low + height), rng.uniform(0.05, 0.35)
-            draft.space.openings.setdefault(wall.index, []).append(hole)
-            frame = materials.painted(rng)
-            patches = shell.reveal(hole, depth, frame, materials.stone(rng))
-            patches.append(shell.back_face(hole, depth, light, "light"))
-            patches += moved(fittings.window_bars(rng, width, height, -depth + 0.002, frame), (spot, 0, low))
-        else:
-            patches = moved(fittings.flat_window(rng, draft.style, width, height, light), (spot, 0, low))
-        top = wall.height(spot, width)
-        dressing = rng.random()
-        if dressing < 0.35 and low + height + 0.15 < top:
-            patches += moved(fittings.curtains(rng, draft.style, width, low + height + 0.12), (spot, 0, 0))
-        elif dressing < 0.5:
-            patches += moved(fittings.blind(rng, draft.style, width, height), (spot, 0, low))
-        draft.patches += draft.space.on_wall(patches, wall.index, 0.0)
+        openings.window(rng, draft, light)
+    for _ in range(int(rng.choice([0, 1, 2], p=[0.8, 0.15, 0.05]))):
+        openings.niche(rng, draft)
+    lamps(rng, draft)
+    built_in(rng, draft)
+    storm = rng.random() < 0.09
+    if storm:
+        whirl(rng, draft)
+    amount = rng.beta(2.0, 0.9) * (0.3 if storm else 1.0)
+    if rng.random() < 0.06:
+        amount = 0.0
+    fill(rng, draft, theme, amount)
+    covers = shell.wall_materials(rng, len(outline), theme.cover)
+    patches = clad(rng, draft, covers) + draft.patches
+    for other in others:
+        if other is not None:
+            patches += neighbour(rng, other, light)
+    height = float(draft.space.top(outline[:, 1]).max())
+    bounds = np.array([[*outline.min(axis=0), 0.0], [*outline.max(axis=0), height]])
+    return RandomRoom(patches, draft.space.encloses, height, draft.plan.blocked, bounds)
 
 
-def lamps(rng: Rng, draft: Draft) -> None:
-    """Lamps; one at least where no window shines."""
+def clad(rng: Rng, draft: Draft, covers) -> list[Patch]:
+    """Floor, walls, ceiling, skirting boards and mouldings."""
+    space, style = draft.space, draft.style
+    patches = shell.space_patches(space, materials.floor(rng), materials.ceiling(rng), covers)
+    board = style.wood if rng.random() < 0.5 else style.plain
+    if rng.random() < 0.7:
+        tall, thick = rng.uniform(0.04, 0.14), rng.uniform(0.008, 0.02)
+        for index in range(len(space.outline)):
+            patches += shell.skirting(space, index, tall, thick, board)
+    if rng.random() < 0.12 and np.ptp(space.profile[:, 1]) == 0:
+        patches += shell.moulding(rng, space, board)
+    return patches
+
+
+def neighbour(rng: Rng, draft: Draft, light) -> list[Patch]:
+    """The space behind a doorway, with its own light and a few pieces."""
+    if rng.random() < 0.4:
+        openings.window(rng, draft, light)
     lit = any(patch.material.kind == "emitter" for patch in draft.patches)
-    count = int(rng.choice([0, 1, 2, 3], p=[0.3, 0.45, 0.18, 0.07])) if lit else int(rng.choice([1, 2, 3], p=[0.6, 0.3, 0.1]))
+    if not lit or rng.random() < 0.3:
+        lamps(rng, draft, 1)
+    fill(rng, draft, random_theme(rng), 0.6 * rng.beta(1.2, 1.5))
+    return clad(rng, draft, shell.wall_materials(rng, len(draft.space.outline))) + draft.patches
+
+
+def lamps(rng: Rng, draft: Draft, count: int | None = None) -> None:
+    """Lamps at the ceiling and standing; one at least where no window shines."""
+    lit = any(patch.material.kind == "emitter" for patch in draft.patches)
+    if count is None:
+        chances = [0.3, 0.45, 0.18, 0.07] if lit else [0.0, 0.6, 0.28, 0.12]
+        count = int(rng.choice(4, p=chances))
     low, high = draft.space.outline.min(axis=0), draft.space.outline.max(axis=0)
+    margin = np.minimum(0.4, 0.3 * (high - low))
     light = materials.lamp(rng)
-    while count > 0:
-        spot = rng.uniform(low + 0.4, high - 0.4)
-        if not draft.space.contains(spot[None])[0]:
-            continue
+    for _ in range(200):
+        if count <= 0:
+            break
+        spot = rng.uniform(low + margin, high - margin)
         top = float(draft.space.top(spot[1]))
-        if top < 1.9:
+        if not draft.space.contains(spot[None])[0] or top < 1.7:
             continue
-        lamp = fittings.ceiling_lamp(rng, draft.style, light)
-        draft.patches += moved(lamp, (*spot, top), rng.choice([0.0, np.pi / 2, rng.uniform(0, 3)]))
+        if rng.random() < 0.15 and draft.plan.place(rng, draft, fittings.floor_lamp(rng, draft.style, light)):
+            count -= 1
+            continue
+        level = draft.space.top(spot[1] + 0.2) == draft.space.top(spot[1] - 0.2)
+        lamp = fittings.ceiling_lamp(rng, draft.style, light, hanging=not level)
+        yaw = float(rng.choice([0.0, np.pi / 2, rng.uniform(0, 3)]))
+        draft.patches += moved(lamp, (*spot, top), yaw)
+        draft.plan.keep_box(lamp, (*spot, top), yaw)
         count -= 1
 
 
-def fill(rng: Rng, draft: Draft) -> None:
-    """Furniture along the walls and in the middle, pictures, rugs, clutter on the floor."""
-    area, style = draft.plan.area, draft.style
-    amount = rng.beta(1.2, 1.2)
-    if rng.random() < 0.3:
-        closed = fittings.closed_door(rng, style)
-        hang(rng, draft, closed, 0.0, blocks=True)
-    for _ in range(int(rng.poisson(0.5))):
-        draft.plan.place(rng, draft, fittings.rug(rng, style), flat=True)
-    for _ in range(int(amount * (2 + 0.6 * area))):
-        draft.plan.place_at_wall(rng, draft, WALL_PIECES[rng.integers(len(WALL_PIECES))](rng, style))
-    for _ in range(int(rng.poisson(amount * (0.5 + 0.15 * area)))):
-        draft.plan.place(rng, draft, FREE_PIECES[rng.integers(len(FREE_PIECES))](rng, style))
-    for _ in range(int(rng.poisson(3 * amount))):
+def built_in(rng: Rng, draft: Draft) -> None:
+    """Beams, pillars, panelling, pipes."""
+    space, style = draft.space, draft.style
+    flat = np.ptp(space.profile[:, 1]) == 0
+    if flat and len(space.outline) == 4 and not draft.behind and rng.random() < 0.15:
+        draft.patches += shell.ceiling_beams(rng, space, style.wood if rng.random() < 0.6 else style.plain)
+    if flat and rng.random() < 0.12:
+        column = shell.pillar(rng, float(space.profile[0, 1]) - 1e-4, style.plain)
+        draft.plan.place(rng, draft, column)
+    for wall in draft.walls:
+        if rng.random() < 0.04 and not space.openings.get(wall.index):
+            board = extras.panelling(rng, wall.length, style)
+            if wall.height(wall.length / 2, wall.length) > 1.4:
+                draft.patches += space.on_wall(board, wall.index, 0.0)
+    if rng.random() < 0.15:
+        wall = draft.walls[rng.integers(len(draft.walls))]
+        pipe = fittings.pipes(rng, style, wall.height(wall.length / 2, 0.3))
+        hang(rng, draft, pipe, 0.0)
+
+
+def fill(rng: Rng, draft: Draft, theme: Theme, amount: float) -> None:
+    """Furniture at the walls and in the middle, things on the walls, rugs, clutter on the floor.
+
+    Args:
+        amount: 0 (empty) to 1 (crammed).
+    """
+    plan, style = draft.plan, draft.style
+
+    def full() -> bool:
+        return len(draft.patches) > MOST_PATCHES
+
+    if rng.random() < 0.35:
+        hang(rng, draft, fittings.closed_door(rng, style), 0.0)
+    for _ in range(int(rng.poisson(0.5 * min(1.0, 3 * amount)))):
+        plan.place(rng, draft, fittings.rug(rng, style), flat=True)
+    for build, chance in theme.first:
+        if rng.random() < chance * min(1.0, 2.5 * amount) and not full():
+            put = plan.place_at_wall if build in AT_WALL else plan.place
+            put(rng, draft, build(rng, style))
+    for _ in range(int(rng.poisson(amount * (1.5 + 0.5 * plan.area)))):
+        if theme.walls and not full():
+            plan.place_at_wall(rng, draft, theme.walls[rng.integers(len(theme.walls))](rng, style))
+    for _ in range(int(rng.poisson(amount * (0.6 + 0.2 * plan.area)))):
+        if theme.middle and not full():
+            plan.place(rng, draft, theme.middle[rng.integers(len(theme.middle))](rng, style))
+    decorate(rng, draft, amount)
+    for _ in range(int(rng.poisson(style.mess * min(1.0, 2 * amount) * 0.6 * plan.area))):
+        things = LARGE if rng.random() < 0.7 else SMALL
+        if not full():
+            plan.place(rng, draft, things[rng.integers(len(things))](rng))
+
+
+def decorate(rng: Rng, draft: Draft, amount: float) -> None:
+    """Pictures, boards, switches on the walls."""
+    style = draft.style
+    for _ in range(int(rng.poisson(0.5 + 3 * amount))):
         hang(rng, draft, fittings.picture(rng, style), rng.uniform(0.9, 1.6))
+    for _ in range(int(rng.poisson(0.7 * amount))):
+        hang(rng, draft, storage.wall_board(rng, style), rng.uniform(1.0, 1.7))
     for _ in range(int(rng.poisson(1.0))):
         hang(rng, draft, fittings.sockets(rng, style), rng.choice([0.2, 1.05]))
-    for _ in range(int(rng.poisson(style.mess * 0.5 * area))):
-        things = LARGE if rng.random() < 0.7 else SMALL
-        draft.plan.place(rng, draft, things[rng.integers(len(things))](rng))
 
 
-def hang(rng: Rng, draft: Draft, patches: list[Patch], height: float, blocks: bool = False) -> None:
+def whirl(rng: Rng, draft: Draft) -> None:
+    """A storm of shapes: on the floor, in the air, half in the walls."""
+    low, high = draft.space.outline.min(axis=0), draft.space.outline.max(axis=0)
+    for _ in range(int(rng.integers(15, 110))):
+        thing = extras.storm_shape(rng)
+        spot = rng.uniform(low, high)
+        top = float(draft.space.top(spot[1]))
+        z = 0.0 if rng.random() < 0.5 else rng.uniform(0, top - 0.2)
+        if draft.space.contains(spot[None])[0] and len(draft.patches) < MOST_PATCHES:
+            draft.patches += moved(thing, (*spot, z), 0.0)
+            draft.plan.keep_box(thing, (*spot, z), 0.0)
+
+
+def hang(rng: Rng, draft: Draft, patches: list[Patch], height: float) -> None:
     """Fixes a piece to a free stretch of a random wall, its z = 0 at `height`; nothing if there is no room."""
-    points = np.concatenate([patch.grid.reshape(-1, 3) for patch in patches])
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = extent(patches)
     wall = draft.walls[rng.integers(len(draft.walls))]
     width = 2 * float(np.abs([low[0], high[0]]).max())
     spot = wall.free_spot(rng, width, height + low[2], height + high[2])

@@ -62,7 +62,7 @@ def daylight(rng: Rng) -> Light:
 
 def wall(rng: Rng) -> Surface:
     """Mostly plain paint, else paper, plaster, bricks, tiles, panels."""
-    if rng.random() < 0.62:
+    if rng.random() < 0.68:
         return _surface(rng, "plaster", tint=_paint(rng), contrast=rng.choice([0.0, 0.5, 1.0]))
     kind = str(rng.choice(["wallpaper", "bricks", "stains", "tiles", "planks"], p=[0.4, 0.15, 0.15, 0.2, 0.1]))
     return _surface(rng, kind, tint=_paint(rng) if rng.random() < 0.6 else None)
@@ -216,9 +216,9 @@ def _hsv(rng: Rng, saturation, value, hue=(0.0, 1.0)) -> Color:
 def _paint(rng: Rng) -> Color:
     """What walls are painted: whites and greys, pale colours, now and then a strong one."""
     draw = rng.random()
-    if draw < 0.5:
-        return _hsv(rng, (0.0, 0.08), (0.45, 0.97))
-    return _hsv(rng, (0.05, 0.3), (0.5, 0.95)) if draw < 0.85 else _hsv(rng, (0.2, 0.8), (0.15, 0.8))
+    if draw < 0.62:
+        return _hsv(rng, (0.0, 0.08), (0.45, 0.97), hue=(0.05, 0.65))
+    return _hsv(rng, (0.05, 0.3), (0.5, 0.95)) if draw < 0.9 else _hsv(rng, (0.2, 0.8), (0.15, 0.8))
 
 
 def _furniture(rng: Rng) -> Color:

@@ -87,6 +87,19 @@ class Plan:
                 self.boxes.append((np.array([*origin[:2], 0.0]), yaw, low, high))
         return moved(patches, (*origin[:2], 0.0), yaw)
 
+    def keep_free(self, space: Space, wall: int, along: float, width: float, depth: float) -> None:
+        """Takes the floor before a passage, so that nothing is put there."""
+        start, _, yaw = space.wall(wall)
+        origin = start + along * np.array([np.cos(yaw), np.sin(yaw)])
+        points = self.footprint((-width / 2, 0.0), (width / 2, depth), origin, yaw)
+        self.free[self.cells(points)] = False
+
+    def keep_box(self, patches: list[Patch], origin, yaw: float) -> None:
+        """Remembers a piece that does not stand on the floor, so that no camera gets into it."""
+        low, high = extent(patches)
+        if (high - low).min() > 0.1:
+            self.boxes.append((np.asarray(origin, float), yaw, low, high))
+
     def place(self, rng: Rng, draft, patches: list[Patch], flat: bool = False, tries: int = 8) -> bool:
         """Puts a free-standing piece somewhere on the floor; False if there was no room."""
         rows, columns = np.nonzero(self.inner if flat else self.free)

@@ -162,7 +162,7 @@ def seat_group(rng: Rng, style: Style, width: float, seats: int) -> list[Patch]:
     for _ in range(int(rng.integers(0, 2 + seats))):
         pillow = cushion(rng.uniform(0.35, 0.5), rng.uniform(0.35, 0.5), 0.13, materials.cloth(rng))
         turn = rotation(rng.normal(0, 0.4), 0, rng.uniform(0.7, 1.4))
-        patches += moved(pillow, (rng.uniform(edges[0] + 0.2, edges[-1] - 0.2), back + 0.22, seat_top + 0.2), turn)
+        patches += moved(pillow, (rng.uniform(-0.7, 0.7) * edges[-1], back + 0.22, seat_top + 0.2), turn)
     if rng.random() < 0.25:
         spread = rng.uniform(0.4, 0.9)
         patches += moved(throw(rng, spread, depth + 0.03, seat_top), (rng.uniform(-0.2, 0.2) * width, 0, 0))
@@ -193,7 +193,7 @@ def tub_chair(rng: Rng, style: Style) -> list[Patch]:
     path = np.column_stack([0.33 * np.cos(t), 0.33 * np.sin(t), np.full(len(t), 0.62) - 0.1 * np.abs(np.linspace(-1, 1, 17))])
     patches = [tube(path, 0.085, cover, "armchair", 14)]
     low = path * (1, 1, 0) + (0, 0, 0.22)
-    patches += [tube(low + (0, 0, step), 0.075, cover, "armchair", 12) for step in (0.0, 0.12, 0.24)]
+    patches += [tube(low + (0, 0, step), 0.08, cover, "armchair", 12) for step in (0.0, 0.09, 0.18, 0.27)]
     seat = [(0, 0), (0.3, 0), (0.34, 0.05), (0.34, 0.1), (0.3, 0.15), (0.15, 0.17), (0, 0.175)]
     patches += moved([lathe(seat, cover, "armchair")], (0, 0, 0.28))
     base = [(0, 0), (0.3, 0), (0.33, 0.24), (0, 0.24)]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -133,6 +135,8 @@ def wall_patches(space: Space, index: int, material: Material) -> list[Patch]:
     if abs(rise) > 1e-3:
         cuts += list((space.profile[:, 0] - start[1]) / rise)
     cuts = np.unique(np.round(np.clip(cuts, 0, length), 6))
+    if not holes:
+        return space.on_wall([whole_wall(space, index, cuts, material)], index, 0.0)
     patches = []
     for left, right in zip(cuts[:-1], cuts[1:], strict=True):
         if right - left < 1e-4:
@@ -152,6 +156,18 @@ def wall_patches(space: Space, index: int, material: Material) -> list[Patch]:
             )
             patches.append(face)
     return space.on_wall(patches, index, 0.0)
+
+
+def whole_wall(space: Space, index: int, cuts: np.ndarray, material: Material) -> Patch:
+    """A wall without openings as one patch in its frame; cells of like widths, so that its texture is even."""
+    start, length, yaw = space.wall(index)
+    pieces = [
+        np.linspace(a, b, max(1, round(len(cuts) > 2 and (b - a) / 0.3)) + 1)[:-1] for a, b in pairwise(cuts)
+    ]
+    x = np.concatenate([*pieces, [length]])[::-1]
+    top = space.top(start[1] + np.sin(yaw) * x)
+    grid = np.stack([np.column_stack([x, 0 * x, 0 * x]), np.column_stack([x, 0 * x, top])])
+    return Patch(grid, (length, float(top.max())), material, f"wall{index}")
 
 
 def reveal(hole: Opening, depth: float, material: Material, sill: Material | None = None) -> list[Patch]:
@@ -186,8 +202,8 @@ def skirting(space: Space, index: int, height: float, thick: float, material: Ma
 
 def random_outline(rng: np.random.Generator) -> np.ndarray:
     """(N, 2) floor plan: a rectangle, an L, a T, with an alcove, a nose or a cut corner; 2 to 9 m a side."""
-    small = rng.random() < 0.25
-    width, depth = rng.uniform(1.6, 3.2, 2) if small else rng.uniform(2.6, 5.5, 2)
+    small = rng.random() < 0.2
+    width, depth = rng.uniform(1.6, 3.2, 2) if small else rng.uniform(2.6, 6.0, 2)
     if rng.random() < 0.15:
         width, depth = width * rng.uniform(1.2, 1.7), depth * rng.uniform(1.0, 1.6)
     if rng.random() < 0.08:  # a corridor
@@ -267,9 +283,21 @@ def pillar(rng: np.random.Generator, height: float, material: Material) -> list[
     return block(wide, wide * rng.uniform(0.7, 1.4), height, material, "pillar")
 
 
-def wall_materials(rng: np.random.Generator, count: int) -> list[Material]:
+def moulding(rng: np.random.Generator, space: Space, material: Material) -> list[Patch]:
+    """A strip under a flat ceiling along all walls."""
+    tall, thick, top = rng.uniform(0.04, 0.12), rng.uniform(0.02, 0.1), float(space.profile[0, 1])
+    patches = []
+    for index in range(len(space.outline)):
+        strip = box((0, 0, top - tall), (space.wall(index)[1], thick, top), material, "moulding")
+        patches += space.on_wall(strip, index, 0.0)
+    return patches
+
+
+def wall_materials(
+    rng: np.random.Generator, count: int, cover: Callable[[np.random.Generator], Material] | None = None
+) -> list[Material]:
     """One material a wall: mostly the same all around, at times one accent, at times all different."""
-    main = materials.wall(rng)
+    main = cover(rng) if cover and rng.random() < 0.7 else materials.wall(rng)
     kind = rng.random()
     if kind < 0.55:
         return [main] * count
