@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 
 class Scalars:
@@ -20,6 +21,12 @@ class Scalars:
         if self._writer:
             for name, value in values.items():
                 self._writer.add_scalar(name, value, iteration)
+
+    def add_pictures(self, pictures: dict[str, Any], iteration: int) -> None:
+        """Pictures: (H, W, 3) uint8 by name."""
+        if self._writer:
+            for name, picture in pictures.items():
+                self._writer.add_image(name, picture, iteration, dataformats="HWC")
 
     def close(self) -> None:
         if self._writer:

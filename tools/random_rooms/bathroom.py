@@ -38,11 +38,20 @@ def bathtub(rng: Rng, style: Style) -> list[Patch]:
     white = materials.ceramic(rng)
     inner = [(0.92, height), (0.86, 0.5 * height), (0.76, 0.25 * height), (0.6, 0.18 * height), (0, 0.16 * height)]
     if rng.random() < 0.5:
-        rows = [(0, 0), (0.7, 0), (0.85, 0.15 * height), (0.93, 0.5 * height), (1, height - 0.01), (0.99, height + 0.005)]
+        rows = [
+            (0, 0),
+            (0.7, 0),
+            (0.85, 0.15 * height),
+            (0.93, 0.5 * height),
+            (1, height - 0.01),
+            (0.99, height + 0.005),
+        ]
         patches = moved([vessel(width / 2, depth / 2, [*rows, *inner], 3.0, white, "tub")], (0, depth / 2 + 0.05, 0))
     else:
         side = materials.tile(rng) if rng.random() < 0.6 else white
-        tub = vessel(width / 2 - 0.01, depth / 2 - 0.01, [(1.0, height - 0.02), (1.0, height), *inner], 6.0, white, "tub")
+        tub = vessel(
+            width / 2 - 0.01, depth / 2 - 0.01, [(1.0, height - 0.02), (1.0, height), *inner], 6.0, white, "tub"
+        )
         patches = moved([tub], (0, depth / 2, 0))
         h, t = width / 2, 0.06
         patches += box((-h, depth - t, 0), (h, depth, height - 0.01), side, "tub side")
@@ -99,7 +108,9 @@ def washbasin(rng: Rng, style: Style) -> list[Patch]:
     elif kind < 0.75:
         low, wide = rng.uniform(0.05, 0.4), width / 2 + rng.uniform(0, 0.4)
         patches += box((-wide, 0.005, low), (wide, depth, height - 0.16), carcass(rng, style), "vanity")
-        patches += scatter(rng, (width / 2, 0.05), (max(wide, width / 2 + 0.05), depth), height - 0.16, 2 * style.mess, (bottle,))
+        patches += scatter(
+            rng, (width / 2, 0.05), (max(wide, width / 2 + 0.05), depth), height - 0.16, 2 * style.mess, (bottle,)
+        )
     tap = [(0, 0, 0), (0, 0, 0.1), (0, 0.05, 0.15), (0, 0.11, 0.13)]
     patches += moved([tube(tap, 0.012, style.metal, "tap")], (0, 0.06, height - 0.03))
     if rng.random() < 0.7:

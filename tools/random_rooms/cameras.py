@@ -42,7 +42,7 @@ def random_views(room: RandomRoom, distance: Distance, rng: Rng, count: int) -> 
 def candidates(
     room: RandomRoom, distance: Distance, rng: Rng, count: int, lenient: bool = False
 ) -> list[tuple[float, np.ndarray, np.ndarray]]:
-    """Up to `count` views with clearance (half of it, if lenient), each with the lengths of rays through its picture."""
+    """Up to `count` views with clearance (half of it, if lenient) and the lengths of rays through each."""
     low, high = room.bounds
     centres = rng.uniform(low, high, (count, 3))
     tall = np.where(rng.random(count) < 0.75, rng.normal(1.45, 0.17, count), rng.uniform(0.5, 2.2, count))

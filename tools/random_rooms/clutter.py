@@ -133,7 +133,8 @@ def cloth_heap(rng: Rng) -> list[Patch]:
     u, v = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n))
     edge = np.clip(1 - np.maximum(np.abs(u), np.abs(v)) ** 3, 0, 1)
     bumps = sum(
-        rng.uniform(0.2, 1) * np.sin(rng.uniform(1, 4) * u + rng.uniform(1, 4) * v + rng.uniform(0, 6)) for _ in range(4)
+        rng.uniform(0.2, 1) * np.sin(rng.uniform(1, 4) * u + rng.uniform(1, 4) * v + rng.uniform(0, 6))
+        for _ in range(4)
     )
     height = size * rng.uniform(0.1, 0.3) * edge * np.clip(0.7 + 0.35 * bumps, 0.05, None)
     grid = np.stack([size * u * np.sqrt(1 - v**2 / 3), size * v * np.sqrt(1 - u**2 / 3), height + 0.002], -1)
@@ -157,35 +158,54 @@ def tool(rng: Rng) -> list[Patch]:
     material = materials.anything(rng)
     patches = [lathe([(0, 0), (radius, 0), (radius, length), (0, length)], material, "tool")]
     if rng.random() < 0.5:
-        head = block(rng.uniform(2, 7) * radius, rng.uniform(2, 4) * radius, rng.uniform(2, 8) * radius, material, "tool")
+        head = block(
+            rng.uniform(2, 7) * radius, rng.uniform(2, 4) * radius, rng.uniform(2, 8) * radius, material, "tool"
+        )
         patches += moved(head, (0, 0, length))
     return resting(patches, rotation(rng.uniform(-3, 3), np.pi / 2, 0.0))
 
 
+def cone(half: np.ndarray, material) -> Patch:
+    """A blunt cone about the origin."""
+    profile = [(0, -half[2]), (half[0], -half[2]), (half[1] * 0.4, half[2]), (0, half[2])]
+    return lathe(profile, material, "shape")
+
+
+def turned_shape(rng: Rng, half: np.ndarray, material) -> list[Patch]:
+    """A wavy solid of revolution about the origin."""
+    return moved([lathe(random_profile(rng, half[0], 2 * half[2]), material, "shape")], (0, 0, -half[2]))
+
+
+def edged_shape(rng: Rng, half: np.ndarray, material) -> list[Patch]:
+    """An uneven prism of three to eight sides about the origin."""
+    count = int(rng.integers(3, 9))
+    angle = np.sort(rng.uniform(0, 2 * np.pi / count * 0.7, count) + np.arange(count) * 2 * np.pi / count)
+    outline = half[0] * np.column_stack([np.cos(angle), np.sin(angle)])
+    return moved(prism(outline, 2 * half[2], material, "shape"), (0, 0, -half[2]))
+
+
+def bent_shape(rng: Rng, size: float, material) -> Patch:
+    """A bow, ring or spiral of tube about the origin."""
+    t = np.linspace(0, rng.uniform(2, 7), 20)
+    points = size * np.column_stack([0.8 * np.cos(t), 0.8 * np.sin(t), rng.uniform(0, 0.2) * t])
+    return tube(points, size * rng.uniform(0.06, 0.2), material, "shape")
+
+
 def shape(rng: Rng, size: float | None = None) -> list[Patch]:
-    """A random primitive about the origin: box, rounded box, ellipsoid, cone, lathe, prism or tube."""
+    """A random primitive of about `size` metres about the origin, of one of seven kinds."""
     size = size or rng.uniform(0.04, 0.2)
     half = size * rng.uniform(0.3, 1.0, 3)
     material = materials.anything(rng)
-    kind = rng.integers(7)
-    if kind == 0:
-        return moved(block(*(2 * half), material, "shape"), (0, 0, -half[2]))
-    if kind == 1:
-        return [rounded_box(half, half.min() * rng.uniform(0.2, 1.0), material, "shape")]
-    if kind == 2:
-        return [ellipsoid(half, material, "shape")]
-    if kind == 3:
-        return [lathe([(0, -half[2]), (half[0], -half[2]), (half[1] * 0.4, half[2]), (0, half[2])], material, "shape")]
-    if kind == 4:
-        return moved([lathe(random_profile(rng, half[0], 2 * half[2]), material, "shape")], (0, 0, -half[2]))
-    if kind == 5:
-        count = int(rng.integers(3, 9))
-        angle = np.sort(rng.uniform(0, 2 * np.pi / count * 0.7, count) + np.arange(count) * 2 * np.pi / count)
-        outline = half[0] * np.column_stack([np.cos(angle), np.sin(angle)])
-        return moved(prism(outline, 2 * half[2], material, "shape"), (0, 0, -half[2]))
-    t = np.linspace(0, rng.uniform(2, 7), 20)
-    points = size * np.column_stack([0.8 * np.cos(t), 0.8 * np.sin(t), rng.uniform(0, 0.2) * t])
-    return [tube(points, size * rng.uniform(0.06, 0.2), material, "shape")]
+    kinds = (
+        lambda: moved(block(*(2 * half), material, "shape"), (0, 0, -half[2])),
+        lambda: [rounded_box(half, half.min() * rng.uniform(0.2, 1.0), material, "shape")],
+        lambda: [ellipsoid(half, material, "shape")],
+        lambda: [cone(half, material)],
+        lambda: turned_shape(rng, half, material),
+        lambda: edged_shape(rng, half, material),
+        lambda: [bent_shape(rng, size, material)],
+    )
+    return kinds[rng.integers(7)]()
 
 
 def random_profile(rng: Rng, radius: float, height: float) -> np.ndarray:

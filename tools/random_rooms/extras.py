@@ -6,7 +6,7 @@ import numpy as np
 
 from room2dgs.tools.random_rooms import clutter, materials, seats, tables
 from room2dgs.tools.random_rooms.clutter import LARGE, scatter
-from room2dgs.tools.random_rooms.shapes import block, extent, moved, resting, rotation
+from room2dgs.tools.random_rooms.shapes import bar, block, extent, moved, resting, rod, rotation
 from room2dgs.tools.random_rooms.style import Style, carcass
 from room2dgs.tools.room_geometry import Patch, box
 
@@ -18,12 +18,9 @@ def dining_group(rng: Rng, style: Style) -> list[Patch]:
     patches = tables.table(rng, style)
     solid = [patch for patch in patches if patch.tag == "table"]
     half = extent(solid)[1][:2]
-    state = rng.bit_generator.state
-    same = rng.random() < 0.75
-    rng.random()
+    same = rng.random(2)[0] < 0.75
     kind = (seats.chair, seats.chair, seats.stool)[rng.integers(3)]
     seed = int(rng.integers(1 << 30))
-    del state
     for side, axis in ((-1, 1), (1, 1), (-1, 0), (1, 0)):
         if rng.random() < 0.2:
             continue
@@ -71,13 +68,13 @@ def heap(rng: Rng, style: Style) -> list[Patch]:
     patches, reach = [], rng.uniform(0.25, 0.6)
     for _ in range(int(rng.integers(3, 12))):
         thing = LARGE[rng.integers(len(LARGE))](rng)
-        low, high = extent(thing)
+        tall = float(extent(thing)[1][2])
         spot = rng.normal(0, 0.4 * reach, 2)
         base = 0.0
         if patches and rng.random() < 0.6:
             below = [p for p in patches if (np.abs(p.grid[..., :2].mean(axis=(0, 1)) - spot) < 0.15).all()]
             base = max((float(p.grid[..., 2].max()) for p in below), default=0.0)
-        if base + high[2] < 1.6:
+        if base + tall < 1.6:
             patches += moved(thing, (*spot, base), rng.uniform(-3, 3))
     return patches or clutter.carton(rng)
 
@@ -102,8 +99,6 @@ def storm_shape(rng: Rng) -> list[Patch]:
 
 def laundry_rack(rng: Rng, style: Style) -> list[Patch]:
     """A folding rack with cloths over its bars, about the origin."""
-    from room2dgs.tools.random_rooms.shapes import bar, rod
-
     width, height = rng.uniform(0.6, 1.2), rng.uniform(0.8, 1.1)
     patches: list[Patch] = []
     for x in (-width / 2, width / 2):

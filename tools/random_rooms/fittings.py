@@ -30,7 +30,7 @@ def window_bars(rng: Rng, width: float, height: float, y: float, material: Mater
     return patches
 
 
-def pane(rng: Rng, width: float, height: float, y: float, light: Material) -> Patch:
+def pane(width: float, height: float, y: float, light: Material) -> Patch:
     """A shining pane facing +y, x centred, from z = 0."""
     return parallelogram((width / 2, y, 0), (-width, 0, 0), (0, 0, height), light, "light")
 
@@ -38,7 +38,7 @@ def pane(rng: Rng, width: float, height: float, y: float, light: Material) -> Pa
 def flat_window(rng: Rng, style: Style, width: float, height: float, light: Material) -> list[Patch]:
     """A window set on the wall: pane, frame and sill."""
     frame = style.wood if rng.random() < 0.3 else materials.painted(rng)
-    patches = [pane(rng, width, height, 0.008, light), *window_bars(rng, width + 0.1, height, 0.0, frame)]
+    patches = [pane(width, height, 0.008, light), *window_bars(rng, width + 0.1, height, 0.0, frame)]
     deep = rng.uniform(0.06, 0.25)
     return patches + box((-width / 2 - 0.1, 0, -0.04), (width / 2 + 0.1, deep, 0), frame, "sill")
 
@@ -71,12 +71,18 @@ def blind(rng: Rng, style: Style, width: float, height: float) -> list[Patch]:
     tilt = rng.uniform(-0.7, 0.7)
     for z in np.arange(height - drop, height - 0.03, 0.05):
         slat = box((-width / 2, -0.02, -0.001), (width / 2, 0.02, 0.001), material, "blind")
-        patches += moved(slat, (0, 0.06, z), np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]]))
+        patches += moved(
+            slat, (0, 0.06, z), np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+        )
     return patches
 
 
 def ceiling_lamp(rng: Rng, style: Style, light: Material, hanging: bool = False) -> list[Patch]:
-    """A lamp under the ceiling, hanging down from z = 0: a disc, a panel, a ball or a pendant (always, if `hanging`)."""
+    """A lamp under the ceiling, hanging down from z = 0: a disc, a panel, a ball or a pendant.
+
+    Args:
+        hanging: no flat ones, for slanted ceilings.
+    """
     kind, rim = rng.uniform(0.55 if hanging else 0.0, 1.0), style.metal
     if kind < 0.3:
         radius, thick = rng.uniform(0.12, 0.3), rng.uniform(0.03, 0.1)
@@ -101,7 +107,10 @@ def ceiling_lamp(rng: Rng, style: Style, light: Material, hanging: bool = False)
     inner = [(neck - 0.004, tall - 0.004), (radius - 0.004, 0)]
     shade = lathe([*outer, (0, tall + 0.002), (0, tall - 0.002), *inner, (radius, 0)], materials.anything(rng), "shade")
     bulb = disc((0, 0, 0.3 * tall), -0.5 * radius, light, "light")
-    patches += moved([shade, bulb, lathe([(0, 0.31 * tall), (0.02, 0.31 * tall), (0.02, tall), (0, tall)], rim, "lamp")], (0, 0, -drop - tall))
+    patches += moved(
+        [shade, bulb, lathe([(0, 0.31 * tall), (0.02, 0.31 * tall), (0.02, tall), (0, tall)], rim, "lamp")],
+        (0, 0, -drop - tall),
+    )
     return patches
 
 
@@ -110,7 +119,9 @@ def floor_lamp(rng: Rng, style: Style, light: Material | None, height: float | N
     height = height or rng.uniform(1.2, 1.7)
     radius, foot = rng.uniform(0.11, 0.24), rng.uniform(0.1, 0.16)
     tall = rng.uniform(0.16, 0.35)
-    patches = [lathe([(0, 0), (foot, 0), (foot, 0.02), (0.012, 0.035), (0.012, height), (0, height)], style.metal, "lamp")]
+    patches = [
+        lathe([(0, 0), (foot, 0), (foot, 0.02), (0.012, 0.035), (0.012, height), (0, height)], style.metal, "lamp")
+    ]
     top = radius * rng.uniform(0.4, 1.0)
     if light is not None:
         shade = [(0, 0), (radius, 0), (top, tall), (0, tall)]
@@ -120,7 +131,9 @@ def floor_lamp(rng: Rng, style: Style, light: Material | None, height: float | N
         shade = [(radius, 0), (top, tall), (top - 0.004, tall), (radius - 0.004, 0), (radius, 0)]
         glow = []
     body = lathe(shade, materials.cloth(rng) if rng.random() < 0.7 else materials.painted(rng), "shade")
-    return patches + moved([body, *glow], (0, 0, height - 0.6 * tall + (0.004 if light is None else 0.6 * tall + 0.004)))
+    return patches + moved(
+        [body, *glow], (0, 0, height - 0.6 * tall + (0.004 if light is None else 0.6 * tall + 0.004))
+    )
 
 
 def radiator(rng: Rng, style: Style) -> list[Patch]:
@@ -149,7 +162,9 @@ def picture(rng: Rng, style: Style) -> list[Patch]:
         return box((-width / 2, 0, 0), (width / 2, 0.003, height), materials.picture(rng), "poster")
     if kind < 0.22:
         radius = rng.uniform(0.1, 0.25)
-        clock = lathe([(0, 0), (radius, 0), (radius, 0.03), (0.9 * radius, 0.035), (0, 0.03)], materials.anything(rng), "clock")
+        clock = lathe(
+            [(0, 0), (radius, 0), (radius, 0.03), (0.9 * radius, 0.035), (0, 0.03)], materials.anything(rng), "clock"
+        )
         turn = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
         return moved([clock], (0, 0, radius), turn)
     inner = materials.glass_like(rng) if kind < 0.32 else materials.picture(rng)
@@ -171,7 +186,9 @@ def door_leaf(rng: Rng, style: Style, width: float, height: float) -> list[Patch
         for low, high in ((0.12, 0.42), (0.48, 0.92)) if rng.random() < 0.6 else ((0.08, 0.92),):
             inner = materials.glass_like(rng) if rng.random() < 0.15 else material
             patches += box((0.13 * width, 0, low * height), (0.87 * width, 0.012, high * height), inner, "door")
-            patches += box((0.13 * width, -thick - 0.012, low * height), (0.87 * width, -thick, high * height), inner, "door")
+            patches += box(
+                (0.13 * width, -thick - 0.012, low * height), (0.87 * width, -thick, high * height), inner, "door"
+            )
     for side in (0.0, -thick):
         out = 0.05 if side == 0 else -0.05
         x = width - 0.06

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from room2dgs.tools.random_rooms import materials
@@ -27,13 +29,15 @@ def kitchen_run(rng: Rng, style: Style) -> list[Patch]:
     sink = int(rng.integers(count)) if rng.random() < 0.75 else -1
     hob = int(rng.integers(count)) if rng.random() < 0.7 else -1
     patches: list[Patch] = []
-    for k, (left, right) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for k, (left, right) in enumerate(pairwise(edges)):
         base = base_module(rng, style, right - left, height - TOP, depth, front, body, "sink" if k == sink else "")
         if k == hob and rng.random() < 0.8:
             base = oven(rng, style, right - left, height - TOP, depth, body)
         patches += moved(base, ((left + right) / 2, 0, 0))
         top = sink_top(rng, style, right - left, depth + 0.02, counter) if k == sink else None
-        top = top or box((left - (left + right) / 2, 0.0, 0), (right - (left + right) / 2, depth + 0.02, TOP), counter, "counter")
+        top = top or box(
+            (left - (left + right) / 2, 0.0, 0), (right - (left + right) / 2, depth + 0.02, TOP), counter, "counter"
+        )
         patches += moved(top, ((left + right) / 2, 0, height - TOP))
         if k == hob and k != sink:
             patches += moved(hob_top(rng, style), ((left + right) / 2, depth / 2 + 0.01, height))
@@ -55,7 +59,9 @@ def kitchen_run(rng: Rng, style: Style) -> list[Patch]:
     return patches
 
 
-def base_module(rng: Rng, style: Style, width, height, depth, front: Material, body: Material, kind: str) -> list[Patch]:
+def base_module(
+    rng: Rng, style: Style, width: float, height: float, depth: float, front: Material, body: Material, kind: str
+) -> list[Patch]:
     """One cabinet under the counter, x centred; lower inside below a sink."""
     top = height - 0.2 if kind == "sink" else height
     patches = box((-width / 2, 0.005, 0.1), (width / 2, depth - 0.02, top), body, "cabinet")
@@ -67,7 +73,9 @@ def base_module(rng: Rng, style: Style, width, height, depth, front: Material, b
         return patches
     rows = int(rng.choice([1, 1, 3, 4])) if kind != "sink" else 1
     columns = 2 if width > 0.65 and rows == 1 else 1
-    return patches + fronts(rng, style, (-width / 2, 0.1), (width / 2, height - 0.004), depth - 0.02, front, columns, rows)
+    return patches + fronts(
+        rng, style, (-width / 2, 0.1), (width / 2, height - 0.004), depth - 0.02, front, columns, rows
+    )
 
 
 def sink_top(rng: Rng, style: Style, width: float, depth: float, counter: Material) -> list[Patch]:
@@ -112,12 +120,28 @@ def pot(rng: Rng) -> list[Patch]:
     material = materials.metal(rng) if rng.random() < 0.7 else materials.ceramic(rng)
     rim = [(radius - wall, height), (radius - wall, wall), (0, wall)]
     if rng.random() < 0.5:
-        rim = [(0.6 * radius, height + 0.015), (0.1 * radius, height + 0.02), (0.1 * radius, height + 0.045), (0, height + 0.045)]
+        rim = [
+            (0.6 * radius, height + 0.015),
+            (0.1 * radius, height + 0.02),
+            (0.1 * radius, height + 0.045),
+            (0, height + 0.045),
+        ]
     patches = [lathe([(0, 0), (0.95 * radius, 0), (radius, 0.02), (radius, height), *rim], material, "pot")]
     if height < 0.08:
-        return [*patches, rod((radius, 0, height - 0.01), (radius + 0.18, 0, height + 0.02), 0.011, materials.plastic(rng), "pot")]
+        return [
+            *patches,
+            rod((radius, 0, height - 0.01), (radius + 0.18, 0, height + 0.02), 0.011, materials.plastic(rng), "pot"),
+        ]
     for side in (-1, 1):
-        patches.append(rod((side * radius * 0.98, 0, 0.75 * height), (side * (radius + 0.04), 0, 0.8 * height), 0.012, material, "pot"))
+        patches.append(
+            rod(
+                (side * radius * 0.98, 0, 0.75 * height),
+                (side * (radius + 0.04), 0, 0.8 * height),
+                0.012,
+                material,
+                "pot",
+            )
+        )
     return patches
 
 
@@ -126,10 +150,22 @@ def oven(rng: Rng, style: Style, width: float, height: float, depth: float, body
     patches = box((-width / 2, 0.005, 0.1), (width / 2, depth - 0.02, height), body, "oven")
     patches += box((-width / 2, 0.02, 0.0), (width / 2, depth - 0.08, 0.1), style.plain, "plinth")
     y = depth - 0.02
-    patches += box((-width / 2 + 0.005, y, height - 0.12), (width / 2 - 0.005, y + 0.02, height - 0.005), style.metal, "oven")
+    patches += box(
+        (-width / 2 + 0.005, y, height - 0.12), (width / 2 - 0.005, y + 0.02, height - 0.005), style.metal, "oven"
+    )
     low = height - 0.56
-    patches += box((-width / 2 + 0.005, y, low), (width / 2 - 0.005, y + 0.025, height - 0.125), materials.glass_like(rng), "oven")
-    patches.append(rod((-0.4 * width, y + 0.055, height - 0.17), (0.4 * width, y + 0.055, height - 0.17), 0.009, style.metal, "oven"))
+    patches += box(
+        (-width / 2 + 0.005, y, low), (width / 2 - 0.005, y + 0.025, height - 0.125), materials.glass_like(rng), "oven"
+    )
+    patches.append(
+        rod(
+            (-0.4 * width, y + 0.055, height - 0.17),
+            (0.4 * width, y + 0.055, height - 0.17),
+            0.009,
+            style.metal,
+            "oven",
+        )
+    )
     for x in np.linspace(-0.35 * width, 0.35 * width, int(rng.integers(2, 6))):
         patches.append(rod((x, y + 0.02, height - 0.06), (x, y + 0.045, height - 0.06), 0.018, style.metal, "knob"))
     return patches
@@ -138,7 +174,7 @@ def oven(rng: Rng, style: Style, width: float, height: float, depth: float, body
 def wall_cabinets(rng: Rng, style: Style, edges, low: float, front: Material, body: Material, hob: int) -> list[Patch]:
     """Hanging cabinets with gaps, open boards, and a hood over the hob."""
     tall, depth, patches = rng.uniform(0.35, 0.8), rng.uniform(0.3, 0.38), []
-    for k, (left, right) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for k, (left, right) in enumerate(pairwise(edges)):
         width, middle = right - left, (left + right) / 2
         kind = rng.random()
         if k == hob:
@@ -175,7 +211,13 @@ def island(rng: Rng, style: Style) -> list[Patch]:
     width, depth, height = rng.uniform(0.9, 2.0), rng.uniform(0.55, 1.0), rng.uniform(0.85, 1.05)
     body, front = carcass(rng, style), style.front
     patches = block(width, depth, height - TOP, body, "island")
-    patches += fronts(rng, style, (-width / 2, 0.08), (width / 2, height - TOP), depth / 2, front, int(rng.integers(1, 4)), 1)
+    patches += fronts(
+        rng, style, (-width / 2, 0.08), (width / 2, height - TOP), depth / 2, front, int(rng.integers(1, 4)), 1
+    )
     over = rng.uniform(0.01, 0.2)
-    patches += moved(block(width + over, depth + 0.05 + over, TOP, materials.stone(rng), "counter"), (0, 0, height - TOP))
-    return patches + scatter(rng, (-0.45 * width, -0.4 * depth), (0.45 * width, 0.4 * depth), height, 1 + 6 * style.mess)
+    patches += moved(
+        block(width + over, depth + 0.05 + over, TOP, materials.stone(rng), "counter"), (0, 0, height - TOP)
+    )
+    return patches + scatter(
+        rng, (-0.45 * width, -0.4 * depth), (0.45 * width, 0.4 * depth), height, 1 + 6 * style.mess
+    )

@@ -11,7 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from room2dgs.tools.random_rooms import (
-    bathroom, extras, fittings, kitchen, materials, openings, seats, shell, storage, tables
+    bathroom,
+    extras,
+    fittings,
+    floor_plans,
+    kitchen,
+    materials,
+    openings,
+    seats,
+    shell,
+    storage,
+    tables,
 )
 from room2dgs.tools.random_rooms.clutter import LARGE, SMALL
 from room2dgs.tools.random_rooms.draft import Draft
@@ -19,13 +29,27 @@ from room2dgs.tools.random_rooms.shapes import extent, moved
 from room2dgs.tools.random_rooms.shell import Space
 from room2dgs.tools.random_rooms.style import random_style
 from room2dgs.tools.random_rooms.themes import Theme, random_theme
-from room2dgs.tools.room_geometry import Patch
+from room2dgs.tools.room_geometry import Material, Patch
 
 Rng = np.random.Generator
 AT_WALL = (
-    seats.sofa, seats.bed, seats.armchair, tables.desk, tables.tv_board, extras.workplace, extras.steps, extras.podium,
-    storage.shelf, storage.cupboard, storage.fridge, kitchen.kitchen_run, bathroom.bathtub, bathroom.toilet,
-    bathroom.washbasin, bathroom.shower, bathroom.washer,
+    seats.sofa,
+    seats.bed,
+    seats.armchair,
+    tables.desk,
+    tables.tv_board,
+    extras.workplace,
+    extras.steps,
+    extras.podium,
+    storage.shelf,
+    storage.cupboard,
+    storage.fridge,
+    kitchen.kitchen_run,
+    bathroom.bathtub,
+    bathroom.toilet,
+    bathroom.washbasin,
+    bathroom.shower,
+    bathroom.washer,
 )
 MOST_PATCHES = 4500  # no more pieces are added beyond
 
@@ -51,8 +75,8 @@ class RandomRoom:
 
 def random_room(rng: Rng) -> RandomRoom:
     """Draws a room: shell, openings, lights, furniture, clutter. The same state of `rng` gives the same room."""
-    outline = shell.random_outline(rng)
-    profile = shell.random_profile(rng, float(outline[:, 1].max()))
+    outline = floor_plans.random_outline(rng)
+    profile = floor_plans.random_profile(rng, float(outline[:, 1].max()))
     draft = Draft(Space(outline, profile), random_style(rng))
     theme = random_theme(rng)
     others = [openings.doorway(rng, draft) for _ in range(int(rng.choice([0, 1, 2, 3], p=[0.4, 0.35, 0.18, 0.07])))]
@@ -75,12 +99,12 @@ def random_room(rng: Rng) -> RandomRoom:
     for other in others:
         if other is not None:
             patches += neighbour(rng, other, light)
-    height = float(draft.space.top(outline[:, 1]).max())
+    height = float(draft.space.profile[:, 1].max())
     bounds = np.array([[*outline.min(axis=0), 0.0], [*outline.max(axis=0), height]])
     return RandomRoom(patches, draft.space.encloses, height, draft.plan.blocked, bounds)
 
 
-def clad(rng: Rng, draft: Draft, covers) -> list[Patch]:
+def clad(rng: Rng, draft: Draft, covers: list[Material]) -> list[Patch]:
     """Floor, walls, ceiling, skirting boards and mouldings."""
     space, style = draft.space, draft.style
     patches = shell.space_patches(space, materials.floor(rng), materials.ceiling(rng), covers)
@@ -94,7 +118,7 @@ def clad(rng: Rng, draft: Draft, covers) -> list[Patch]:
     return patches
 
 
-def neighbour(rng: Rng, draft: Draft, light) -> list[Patch]:
+def neighbour(rng: Rng, draft: Draft, light: Material) -> list[Patch]:
     """The space behind a doorway, with its own light and a few pieces."""
     if rng.random() < 0.4:
         openings.window(rng, draft, light)

@@ -98,9 +98,7 @@ def painted(rng: Rng) -> Surface:
     """Painted or laminated furniture: often white, grey or black, else any colour."""
     if rng.random() < 0.25:
         return wood(rng)
-    return _surface(
-        rng, "plaster", tint=_furniture(rng), contrast=rng.choice([0.0, 0.4]), gloss=_some_gloss(rng, 0.45)
-    )
+    return _surface(rng, "plaster", tint=_furniture(rng), contrast=rng.choice([0.0, 0.4]), gloss=_some_gloss(rng, 0.45))
 
 
 def cloth(rng: Rng) -> Surface:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from room2dgs.tools.random_rooms.shapes import extent, moved, rotation
 from room2dgs.tools.random_rooms.shell import Space
 from room2dgs.tools.room_geometry import Patch
+
+if TYPE_CHECKING:
+    from room2dgs.tools.random_rooms.draft import Draft
 
 CELL = 0.05  # metres of the floor's raster
 Rng = np.random.Generator
@@ -48,7 +53,9 @@ class Plan:
         self.space = space
         self.low = space.outline.min(axis=0)
         columns, rows = np.ceil((space.outline.max(axis=0) - self.low) / CELL).astype(int) + 1
-        x, y = np.meshgrid(self.low[0] + (np.arange(columns) + 0.5) * CELL, self.low[1] + (np.arange(rows) + 0.5) * CELL)
+        x, y = np.meshgrid(
+            self.low[0] + (np.arange(columns) + 0.5) * CELL, self.low[1] + (np.arange(rows) + 0.5) * CELL
+        )
         self.inner = space.contains(np.column_stack([x.ravel(), y.ravel()])).reshape(rows, columns)
         self.free = self.inner.copy()
         self.area = float(self.inner.sum()) * CELL**2
@@ -100,7 +107,7 @@ class Plan:
         if (high - low).min() > 0.1:
             self.boxes.append((np.asarray(origin, float), yaw, low, high))
 
-    def place(self, rng: Rng, draft, patches: list[Patch], flat: bool = False, tries: int = 8) -> bool:
+    def place(self, rng: Rng, draft: Draft, patches: list[Patch], flat: bool = False, tries: int = 8) -> bool:
         """Puts a free-standing piece somewhere on the floor; False if there was no room."""
         rows, columns = np.nonzero(self.inner if flat else self.free)
         for _ in range(tries if len(rows) else 0):
@@ -114,7 +121,7 @@ class Plan:
                 return True
         return False
 
-    def place_at_wall(self, rng: Rng, draft, patches: list[Patch], tries: int = 8) -> bool:
+    def place_at_wall(self, rng: Rng, draft: Draft, patches: list[Patch], tries: int = 8) -> bool:
         """Stands a piece at a wall (its y = 0); False if there was no room."""
         low, high = extent(patches)
         for _ in range(tries):

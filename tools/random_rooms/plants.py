@@ -11,7 +11,9 @@ from room2dgs.tools.room_geometry import Material, Patch
 Rng = np.random.Generator
 
 
-def leaf(base, heading: float, rise: float, length: float, width: float, droop: float, material: Material) -> list[Patch]:
+def leaf(
+    base, heading: float, rise: float, length: float, width: float, droop: float, material: Material
+) -> list[Patch]:
     """A bent pointed leaf from `base`, with a back.
 
     Args:
@@ -54,27 +56,69 @@ def plant(rng: Rng, size: float | None = None) -> list[Patch]:
     if kind == 0:  # blades from the ground
         for _ in range(int(rng.integers(8, 26))):
             rise = rng.uniform(0.8, 1.5)
-            patches += leaf((*rng.normal(0, 0.01, 2), soil), rng.uniform(-3.2, 3.2), rise, rest * rng.uniform(0.6, 1.1), rng.uniform(0.04, 0.12) * rest, rng.uniform(0.2, 1.6), green)
+            patches += leaf(
+                (*rng.normal(0, 0.01, 2), soil),
+                rng.uniform(-3.2, 3.2),
+                rise,
+                rest * rng.uniform(0.6, 1.1),
+                rng.uniform(0.04, 0.12) * rest,
+                rng.uniform(0.2, 1.6),
+                green,
+            )
         return patches
     if kind == 1:  # a trunk with a crown of large leaves
-        patches.append(tube([(0, 0, 0.9 * soil), (*rng.normal(0, 0.03, 2), soil + 0.3 * rest), (*rng.normal(0, 0.04, 2), soil + 0.6 * rest)], 0.015 + 0.015 * rest, materials.wood(rng), "trunk"))
+        patches.append(
+            tube(
+                [
+                    (0, 0, 0.9 * soil),
+                    (*rng.normal(0, 0.03, 2), soil + 0.3 * rest),
+                    (*rng.normal(0, 0.04, 2), soil + 0.6 * rest),
+                ],
+                0.015 + 0.015 * rest,
+                materials.wood(rng),
+                "trunk",
+            )
+        )
         for _ in range(int(rng.integers(12, 36))):
             base = (*rng.normal(0, 0.03, 2), soil + rest * rng.uniform(0.3, 0.62))
-            patches += leaf(base, rng.uniform(-3.2, 3.2), rng.uniform(-0.2, 1.4), rest * rng.uniform(0.2, 0.5), rest * rng.uniform(0.08, 0.25), rng.uniform(0, 1.5), green)
+            patches += leaf(
+                base,
+                rng.uniform(-3.2, 3.2),
+                rng.uniform(-0.2, 1.4),
+                rest * rng.uniform(0.2, 0.5),
+                rest * rng.uniform(0.08, 0.25),
+                rng.uniform(0, 1.5),
+                green,
+            )
         return patches
     if kind == 2:  # stems with leaves along them
         for _ in range(int(rng.integers(3, 8))):
             heading, lean = rng.uniform(-3.2, 3.2), rng.uniform(0.05, 0.7)
             t = np.linspace(0, 1, 5)
             out = lean * t**1.5 * rest * rng.uniform(0.6, 1)
-            stem = np.column_stack([out * np.cos(heading), out * np.sin(heading), soil - 0.01 + rest * t * (1 - 0.3 * lean * t)])
+            stem = np.column_stack(
+                [out * np.cos(heading), out * np.sin(heading), soil - 0.01 + rest * t * (1 - 0.3 * lean * t)]
+            )
             patches.append(tube(stem, 0.004 + 0.004 * rest, green, "stem", 6))
             for k in rng.uniform(0.25, 1, int(rng.integers(3, 8))):
                 base = [np.interp(k, t, stem[:, axis]) for axis in range(3)]
-                patches += leaf(base, rng.uniform(-3.2, 3.2), rng.uniform(-0.4, 0.9), rest * rng.uniform(0.1, 0.3), rest * rng.uniform(0.05, 0.16), rng.uniform(0, 1.2), green)
+                patches += leaf(
+                    base,
+                    rng.uniform(-3.2, 3.2),
+                    rng.uniform(-0.4, 0.9),
+                    rest * rng.uniform(0.1, 0.3),
+                    rest * rng.uniform(0.05, 0.16),
+                    rng.uniform(0, 1.2),
+                    green,
+                )
         return patches
     for _ in range(int(rng.integers(3, 9))):  # a bush of round clusters, or a cactus
         radius = rest * rng.uniform(0.12, 0.3)
         spot = (*rng.normal(0, 0.12 * rest, 2), soil + rng.uniform(0.3, 0.9) * rest - 0.3 * radius)
-        patches += moved([ellipsoid((radius, radius * rng.uniform(0.6, 1), radius * rng.uniform(0.6, 1.2)), green, "bush")], spot)
-    return [*patches, tube([(0, 0, soil - 0.01), (0, 0, soil + 0.2 * rest), (0, 0, soil + 0.45 * rest)], 0.02, green, "stem")]
+        patches += moved(
+            [ellipsoid((radius, radius * rng.uniform(0.6, 1), radius * rng.uniform(0.6, 1.2)), green, "bush")], spot
+        )
+    return [
+        *patches,
+        tube([(0, 0, soil - 0.01), (0, 0, soil + 0.2 * rest), (0, 0, soil + 0.45 * rest)], 0.02, green, "stem"),
+    ]

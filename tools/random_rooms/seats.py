@@ -5,12 +5,13 @@ Chairs are centred on the origin with the back at -y; sofas and beds stand at th
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.shapes import (
     bar,
-    block,
     cushion,
     lathe,
     moved,
@@ -33,7 +34,7 @@ def soft_box(low, high, radius: float, material: Material, tag: str) -> list[Pat
     return moved([rounded_box((high - low) / 2, radius, material, tag, step=0.08)], (low + high) / 2)
 
 
-def leg(rng: Rng, start, end, width: float, material: Material, round_leg: bool) -> list[Patch]:
+def leg(start, end, width: float, material: Material, round_leg: bool) -> list[Patch]:
     """A leg between two points, square or round and tapered."""
     if round_leg:
         return [rod(end, start, 0.5 * width, material, "leg", 0.6 * width)]
@@ -47,7 +48,7 @@ def four_legs(rng: Rng, half_x: float, half_y: float, height: float, material: M
     for x in (-half_x, half_x):
         for y in (-half_y, half_y):
             foot = (x + np.sign(x) * spread, y + np.sign(y) * spread, 0.0)
-            patches += leg(rng, (x, y, height), foot, width, material, round_leg)
+            patches += leg((x, y, height), foot, width, material, round_leg)
     return patches
 
 
@@ -106,7 +107,9 @@ def stool(rng: Rng, style: Style) -> list[Patch]:
         profile = [(0, 0), (radius - 0.01, 0), (radius, 0.01), (radius, t - 0.01), (radius - 0.01, t), (0, t)]
         patches = moved([lathe(profile, wood, "stool")], (0, 0, height - t))
     else:
-        patches = soft_box((-radius, -radius, height - 0.05), (radius, radius, height), 0.02, fabric(rng, style), "stool")
+        patches = soft_box(
+            (-radius, -radius, height - 0.05), (radius, radius, height), 0.02, fabric(rng, style), "stool"
+        )
     if rng.random() < 0.3:
         pole = [(0, 0), (0.2, 0), (0.2, 0.015), (0.03, 0.03), (0.03, height - 0.04), (0, height - 0.04)]
         return [*patches, lathe(pole, style.metal, "stool")]
@@ -150,7 +153,7 @@ def seat_group(rng: Rng, style: Style, width: float, seats: int) -> list[Patch]:
         arm = 0.0
     cover = fabric_ if rng.random() < 0.7 else fabric(rng, style)
     edges = np.linspace(-h + arm, h - arm, seats + 1)
-    for left, right in zip(edges[:-1], edges[1:], strict=True):
+    for left, right in pairwise(edges):
         low, high = (left + 0.005, back - 0.02, base - 0.01), (right - 0.005, depth + 0.02, seat_top)
         patches += soft_box(low, high, min(radius + 0.02, 0.07), cover, tag)
         if rng.random() < 0.6:
@@ -190,14 +193,20 @@ def tub_chair(rng: Rng, style: Style) -> list[Patch]:
     """A round armchair about the origin: a thick bent back around a round cushion."""
     cover = fabric(rng, style)
     t = np.linspace(-2.2, 2.2, 17) - np.pi / 2
-    path = np.column_stack([0.33 * np.cos(t), 0.33 * np.sin(t), np.full(len(t), 0.62) - 0.1 * np.abs(np.linspace(-1, 1, 17))])
+    path = np.column_stack(
+        [0.33 * np.cos(t), 0.33 * np.sin(t), np.full(len(t), 0.62) - 0.1 * np.abs(np.linspace(-1, 1, 17))]
+    )
     patches = [tube(path, 0.085, cover, "armchair", 14)]
     low = path * (1, 1, 0) + (0, 0, 0.22)
-    patches += [tube(low + (0, 0, step), 0.08, cover, "armchair", 12) for step in (0.0, 0.09, 0.18, 0.27)]
+    patches += [tube(low + np.array([0, 0, step]), 0.08, cover, "armchair", 12) for step in (0.0, 0.09, 0.18, 0.27)]
     seat = [(0, 0), (0.3, 0), (0.34, 0.05), (0.34, 0.1), (0.3, 0.15), (0.15, 0.17), (0, 0.175)]
     patches += moved([lathe(seat, cover, "armchair")], (0, 0, 0.28))
     base = [(0, 0), (0.3, 0), (0.33, 0.24), (0, 0.24)]
-    return [*patches, *moved([lathe(base, cover, "armchair")], (0, 0, 0.06)), *four_legs(rng, 0.2, 0.2, 0.07, style.wood, 0.04)]
+    return [
+        *patches,
+        *moved([lathe(base, cover, "armchair")], (0, 0, 0.06)),
+        *four_legs(rng, 0.2, 0.2, 0.07, style.wood, 0.04),
+    ]
 
 
 def sofa(rng: Rng, style: Style) -> list[Patch]:

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from room2dgs.tools.random_rooms import materials
-from room2dgs.tools.random_rooms.shapes import block, moved
+from room2dgs.tools.random_rooms.shapes import block, lathe, moved
 from room2dgs.tools.room_geometry import Material, Patch, box, parallelogram
 
 
@@ -84,7 +84,7 @@ def trapezoids(outline: np.ndarray, cuts: np.ndarray) -> list[np.ndarray]:
     levels = levels[(levels >= outline[:, 1].min() - 1e-6) & (levels <= outline[:, 1].max() + 1e-6)]
     following = np.roll(outline, -1, axis=0)
     quads = []
-    for low, high in zip(levels[:-1], levels[1:], strict=True):
+    for low, high in pairwise(levels):
         if high - low < 1e-4:
             continue
         middle, sides = (low + high) / 2, []
@@ -96,9 +96,7 @@ def trapezoids(outline: np.ndarray, cuts: np.ndarray) -> list[np.ndarray]:
         for (x0, s0), (x1, s1) in zip(sides[::2], sides[1::2], strict=True):
             half = (high - low) / 2
             quads.append(
-                np.array(
-                    [(x0 - half * s0, low), (x1 - half * s1, low), (x1 + half * s1, high), (x0 + half * s0, high)]
-                )
+                np.array([(x0 - half * s0, low), (x1 - half * s1, low), (x1 + half * s1, high), (x0 + half * s0, high)])
             )
     return quads
 
@@ -138,7 +136,7 @@ def wall_patches(space: Space, index: int, material: Material) -> list[Patch]:
     if not holes:
         return space.on_wall([whole_wall(space, index, cuts, material)], index, 0.0)
     patches = []
-    for left, right in zip(cuts[:-1], cuts[1:], strict=True):
+    for left, right in pairwise(cuts):
         if right - left < 1e-4:
             continue
         tops = space.top(start[1] + rise * np.array([left, right]))
@@ -161,9 +159,7 @@ def wall_patches(space: Space, index: int, material: Material) -> list[Patch]:
 def whole_wall(space: Space, index: int, cuts: np.ndarray, material: Material) -> Patch:
     """A wall without openings as one patch in its frame; cells of like widths, so that its texture is even."""
     start, length, yaw = space.wall(index)
-    pieces = [
-        np.linspace(a, b, max(1, round(len(cuts) > 2 and (b - a) / 0.3)) + 1)[:-1] for a, b in pairwise(cuts)
-    ]
+    pieces = [np.linspace(a, b, max(1, round(len(cuts) > 2 and (b - a) / 0.3)) + 1)[:-1] for a, b in pairwise(cuts)]
     x = np.concatenate([*pieces, [length]])[::-1]
     top = space.top(start[1] + np.sin(yaw) * x)
     grid = np.stack([np.column_stack([x, 0 * x, 0 * x]), np.column_stack([x, 0 * x, top])])
@@ -200,66 +196,6 @@ def skirting(space: Space, index: int, height: float, thick: float, material: Ma
     return space.on_wall(patches, index, 0.0)
 
 
-def random_outline(rng: np.random.Generator) -> np.ndarray:
-    """(N, 2) floor plan: a rectangle, an L, a T, with an alcove, a nose or a cut corner; 2 to 9 m a side."""
-    small = rng.random() < 0.2
-    width, depth = rng.uniform(1.6, 3.2, 2) if small else rng.uniform(2.6, 6.0, 2)
-    if rng.random() < 0.15:
-        width, depth = width * rng.uniform(1.2, 1.7), depth * rng.uniform(1.0, 1.6)
-    if rng.random() < 0.08:  # a corridor
-        width, depth = rng.uniform(1.1, 1.8), rng.uniform(4.0, 8.0)
-    w, d = float(width), float(depth)
-    kind = rng.random()
-    if kind < 0.50 or min(w, d) < 2.2:
-        outline = [(0, 0), (w, 0), (w, d), (0, d)]
-    elif kind < 0.68:  # L
-        a, b = w * rng.uniform(0.35, 0.7), d * rng.uniform(0.35, 0.7)
-        outline = [(0, 0), (w, 0), (w, b), (a, b), (a, d), (0, d)]
-    elif kind < 0.80:  # alcove in the wall y = d
-        a, b = w * rng.uniform(0.1, 0.35), w * rng.uniform(0.6, 0.9)
-        deep = rng.uniform(0.3, 1.4)
-        outline = [(0, 0), (w, 0), (w, d), (b, d), (b, d + deep), (a, d + deep), (a, d), (0, d)]
-    elif kind < 0.90:  # a chimney breast or a duct that juts into the room
-        a = w * rng.uniform(0.2, 0.6)
-        b, deep = a + rng.uniform(0.3, 0.3 * w), rng.uniform(0.15, 0.6)
-        outline = [(0, 0), (w, 0), (w, d), (b, d), (b, d - deep), (a, d - deep), (a, d), (0, d)]
-    else:  # a cut corner
-        a, b = rng.uniform(0.4, 0.5 * w), rng.uniform(0.4, 0.5 * d)
-        outline = [(0, 0), (w, 0), (w, d - b), (w - a, d), (0, d)]
-    outline = np.array(outline, float)
-    if rng.random() < 0.5:
-        outline = (outline * (-1, 1))[::-1]
-    if rng.random() < 0.5:
-        outline = (outline * (1, -1))[::-1]
-    if rng.random() < 0.5:
-        outline = outline @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-    return outline - outline.min(axis=0)
-
-
-def random_profile(rng: np.random.Generator, depth: float) -> np.ndarray:
-    """(K, 2) ceiling heights along y: mostly flat, else an attic's slopes or a vault."""
-    height = float(np.clip(rng.normal(2.6, 0.25), 2.2, 3.6))
-    kind = rng.random()
-    if kind < 0.84 or depth < 2.0:
-        return np.array([(-1e3, height), (1e3, height)])
-    low = rng.uniform(0.5, 1.9)
-    run = float(np.clip((height - low) / np.tan(rng.uniform(0.45, 1.05)), 0.4, 0.9 * depth))
-    if kind < 0.93:
-        rows = [(0.0, low), (run, height), (depth, height)]
-    elif kind < 0.98:
-        run = min(run, 0.5 * depth)
-        rows = [(0.0, low), (run, height), (depth - run, height), (depth, low)]
-        rows = rows if depth - 2 * run > 0.01 else [rows[0], rows[1], rows[3]]
-    else:
-        y = np.linspace(0, depth, 13)
-        rise = rng.uniform(0.2, 0.7)
-        rows = list(zip(y, height - rise + rise * np.sin(np.pi * y / depth), strict=True))
-    profile = np.array(rows)
-    if rng.random() < 0.5:
-        profile = np.column_stack([depth - profile[::-1, 0], profile[::-1, 1]])
-    return profile
-
-
 def ceiling_beams(rng: np.random.Generator, space: Space, material: Material) -> list[Patch]:
     """Beams under a flat ceiling, across the whole plan along x."""
     low, high = space.outline.min(axis=0), space.outline.max(axis=0)
@@ -277,8 +213,6 @@ def pillar(rng: np.random.Generator, height: float, material: Material) -> list[
     """A square or round column from floor to ceiling."""
     wide = rng.uniform(0.15, 0.45)
     if rng.random() < 0.4:
-        from room2dgs.tools.random_rooms.shapes import lathe
-
         return [lathe([(wide / 2, 0.0), (wide / 2, height)], material, "pillar")]
     return block(wide, wide * rng.uniform(0.7, 1.4), height, material, "pillar")
 

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.clutter import LARGE, SMALL, scatter
 from room2dgs.tools.random_rooms.seats import four_legs
-from room2dgs.tools.random_rooms.shapes import block, moved, rod
+from room2dgs.tools.random_rooms.shapes import moved, rod
 from room2dgs.tools.random_rooms.style import Style, carcass
 from room2dgs.tools.room_geometry import Material, Patch, box
 
 Rng = np.random.Generator
 
 
-def handle(rng: Rng, at, length: float, upright: bool, material: Material) -> list[Patch]:
+def handle(at, length: float, upright: bool, material: Material) -> list[Patch]:
     """A knob, a bar or nothing much on a front that faces +y at the point `at`."""
     x, y, z = at
     half = (0.006, 0.012, length / 2) if upright else (length / 2, 0.012, 0.006)
@@ -42,9 +44,9 @@ def fronts(rng: Rng, style: Style, low, high, y: float, material: Material, colu
             spot = (side, y + thick, (a[1] + b[1]) / 2) if tall else ((a[0] + b[0]) / 2, y + thick, b[1] - 0.05)
             if grip == 1:
                 start = np.array(spot)
-                patches.append(rod(start, start + (0, 0.022, 0), 0.014, style.metal, "knob"))
+                patches.append(rod(start, start + np.array([0, 0.022, 0]), 0.014, style.metal, "knob"))
             else:
-                patches += handle(rng, spot, min(0.16, 0.6 * (b[0] - a[0])), tall, style.metal)
+                patches += handle(spot, min(0.16, 0.6 * (b[0] - a[0])), tall, style.metal)
     return patches
 
 
@@ -55,8 +57,7 @@ def shelf_content(rng: Rng, width: float, depth: float, room: float, fullness: f
     if kind > fullness + 0.15:
         return patches
     if kind < 0.25:
-        things = [t for t in SMALL]
-        found = scatter(rng, (-width / 2, 0.02), (width / 2, depth), 0.0, 2 + 5 * width, things)
+        found = scatter(rng, (-width / 2, 0.02), (width / 2, depth), 0.0, 2 + 5 * width, SMALL)
         return [patch for patch in found if patch.grid[..., 2].max() < room - 0.01]
     while x < width / 2 - 0.06:
         what = rng.random()
@@ -105,8 +106,8 @@ def shelf(rng: Rng, style: Style) -> list[Patch]:
     fullness = rng.beta(2, 1.3)
     for z in levels:
         patches += box((-width / 2 + board, 0.005, z), (width / 2, depth - 0.004, z + board), wood, "shelf")
-    for z, above in zip(levels[:-1], levels[1:], strict=True):
-        for left, right in zip(edges[:-1], edges[1:], strict=True):
+    for z, above in pairwise(levels):
+        for left, right in pairwise(edges):
             inner, room = right - left - board, above - z - board
             content = shelf_content(rng, inner, depth - 0.03, room, fullness)
             patches += moved(content, ((left + right + board) / 2, 0.015, z + board))

@@ -52,7 +52,9 @@ def table(rng: Rng, style: Style) -> list[Patch]:
         patches += four_legs(rng, width / 2 - 0.1, depth / 2 - 0.1, under, wood, rng.uniform(0.03, 0.08))
         if rng.random() < 0.5:
             for y in (-depth / 2 + 0.1, depth / 2 - 0.1):
-                patches += box((0.1 - width / 2, y - 0.01, under - 0.08), (width / 2 - 0.1, y + 0.01, under), wood, "table")
+                patches += box(
+                    (0.1 - width / 2, y - 0.01, under - 0.08), (width / 2 - 0.1, y + 0.01, under), wood, "table"
+                )
     elif support < 0.8:
         foot = 0.3 * min(width, depth)
         pole = [(0, 0), (foot, 0), (foot, 0.02), (0.05, 0.05), (0.04, under), (0, under)]
@@ -147,7 +149,9 @@ def tv_board(rng: Rng, style: Style) -> list[Patch]:
     wood, foot = carcass(rng, style), rng.choice([0.0, 0.08, 0.15])
     patches = box((-width / 2, 0.01, foot), (width / 2, depth, height), wood, "tv board")
     for left, right in pairwise(np.linspace(-width / 2, width / 2, int(rng.integers(2, 5)))):
-        patches += box((left + 0.01, depth, foot + 0.02), (right - 0.01, depth + 0.015, height - 0.02), style.front, "tv board")
+        patches += box(
+            (left + 0.01, depth, foot + 0.02), (right - 0.01, depth + 0.015, height - 0.02), style.front, "tv board"
+        )
     if foot:
         patches += moved(four_legs(rng, width / 2 - 0.1, depth / 2 - 0.08, foot, wood, 0.04), (0, depth / 2, 0))
     wide = rng.uniform(0.7, min(1.5, width))

@@ -46,7 +46,13 @@ SMALL_FREE = (seats.chair, seats.stool, tables.table, house_plant, house_plant, 
 
 THEMES: dict[str, Theme] = {
     "living": Theme(
-        ((seats.sofa, 0.9), (tables.tv_board, 0.7), (tables.table, 0.8), (seats.armchair, 0.5), (extras.dining_group, 0.3)),
+        (
+            (seats.sofa, 0.9),
+            (tables.tv_board, 0.7),
+            (tables.table, 0.8),
+            (seats.armchair, 0.5),
+            (extras.dining_group, 0.3),
+        ),
         (*BOXES, seats.sofa, seats.armchair, tables.desk, fittings.radiator, extras.podium),
         SMALL_FREE,
     ),
@@ -56,12 +62,24 @@ THEMES: dict[str, Theme] = {
         (*SMALL_FREE, extras.laundry_rack),
     ),
     "kitchen": Theme(
-        ((kitchen.kitchen_run, 1.0), (kitchen.kitchen_run, 0.5), (storage.fridge, 0.7), (extras.dining_group, 0.7), (kitchen.island, 0.3)),
+        (
+            (kitchen.kitchen_run, 1.0),
+            (kitchen.kitchen_run, 0.5),
+            (storage.fridge, 0.7),
+            (extras.dining_group, 0.7),
+            (kitchen.island, 0.3),
+        ),
         (storage.cupboard, storage.shelf, storage.fridge, fittings.radiator, bathroom.washer, kitchen.kitchen_run),
         (seats.stool, seats.chair, tables.table, house_plant),
     ),
     "office": Theme(
-        ((extras.workplace, 1.0), (extras.workplace, 0.7), (extras.workplace, 0.4), (storage.shelf, 0.7), (tables.table, 0.3)),
+        (
+            (extras.workplace, 1.0),
+            (extras.workplace, 0.7),
+            (extras.workplace, 0.4),
+            (storage.shelf, 0.7),
+            (tables.table, 0.3),
+        ),
         (*BOXES, extras.workplace, tables.desk, fittings.radiator),
         (seats.office_chair, seats.chair, house_plant, tables.table, extras.dining_group),
     ),
@@ -84,15 +102,36 @@ THEMES: dict[str, Theme] = {
     "anything": Theme(
         (),
         (
-            *BOXES, seats.sofa, seats.bed, seats.armchair, tables.desk, tables.tv_board, storage.fridge, kitchen.kitchen_run,
-            bathroom.washbasin, bathroom.bathtub, bathroom.towels, bathroom.washer, extras.workplace, extras.steps,
-            extras.podium, extras.ladder, fittings.radiator,
+            *BOXES,
+            seats.sofa,
+            seats.bed,
+            seats.armchair,
+            tables.desk,
+            tables.tv_board,
+            storage.fridge,
+            kitchen.kitchen_run,
+            bathroom.washbasin,
+            bathroom.bathtub,
+            bathroom.towels,
+            bathroom.washer,
+            extras.workplace,
+            extras.steps,
+            extras.podium,
+            extras.ladder,
+            fittings.radiator,
         ),
         (*SMALL_FREE, seats.office_chair, extras.heap, extras.dining_group, kitchen.island, extras.laundry_rack),
     ),
 }
 CHANCES = {
-    "living": 0.22, "bedroom": 0.13, "kitchen": 0.17, "office": 0.13, "bath": 0.07, "store": 0.06, "hall": 0.08, "anything": 0.14,
+    "living": 0.22,
+    "bedroom": 0.13,
+    "kitchen": 0.17,
+    "office": 0.13,
+    "bath": 0.07,
+    "store": 0.06,
+    "hall": 0.08,
+    "anything": 0.14,
 }
 
 
