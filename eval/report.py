@@ -41,7 +41,7 @@ def update_metrics(path: Path, part: dict[str, Any]) -> dict[str, Any]:
             raise InputError(f"{path} holds no JSON ({error}); delete it") from error
         if not isinstance(metrics, dict):
             raise InputError(f"{path} holds no JSON object; delete it")
-    metrics.update(_plain(part))
+    metrics.update(plain(part))
     with whole_file(path) as temporary:
         temporary.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n")
     return metrics
@@ -74,11 +74,12 @@ def _shown(key: str, value: float | None) -> str:
     return f"{value * 1000:.1f} mm" if key.endswith("_m") else f"{value:.3f}"
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """What JSON can hold: infinite and NaN numbers are None, numpy's are Python's, paths are text."""
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if hasattr(value, "item") and not isinstance(value, str):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):

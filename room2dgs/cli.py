@@ -23,7 +23,7 @@ VERBS = {
     "render": "pictures of an earlier run's views beside the photos",
     "ablate": "run the method without each of its parts: one table, pictures side by side",
     "doctor": "what is installed here, and what will run on what",
-    "bench": "measure the rasterizer: room2dgs bench raster",
+    "bench": "measure the rasterizer or a prior: room2dgs bench raster, room2dgs bench prior SCENE",
 }
 
 

@@ -8,11 +8,10 @@ from pathlib import Path
 
 from room2dgs.commands.eval import ground_truth
 from room2dgs.commands.metrics import earlier
-from room2dgs.commands.run_folder import CONFIG, last_value, logger
+from room2dgs.commands.run_folder import logger
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read
-from room2dgs.commands.study import Job, executed, finished, planned, words_of
-from room2dgs.errors import InputError
+from room2dgs.commands.study import Job, executed, finished, planned, study_folder, words_of
 from room2dgs.eval.ablation import Run, Study, rows_of
 
 USAGE = "room2dgs ablate scene.path=DIR out=DIR [experiment=full,no_seed,...] [train.seed=0,1,2] [KEY=A,B,...]"
@@ -33,7 +32,7 @@ def main(argv: list[str]) -> int:
     """
     if asked_for_help(argv):
         return show(USAGE, main.__doc__)
-    out = _out(argv)
+    out = study_folder(argv, JSON)
     jobs = planned([*DEFAULTS, *(text for text in argv if text.partition("=")[0] not in OURS)], out)
     todo = [job for job in jobs if not job.same_as and not finished(job)]
     config = jobs[0].config
@@ -58,18 +57,6 @@ def main(argv: list[str]) -> int:
     write_page(_study(jobs, todo, failed, command), out, scene, gt or scene.gt_mesh)
     log(f"tables: {out / MARKDOWN}, with pictures: {out / HTML}")
     return 1 if any(failed.values()) else 0
-
-
-def _out(argv: Sequence[str]) -> Path:
-    given = last_value(list(argv), "out")
-    if not given:
-        raise InputError("out is not given; add out=DIR")
-    out = Path(given).expanduser().absolute()
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; choose another out=DIR")
-    if (out / CONFIG).exists() or (out.exists() and any(out.iterdir()) and not (out / JSON).exists()):
-        raise InputError(f"{out} is not empty and is not a study's folder; choose another out=DIR")
-    return out
 
 
 def _study(jobs: Sequence[Job], todo: Sequence[Job], failed: dict[Path, str], command: str) -> Study:

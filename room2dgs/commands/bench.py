@@ -1,4 +1,4 @@
-"""`room2dgs bench raster`: hands over to the benchmark."""
+"""`room2dgs bench WHAT`: hands over to the benchmark."""
 
 from __future__ import annotations
 
@@ -6,14 +6,20 @@ import importlib
 
 from room2dgs.errors import InputError
 
-BENCHES = {"raster": "room2dgs.eval.bench_raster"}
+# name -> where it is, and its line in the help
+BENCHES = {
+    "raster": ("room2dgs.eval.bench_raster", "the rasterizer's time on this machine"),
+    "prior": ("room2dgs.eval.bench_prior", "a prior's depth, normals and confidence where depth is known"),
+    "prior-error": ("room2dgs.commands.prior_error", "the mesh's score over the errors of the prior"),
+}
 
 
 def main(argv: list[str]) -> int:
     """Run the benchmark that the first argument names; the rest is its own."""
     if not argv or argv[0] in ("-h", "--help"):
-        print("room2dgs bench raster [--help]\n\nMeasures the rasterizer on this machine.")
+        width = max(map(len, BENCHES))
+        print("\n".join(f"room2dgs bench {name:<{width}} [--help]  {what}" for name, (_, what) in BENCHES.items()))
         return 0 if argv else 2
     if argv[0] not in BENCHES:
         raise InputError(f"bench {argv[0]} is not known; choose from {', '.join(BENCHES)}")
-    return importlib.import_module(BENCHES[argv[0]]).main(argv[1:]) or 0
+    return importlib.import_module(BENCHES[argv[0]][0]).main(argv[1:]) or 0

@@ -13,7 +13,7 @@ from functools import reduce
 from pathlib import Path
 
 from room2dgs.commands.metrics import earlier
-from room2dgs.commands.run_folder import CONFIG, POINTS, PRIOR_MAPS, absolute
+from room2dgs.commands.run_folder import CONFIG, POINTS, PRIOR_MAPS, absolute, last_value
 from room2dgs.config import Config, conf_dir, load_config
 from room2dgs.config_keys import leaf_keys
 from room2dgs.config_sweep import Combination, combinations
@@ -49,6 +49,26 @@ class Job:
     @property
     def seed(self) -> int:
         return self.config.train.seed
+
+
+def study_folder(argv: Sequence[str], marker: str) -> Path:
+    """The folder that `out` names, absolute: new, empty, or an earlier study's.
+
+    Args:
+        marker: the file that an earlier study left there.
+
+    Raises:
+        InputError: none is named, or it holds something else.
+    """
+    given = last_value(list(argv), "out")
+    if not given:
+        raise InputError("out is not given; add out=DIR")
+    out = Path(given).expanduser().absolute()
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out} is a file; choose another out=DIR")
+    if (out / CONFIG).exists() or (out.exists() and any(out.iterdir()) and not (out / marker).exists()):
+        raise InputError(f"{out} is not empty and is not a study's folder; choose another out=DIR")
+    return out
 
 
 def planned(overrides: Sequence[str], out: Path) -> list[Job]:

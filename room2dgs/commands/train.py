@@ -55,6 +55,7 @@ def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict
         "seeds": result.seeds,
         "points": len(points),
         "priors": priors.label,
+        "prior_networks": priors.networks,
         "iterations": result.iterations,
         "training_seconds": result.seconds,
     }
