@@ -49,16 +49,23 @@ class PointsConfig:
     max_error_px: float = MISSING  # drop points with a larger mean reprojection error
 
 
+NETWORK_SOURCES = ("onnx", "room_prior")  # of priors: a network makes the maps
+
+
 @dataclass
 class OnnxConfig:
     """A depth or normal network in ONNX: what goes in and what comes out, as its maker documents it."""
 
-    model: str | None = MISSING  # the .onnx file
+    model: str | None = MISSING  # the .onnx file (null: with source=room_prior the one that comes with room2dgs)
     get: str = MISSING  # where that file comes from
     sha256: str | None = MISSING  # of that file (null: not checked)
     input: str | None = MISSING  # the photo's input (null: the only one)
     output: str | None = MISSING  # the map's output (null: the only one)
     mask: str | None = MISSING  # output that is below 0.5 where the map is invalid (null: none)
+    error_output: str | None = MISSING  # output: the network's expected error, of ln depth or in radians (null: none)
+    error_scale: float = MISSING  # with that error a pixel weighs half: 1 / (1 + (error / error_scale)^2)
+    max_error: float = MISSING  # pixels with more are invalid
+    flip: bool = MISSING  # average with the prediction of the mirrored photo
     intrinsics: str | None = MISSING  # input for the 3x3 intrinsics in its own pixels (null: none)
     tokens: str | None = MISSING  # input for the number of patches of `multiple` pixels a side (null: none)
     height: int | None = MISSING  # of the photo as the network sees it (null: the model's own)
@@ -79,7 +86,7 @@ class OnnxConfig:
 class DepthPriorConfig:
     """Depth maps of the photos, from a network or a sensor."""
 
-    source: str = MISSING  # none | files | onnx
+    source: str = MISSING  # none | files | onnx | room_prior (the network that comes with room2dgs)
     path: str | None = MISSING  # folder of <photo's name>.png (16-bit) or .npy
     unit_m: float | None = MISSING  # metres of one stored unit (null: 0.001 for PNG, 1 for .npy)
     meaning: str = MISSING  # metric_depth | relative_depth | relative_inverse_depth
@@ -95,7 +102,7 @@ class DepthPriorConfig:
 class NormalPriorConfig:
     """Normal maps of the photos; what their numbers mean must be said."""
 
-    source: str = MISSING  # none | files | onnx
+    source: str = MISSING  # none | files | onnx | room_prior (the network that comes with room2dgs)
     path: str | None = MISSING  # folder of <photo's name>.png or .npy
     encoding: str = MISSING  # png8 (n = rgb / 127.5 - 1) | npy
     axes: str = MISSING  # opencv (x right, y down, z forward) | opengl (x right, y up, z back) | rdf, rub, rdb, ...
@@ -168,6 +175,16 @@ class MultiviewConfig:
 
 
 @dataclass
+class NormalDoubtConfig:
+    """Normals that disagree with what is rendered lose weight as training goes on; a time below 1 is a share of it."""
+
+    enabled: bool = MISSING
+    start: float = MISSING  # first iteration
+    first_deg: float = MISSING  # angle that quarters a pixel's weight in L_n, at the start
+    last_deg: float = MISSING  # and in the last iteration, reached exponentially
+
+
+@dataclass
 class LossConfig:
     """Loss terms; each has one toggle."""
 
@@ -176,6 +193,7 @@ class LossConfig:
     normal_consistency: TermConfig = field(default_factory=TermConfig)
     depth_prior: TermConfig = field(default_factory=TermConfig)  # acts on views that have a depth prior
     normal_prior: TermConfig = field(default_factory=TermConfig)  # acts on views that have a normal prior
+    normal_doubt: NormalDoubtConfig = field(default_factory=NormalDoubtConfig)
     multiview_geometric: TermConfig = field(default_factory=TermConfig)  # acts on views that have a neighbour
     multiview_photometric: TermConfig = field(default_factory=TermConfig)  # likewise
     multiview: MultiviewConfig = field(default_factory=MultiviewConfig)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 
-from room2dgs.config import Config, LossConfig, OnnxConfig, PriorConfig, ResolutionConfig, TermConfig
+from room2dgs.config import NETWORK_SOURCES, Config, LossConfig, OnnxConfig, PriorConfig, ResolutionConfig, TermConfig
 from room2dgs.errors import InputError
 
 CHOICES = {
@@ -13,9 +13,9 @@ CHOICES = {
     "scene.pixel_centres": ("integer", "half"),
     "points.source": ("sfm", "file"),
     "prior.provider": ("cpu", "cuda"),
-    "prior.depth.source": ("none", "files", "onnx"),
+    "prior.depth.source": ("none", "files", *NETWORK_SOURCES),
     "prior.depth.meaning": ("metric_depth", "relative_depth", "relative_inverse_depth"),
-    "prior.normal.source": ("none", "files", "onnx"),
+    "prior.normal.source": ("none", "files", *NETWORK_SOURCES),
     "prior.normal.encoding": ("png8", "npy"),
     "prior.normal.axes": ("opencv", "opengl", "rdf", "rub", "rdb", "ruf", "ldf", "lub", "ldb", "luf"),
     "prior.normal.facing": ("camera", "away"),
@@ -38,6 +38,8 @@ ONNX_RANGES = {
     "width": (1, 8192),
     "multiple": (1, 256),
     "white": (1e-3, 65535.0),
+    "error_scale": (1e-6, 1e3),
+    "max_error": (1e-6, 1e6),
     "output_channel": (0, 255),
     "canonical_focal_px": (1.0, 1e5),
 }
@@ -69,6 +71,9 @@ RANGES = {
     "render.near_m": (1e-4, 1.0),
     "render.threads": (1, 1024),
     "loss.dssim": (0.0, 1.0),
+    "loss.normal_doubt.start": (0.0, None),
+    "loss.normal_doubt.first_deg": (0.1, 180.0),
+    "loss.normal_doubt.last_deg": (0.1, 180.0),
     "loss.multiview.neighbours": (1, None),
     "loss.multiview.max_angle_deg": (1.0, 90.0),
     "loss.multiview.min_baseline_m": (1e-3, 100.0),
@@ -158,8 +163,16 @@ def _check_priors(prior: PriorConfig) -> None:
         _check_onnx(f"prior.{name}.onnx", part.onnx)
         if part.source == "onnx" and not part.onnx.model:
             raise InputError(f"prior.{name}.onnx.model=FILE is not given; get {part.onnx.get}")
-    if prior.normal.source == "onnx" and prior.normal.encoding != "npy":
-        raise InputError("prior.normal.source=onnx keeps its maps as .npy; give prior.normal.encoding=npy with it")
+        if part.source == "room_prior" and not part.onnx.output:
+            raise InputError(f"prior.{name}.source=room_prior lacks its settings; write prior/{name}=room_prior")
+    if prior.normal.source in NETWORK_SOURCES and prior.normal.encoding != "npy":
+        raise InputError(
+            f"prior.normal.source={prior.normal.source} makes maps of numbers; give prior.normal.encoding=npy with it"
+        )
+    if prior.normal.source in NETWORK_SOURCES and prior.normal.onnx.flip and prior.normal.frame == "world":
+        raise InputError(
+            "prior.normal.onnx.flip=true needs normals in the camera's frame, not prior.normal.frame=world"
+        )
     if prior.depth.source != "none" and not prior.depth.align and prior.depth.meaning != "metric_depth":
         raise InputError(f"prior.depth.align=false needs metres, not {prior.depth.meaning}; align the maps")
 

@@ -256,6 +256,7 @@ def test_a_small_study_end_to_end(wall, tmp_path):
     quick = [
         "points.source=file",
         f"points.file={wall / 'points.ply'}",
+        "prior=none",
         "seeds.voxel_m=0.1",
         "train.iterations=40",
         "train.rates.color=0.05",

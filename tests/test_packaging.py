@@ -47,12 +47,13 @@ def test_only_one_top_level_package(wheel):
     assert {name for name in top if not name.endswith(".dist-info")} == {"room2dgs"}
 
 
-def test_configuration_scores_tools_and_kernels_travel_inside(wheel):
+def test_configuration_scores_tools_network_and_kernels_travel_inside(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     for folder in ("conf", "eval", "tools"):
         for file in (CHECKOUT / folder).rglob("*"):
             if file.suffix in (".py", ".yaml"):
                 assert f"room2dgs/{file.relative_to(CHECKOUT).as_posix()}" in names
+    assert {"room2dgs/priors/network/room_prior.onnx", "room2dgs/priors/network/README.md"} <= names
     assert any(name.startswith("room2dgs/_C.") for name in names)
     assert not any(name.endswith((".cpp", ".h", ".cu")) for name in names)
     assert any(name.endswith("licenses/LICENSE") for name in names)

@@ -146,9 +146,7 @@ def mean_colors(patches: list[Patch], paint: np.ndarray, charts: Charts) -> np.n
     return colors
 
 
-def bounced_light(
-    soup, scene, charts, position, normal, index, direct, albedo, rays: int
-) -> tuple[np.ndarray, ...]:
+def bounced_light(soup, scene, charts, position, normal, index, direct, albedo, rays: int) -> tuple[np.ndarray, ...]:
     """Direct light plus diffuse bounces.
 
     The same cosine-distributed directions serve every texel, so that the light stays smooth over a surface.

@@ -23,14 +23,19 @@ def depth_prior_loss(
     align: bool = True,
     gradient_weight: float = 0.5,
     scales: int = 4,
+    weight: Tensor | None = None,
 ) -> Tensor:
-    """L_d = mean r^2 + gradient_weight * sum over scales of (mean |d_x r| + mean |d_y r|) (eq. 10).
+    """L_d = mean w r^2 + gradient_weight * sum over scales of (mean w |d_x r| + mean w |d_y r|) (eq. 10).
 
     r = (x - (s p + t)) / m at the compared pixels, with x the rendered depth or its inverse, p the prior, and m the
     mean of s p + t. The paper aligns the rendering to the prior, which makes the loss grow with the prior's unit
     (and it has no solution for a flat rendering); here the prior is aligned to the rendering, and r is relative: no
     unit of either map changes the value. s, t and m are held constant in the gradient. The gradient term is that of
     MiDaS: neighbours of r taken at strides 1, 2, 4, ..., each mean over the pairs whose two pixels are compared.
+
+    w is how far the prior is to be believed; a pair of neighbours has the smaller of its two. Means are over numbers
+    of pixels and not over weights: a map that doubts itself everywhere has little to say. s and t are fitted with the
+    same weights.
 
     Compared are pixels that are `valid`, with a positive finite prior, a positive depth and alpha >= 0.5. With fewer
     than 64 of them the loss is 0.
@@ -42,6 +47,7 @@ def depth_prior_loss(
         valid: (H, W) bool; leave out `edge_band` of the prior.
         space: "depth" or "disparity" (inverse depth): what the prior is.
         align: fit s and t by least squares; False takes a prior that is metric already as it is (s = 1, t = 0).
+        weight: (H, W) w in 0..1, no gradient; None: 1 everywhere.
 
     Returns:
         scalar, differentiable once with respect to `depth`.
@@ -51,8 +57,8 @@ def depth_prior_loss(
     """
     if space not in ("depth", "disparity"):
         raise ValueError(f"space={space!r} is not known; choose depth or disparity")
-    if not depth.shape == alpha.shape == prior.shape == valid.shape:
-        raise ValueError("depth, alpha, prior and valid differ in size")
+    if any(other.shape != depth.shape for other in (alpha, prior, valid, weight) if other is not None):
+        raise ValueError("depth, alpha, prior, valid and weight differ in size")
     compared = valid & (prior > 0) & torch.isfinite(prior) & (alpha.detach() >= MIN_ALPHA) & (depth.detach() > 0)
     count = int(torch.count_nonzero(compared))
     # A depth of 1 in place of the others keeps infinities and NaN out of the gradients.
@@ -62,28 +68,32 @@ def depth_prior_loss(
     if space == "disparity":
         rendered = rendered.reciprocal()
     prior = torch.where(compared, prior, 0.0).to(depth.dtype)
-    scale, shift = scale_and_shift(prior, rendered, compared) if align else (1.0, 0.0)
+    weight = torch.where(compared, 1.0 if weight is None else weight, 0.0).to(depth.dtype)
+    scale, shift = scale_and_shift(prior, rendered, weight) if align else (1.0, 0.0)
     unit = scale * float(prior.sum()) / count + shift
     residual = (rendered - (scale * prior + shift)) * (compared.to(depth.dtype) / unit)
-    return _Penalty.apply(residual, compared, count, gradient_weight, scales)
+    return _Penalty.apply(residual, compared, weight, count, gradient_weight, scales)
 
 
-def scale_and_shift(prior: Tensor, rendered: Tensor, compared: Tensor) -> tuple[float, float]:
-    """s and t that minimise the sum of (s prior + t - rendered)^2 over the compared pixels.
+def scale_and_shift(prior: Tensor, rendered: Tensor, weight: Tensor) -> tuple[float, float]:
+    """s and t that minimise the sum of weight (s prior + t - rendered)^2.
 
     Where they are not determined, or s would be negative, s alone: the ratio of the means, and t = 0. So it is for a
     flat prior; for a flat rendering, to which least squares would fit s = 0 and find nothing to correct; and where
     the two are as good as uncorrelated.
 
     Args:
-        prior, rendered: (H, W), with positive means over the compared pixels.
-        compared: (H, W) bool, at least one True.
+        prior, rendered: (H, W), with positive means over the pixels that have a weight.
+        weight: (H, W), 0 or more; where all are 0 the fit is s = 1, t = 0.
     """
-    weight = compared.to(rendered.dtype).flatten()
+    weight = weight.to(rendered.dtype).flatten()
     prior, rendered = prior.detach().flatten(), rendered.detach().flatten()
     count = float(weight.sum())
+    if not count > 0:
+        return 1.0, 0.0
     mean_prior, mean_rendered = float(prior.dot(weight)) / count, float(rendered.dot(weight)) / count
-    from_mean, rendered_from_mean = (prior - mean_prior) * weight, (rendered - mean_rendered) * weight
+    root = weight.sqrt()
+    from_mean, rendered_from_mean = (prior - mean_prior) * root, (rendered - mean_rendered) * root
     spread = (float(from_mean.dot(from_mean)) / count) ** 0.5
     rendered_spread = (float(rendered_from_mean.dot(rendered_from_mean)) / count) ** 0.5
     covariance = float(from_mean.dot(rendered_from_mean)) / count
@@ -128,17 +138,20 @@ class _Penalty(torch.autograd.Function):
     """Value and gradient in one sweep: autograd's own backward through the slices takes twice as long."""
 
     @staticmethod
-    def forward(ctx, residual: Tensor, compared: Tensor, count: int, gradient_weight: float, scales: int) -> Tensor:
-        value = residual.square().sum() / count
-        gradient = residual * (2 / count)
+    def forward(
+        ctx, residual: Tensor, compared: Tensor, weight: Tensor, count: int, gradient_weight: float, scales: int
+    ) -> Tensor:
+        weighted = residual * weight
+        value = (weighted * residual).sum() / count
+        gradient = weighted * (2 / count)
         for level in range(scales if gradient_weight else 0):
-            r, m, g = (t[:: 2**level, :: 2**level] for t in (residual, compared, gradient))
-            for along, there, push in ((r, m, g), (r.T, m.T, g.T)):
-                pairs = there[1:] & there[:-1]
-                share = gradient_weight / max(1, int(torch.count_nonzero(pairs)))
-                difference = (along[1:] - along[:-1]).mul_(pairs)
+            r, m, w, g = (t[:: 2**level, :: 2**level] for t in (residual, compared, weight, gradient))
+            for along, there, trust, push in ((r, m, w, g), (r.T, m.T, w.T, g.T)):
+                share = gradient_weight / max(1, int(torch.count_nonzero(there[1:] & there[:-1])))
+                trusted = torch.minimum(trust[1:], trust[:-1])  # 0 where one of the two is not compared
+                difference = (along[1:] - along[:-1]).mul_(trusted)
                 value += share * difference.abs().sum()
-                sign = difference.sign_().mul_(share)
+                sign = difference.sign_().mul_(trusted).mul_(share)
                 push[1:] += sign
                 push[:-1] -= sign
         ctx.save_for_backward(gradient)
@@ -148,4 +161,4 @@ class _Penalty(torch.autograd.Function):
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad: Tensor):
         (gradient,) = ctx.saved_tensors
-        return gradient * grad, None, None, None, None
+        return gradient * grad, None, None, None, None, None

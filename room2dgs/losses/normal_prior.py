@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -9,19 +11,45 @@ MIN_ALPHA = 0.5  # pixels less covered have no normal worth comparing
 TINY = 1e-3  # normals that cancel along the ray have no direction; their gradient stays below 1 / TINY
 
 
-def normal_prior_loss(
-    normal: Tensor, alpha: Tensor, prior: Tensor, valid: Tensor, *, l1: float = 0.01, cosine: float = 0.01
-) -> Tensor:
-    """L_n = l1 * mean |n - n_p|_1 + cosine * mean (1 - n . n_p) (eq. 11-12; both weights from the supplement).
+def doubt(normal: Tensor, prior: Tensor, width_deg: float) -> Tensor:
+    """Weight of each prior normal by its angle to the rendered one: 1 where they agree, a quarter at `width_deg`.
 
-    n is the rendered normal made unit, n_p the prior; |.|_1 sums the three axes. Means are over the pixels that are
-    `valid` and have alpha >= 0.5; without one the loss is 0.
+    (1 + (1 - n . n_p) / (1 - cos width))^-2, the weight of Geman and McClure's robust cost. Where views tell the
+    surface, the rendered normal keeps its angle to a wrong prior; where nothing else tells it, it follows the prior.
+
+    Args:
+        normal: (H, W, 3) rendered, alpha-weighted, not normalised; no gradient.
+        prior: (H, W, 3) unit, or 0.
+
+    Returns:
+        (H, W), in 0..1.
+    """
+    rendered, wanted = normal.detach().permute(2, 0, 1).contiguous(), prior.permute(2, 0, 1).contiguous()
+    cosine = (rendered * wanted).sum(0) * torch.rsqrt(rendered.square().sum(0) + TINY**2)
+    return (1 + (1 - cosine).clamp(min=0) / (1 - math.cos(math.radians(width_deg)))).pow(-2)
+
+
+def normal_prior_loss(
+    normal: Tensor,
+    alpha: Tensor,
+    prior: Tensor,
+    valid: Tensor,
+    *,
+    l1: float = 0.01,
+    cosine: float = 0.01,
+    weight: Tensor | None = None,
+) -> Tensor:
+    """L_n = l1 * mean w |n - n_p|_1 + cosine * mean w (1 - n . n_p) (eq. 11-12; l1, cosine from the supplement).
+
+    n is the rendered normal made unit, n_p the prior; |.|_1 sums the three axes; w is how far the prior is to be
+    believed. Means are over the number of pixels that are `valid` and have alpha >= 0.5; without one the loss is 0.
 
     Args:
         normal: (H, W, 3) rendered, alpha-weighted, world frame, facing the camera; not normalised.
         alpha: (H, W) rendered coverage; no gradient.
         prior: (H, W, 3) unit, world frame, facing the camera; no gradient.
         valid: (H, W) bool.
+        weight: (H, W) w in 0..1, no gradient; None: 1 everywhere.
 
     Returns:
         scalar, differentiable with respect to `normal`.
@@ -29,14 +57,17 @@ def normal_prior_loss(
     Raises:
         ValueError: maps of different sizes.
     """
-    if normal.shape != prior.shape or not alpha.shape == valid.shape == normal.shape[:2]:
-        raise ValueError("normal, alpha, prior and valid differ in size")
+    maps = [alpha, valid] if weight is None else [alpha, valid, weight]
+    if normal.shape != prior.shape or any(other.shape != normal.shape[:2] for other in maps):
+        raise ValueError("normal, alpha, prior, valid and weight differ in size")
     compared = valid & (alpha.detach() >= MIN_ALPHA)
-    weight = compared.to(normal.dtype) / max(1, int(torch.count_nonzero(compared)))
+    share = compared.to(normal.dtype) / max(1, int(torch.count_nonzero(compared)))
+    if weight is not None:
+        share = share * torch.where(compared, weight, 0.0)
     # Axis by axis: torch sums over an innermost axis of three very slowly.
     rendered = torch.where(compared, normal.permute(2, 0, 1).contiguous(), 0.0)
     wanted = torch.where(compared, prior.permute(2, 0, 1).contiguous(), 0.0)
     rendered = rendered * torch.rsqrt(rendered.square().sum(0) + TINY**2)
     distance = (rendered - wanted).abs().sum(0)
     apart = 1 - (rendered * wanted).sum(0)
-    return ((l1 * distance + cosine * apart) * weight).sum()
+    return ((l1 * distance + cosine * apart) * share).sum()

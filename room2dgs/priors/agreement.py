@@ -20,10 +20,11 @@ UPRIGHT_SINE = 0.25  # and one that leans less for a wall
 SHORTEST = 4  # kept pixels between two places of a plain piece
 
 
-def robust(residual: Tensor, width: float) -> Tensor:
-    """Mean of r^2 / (r^2 + width^2): at most 1 each; 0 without any. Scalar."""
+def robust(residual: Tensor, width: float, weight: Tensor | None = None) -> Tensor:
+    """Mean of weight r^2 / (r^2 + width^2): at most 1 each; 0 without any. Scalar."""
     squared = (residual / width).square()
-    return (squared / (1 + squared)).sum() / max(1, len(residual))
+    cost = squared / (1 + squared)
+    return (cost if weight is None else weight * cost).sum() / max(1, len(residual))
 
 
 def at_points(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> Tensor:
@@ -36,10 +37,14 @@ def at_points(views: Overlap, grid: Tensor, count: int, generator: torch.Generat
     return torch.log(views.point_prior[some] / views.point_depth[some]) + bend
 
 
-def between_views(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """Log of one view's depth, carried to another view, over that one's own; at random pixels of random pairs."""
+def between_views(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """Log of one view's depth, carried to another view, over that one's own; at random pixels of random pairs.
+
+    Returns:
+        (N,) the logarithms, and (N,) the trust in the less certain one of the two.
+    """
     if not len(views.pairs):
-        return grid.new_zeros(0)
+        return grid.new_zeros(0), grid.new_zeros(0)
     view, other = views.pairs[torch.randint(len(views.pairs), (count,), generator=generator)].T
     row = torch.randint(views.depth.shape[1], (count,), generator=generator)
     column = torch.randint(views.depth.shape[2], (count,), generator=generator)
@@ -50,30 +55,38 @@ def between_views(views: Overlap, grid: Tensor, count: int, generator: torch.Gen
         & (there > 0).all(dim=1)
         & (there < views.size[other]).all(dim=1)
     )
-    view, other, there, z = view[inside], other[inside], there[inside], z[inside]
+    trust = views.depth_weight[view[inside], row[inside], column[inside]]
+    other, there, z = other[inside], there[inside], z[inside]
     known, good = views.depth_at(other, there)
     bend = warp_grid.at(grid, other, there / views.size[other])
-    return (torch.log(z) - torch.log(known.clamp(min=1e-6)) - bend)[good]
+    # one weight for both: were each side pulled by the other's trust alone, no energy would fall, and the scale drifts
+    weight = torch.minimum(trust, views.weight_at(other, there))
+    return (torch.log(z) - torch.log(known.clamp(min=1e-6)) - bend)[good], weight[good]
 
 
-def of_slopes(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """Sine of the angle between short pieces of the bent surface and the plane of the normal prior between them."""
+def of_slopes(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """Sine of the angle between short pieces of the bent surface and the plane of the normal prior between them.
+
+    Returns:
+        (N,) the sines, and (N,) the trust in the normals.
+    """
     rows, columns = (size - SLOPE_STEP for size in views.depth.shape[1:])
     if min(rows, columns) < 1:
-        return grid.new_zeros(0)
+        return grid.new_zeros(0), grid.new_zeros(0)
     view = torch.randint(len(views), (count,), generator=generator)
     row = torch.randint(rows, (count,), generator=generator)
     column = torch.randint(columns, (count,), generator=generator)
     down = torch.randint(2, (count,), generator=generator)
     end_row, end_column = row + SLOPE_STEP * down, column + SLOPE_STEP * (1 - down)
-    normal = views.normal[view, (row + end_row) // 2, (column + end_column) // 2]
+    middle = (view, (row + end_row) // 2, (column + end_column) // 2)
+    normal, weight = views.normal[middle], views.normal_weight[middle]
     first, last = views.depth[view, row, column], views.depth[view, end_row, end_column]
     near, far = torch.minimum(first, last), torch.maximum(first, last)
     good = (near > 0) & (far < (1 + SLOPE_JUMP) * near) & normal.any(dim=1)
     view, normal = view[good], normal[good]
     start = bent_points(views, grid, view, row[good], column[good])
     piece = bent_points(views, grid, view, end_row[good], end_column[good]) - start
-    return (piece * normal).sum(dim=1) / piece.norm(dim=1).clamp(min=1e-6)
+    return (piece * normal).sum(dim=1) / piece.norm(dim=1).clamp(min=1e-6), weight[good]
 
 
 def of_planes(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> Tensor:

@@ -9,9 +9,11 @@ import numpy as np
 
 from room2dgs.config import DepthPriorConfig
 from room2dgs.priors.align import MIN_POINTS, Fit, aligned_depth, fit_scale_shift, residual
+from room2dgs.priors.confidence import read_weight
 from room2dgs.priors.files import read_depth
 from room2dgs.priors.geometry import pixel_rays, project, unhidden
 from room2dgs.priors.joint import joint_depths
+from room2dgs.priors.point_trust import contradicted
 from room2dgs.scene.pairs import shared_view
 from room2dgs.scene.scene import Frame, PointCloud
 
@@ -42,14 +44,14 @@ def aligned_depths(
         InputError: an unusable map.
     """
     frames = [frame for frame in frames if frame.name in files]
-    raw = {frame.name: read_depth(files[frame.name], settings, frame.camera) for frame in frames}
+    raw = {frame.name: _read(files[frame.name], settings, frame) for frame in frames}
     depths, fits = _to_points(frames, raw, points, settings, log)
     if settings.align:
         _to_neighbours(frames, raw, points, settings, depths, fits, log)
     for frame in frames:
         if frame.name not in fits:
             log(f"depth prior of {frame.name} left out: it has too few points, and no view beside it has a map")
-    kept = [fits[name] for name in depths if fits[name].points]
+    kept = [fits[name] for name in depths if np.isfinite(fits[name].residual)]
     if not depths:
         log(f"depth prior: none of {len(frames)} maps fits the sparse points; training goes on without depth")
     elif kept:
@@ -68,28 +70,55 @@ def agreeing_depths(
     points: PointCloud,
     settings: DepthPriorConfig,
     log: Log,
+    weights: tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]] = ({}, {}),
 ) -> dict[str, np.ndarray]:
     """The maps bent by `joint_depths`, with a line about how well they agree; none if the points speak against them.
 
     Views may agree on what is wrong: a network that takes blank walls for nearer than they are does so from everywhere.
     It shows at the sparse points, which no smooth bending can then satisfy.
+
+    Args:
+        weights: of the depths' and of the normals' pixels, as `joint_depths` has them.
     """
-    bent = joint_depths(frames, depths, normals, points, settings.square)
+    bent = joint_depths(frames, depths, normals, points, settings.square, *weights)
     (views_before, views_after), (points_before, points_after) = bent.between_views, bent.at_points
-    log(
-        f"depth prior bent until views agree: they differ by {views_after:.1%} ({views_before:.1%} before), "
-        f"from the sparse points by {points_after:.1%} ({points_before:.1%})"
-    )
+    found = []
+    if not np.isnan(views_after):
+        found.append(f"they differ by {views_after:.1%} ({views_before:.1%} before)")
+    if not np.isnan(points_after):
+        found.append(f"from the sparse points by {points_after:.1%} ({points_before:.1%})")
+    log(f"depth prior bent until views agree: {', '.join(found) or 'no two of them overlap'}")
     if bent.misfit > settings.max_misfit:
         log(
             f"WARNING: depth prior left out: {bent.misfit:.0%} of the sparse points are more than 5% off all the same; "
             "a better network would help, or prior.depth.max_misfit=1 uses it as it is"
         )
         return {}
-    return bent.depths
+    return _uncontradicted(frames, bent.depths, points, log)
+
+
+def _uncontradicted(
+    frames: Sequence[Frame], depths: Mapping[str, np.ndarray], points: PointCloud, log: Log
+) -> dict[str, np.ndarray]:
+    kept, before, after = {}, 0, 0
+    for frame in frames:
+        if frame.name in depths:
+            depth = depths[frame.name]
+            kept[frame.name] = np.where(contradicted(depth, frame.camera, points.xyz), np.float32(0), depth)
+            before += np.count_nonzero(depth)
+            after += np.count_nonzero(kept[frame.name])
+    if after < before:
+        log(f"depth prior: {1 - after / before:.0%} of its pixels left out, where sparse points contradict it")
+    return kept
 
 
 Raw = Mapping[str, tuple[np.ndarray, np.ndarray]]
+
+
+def _read(path: Path, settings: DepthPriorConfig, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    values, valid = read_depth(path, settings, frame.camera)
+    weight = read_weight(path, settings.onnx)
+    return values, valid if weight is None else valid & (weight > 0)
 
 
 def _to_points(
@@ -121,8 +150,21 @@ def _to_neighbours(
     log: Log,
 ) -> None:
     """Align the views that have few points to what the aligned views beside them show; adds to depths and fits."""
-    shared = shared_view([frame.camera for frame in frames]) if frames else np.zeros((0, 0))
     waiting = [index for index, frame in enumerate(frames) if frame.name not in fits]
+    if not fits and settings.meaning == "metric_depth":
+        # One scale from all views' points, or the map's own word: a view that passed its scale on would be worth less.
+        seen = [_at_points(*raw[frame.name], frame, points.xyz, settings) for frame in frames]
+        pooled = [np.concatenate(part) for part in zip(*seen, strict=True)] or [np.zeros(0), np.zeros(0)]
+        common = fit_scale_shift(*pooled, shift_sigma=METRIC_SHIFT_M) or Fit(1.0, 0.0, float("nan"), 0)
+        for frame, (x, y) in zip(frames, seen, strict=True):
+            fit = fit_scale_shift(x, y, shift_sigma=METRIC_SHIFT_M) or common
+            fits[frame.name] = fit._replace(points=len(x))
+            _take(frame, raw, fits[frame.name], settings, depths, log)
+        if frames:
+            scale = f"a scale of {common.scale:.3g}"
+            log(f"depth prior: no view has {FEW_POINTS} sparse points; its metres are taken with {scale}")
+        return
+    shared = shared_view([frame.camera for frame in frames]) if frames else np.zeros((0, 0))
     while waiting:
         known = np.array([frame.name in depths for frame in frames])
         # who sees most of what is known goes first, and is known to the next

@@ -10,6 +10,7 @@ from PIL import Image
 
 from room2dgs.config import DepthPriorConfig, NormalPriorConfig
 from room2dgs.errors import InputError
+from room2dgs.priors.kept_maps import SUFFIX, read_kept
 from room2dgs.scene.camera import Camera
 from room2dgs.scene.scene import Frame
 
@@ -41,7 +42,7 @@ def read_depth(path: Path, settings: DepthPriorConfig, camera: Camera) -> tuple[
     """A depth map at the camera's size.
 
     Args:
-        path: 16-bit one-channel PNG or .npy of (H, W), also with one axis of length 1.
+        path: 16-bit one-channel PNG or .npy of (H, W), also with one axis of length 1, or what `keep_map` writes.
         settings: `unit_m` is multiplied in; null means 0.001 for PNG and 1 for .npy.
 
     Returns:
@@ -72,7 +73,8 @@ def read_normal(path: Path, settings: NormalPriorConfig, camera: Camera) -> tupl
     """A normal map at the camera's size, in the axes that the file has.
 
     Args:
-        path: 8-bit RGB PNG (n = rgb / 127.5 - 1) or .npy of (H, W, 3) or (3, H, W), as `encoding` says.
+        path: 8-bit RGB PNG (n = rgb / 127.5 - 1) or .npy of (H, W, 3) or (3, H, W), as `encoding` says, or what
+            `keep_map` writes.
 
     Returns:
         (H, W, 3) float32 unit vectors and (H, W) bool where they are valid; invalid ones are 0.
@@ -80,8 +82,8 @@ def read_normal(path: Path, settings: NormalPriorConfig, camera: Camera) -> tupl
     Raises:
         InputError: undecodable, another shape than the photo, mostly not finite, or mostly not of unit length.
     """
-    wanted = {"png8": ".png", "npy": ".npy"}[settings.encoding]
-    if path.suffix != wanted:
+    wanted = {"png8": (".png",), "npy": (".npy", SUFFIX)}[settings.encoding]
+    if path.suffix not in wanted:
         raise InputError(f"{path} does not fit prior.normal.encoding={settings.encoding}; give the other encoding")
     if path.suffix == ".png":
         rgb = _read_png(path, "RGB", "an 8-bit RGB PNG")
@@ -121,6 +123,8 @@ def _read_png(path: Path, mode: str, kind: str) -> np.ndarray:
 
 
 def _read_npy(path: Path) -> np.ndarray:
+    if path.suffix == SUFFIX and (kept := read_kept(path, "map")) is not None:
+        return kept
     try:
         values = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError, SyntaxError) as error:

@@ -61,6 +61,7 @@ AXIS_WIDTH = 0.1  # sine
 POINT_WEIGHT, VIEW_WEIGHT, SLOPE_WEIGHT, PLANE_WEIGHT, AXIS_WEIGHT = 3.0, 6.0, 1.0, 2.0, 1.0
 # A bend of 6 % from knot to knot, or a factor of 5 %, costs about what an outlier does.
 BENDING_WEIGHT, SIZE_WEIGHT = 8.0, 2.4
+LEAST_STIFF = 0.1  # of a map that nobody believes: something must hold it where nothing else does
 # Samples of each kind in a step, for each view and in all.
 SAMPLES_A_VIEW, SAMPLES = 64, (2000, 16000)
 
@@ -88,6 +89,8 @@ def joint_depths(
     normals: Mapping[str, np.ndarray],
     points: PointCloud,
     square: bool = True,
+    depth_weights: Mapping[str, np.ndarray] | None = None,
+    normal_weights: Mapping[str, np.ndarray] | None = None,
 ) -> Joint:
     """Bend the depth maps of some frames so that they agree; the same input gives the same bits.
 
@@ -97,11 +100,13 @@ def joint_depths(
         normals: frame name -> (H, W, 3) float32, unit, world frame; may be empty.
         points: sparse points, metres.
         square: plain walls and floors that nearly face one of the room's axes are taken to face it.
+        depth_weights, normal_weights: frame name -> (H, W) in 0..1, how far each pixel is believed; 1 for the others.
+            Where a depth is not, its map bends easily and says little to other views.
     """
     frames = [frame for frame in frames if frame.name in depths]
     if not frames:
         return Joint({}, (float("nan"),) * 2, (float("nan"),) * 2, float("nan"))
-    views = overlap(frames, depths, normals, points)
+    views = overlap(frames, depths, normals, points, depth_weights, normal_weights)
     start = torch.zeros(len(views), STAGES[0].rows, STAGES[0].columns)
     grid = start
     for stage in STAGES:
@@ -118,28 +123,40 @@ def joint_depths(
 def _solved(views: Overlap, start: Tensor, stage: Stage, axes: Tensor | None) -> Tensor:
     grid = start.clone().requires_grad_(True)
     adam = torch.optim.Adam([grid], lr=stage.rate)
+    stiffness = _stiffness(views, stage)
     generator = torch.Generator().manual_seed(0)
     count = int(np.clip(SAMPLES_A_VIEW * len(views), *SAMPLES))
     for step in range(stage.steps):
         adam.param_groups[0]["lr"] = stage.rate * LAST_RATE ** (step / stage.steps)
         drawn = (views, grid, count, generator)
         loss = POINT_WEIGHT * robust(at_points(*drawn), POINT_WIDTH)
-        loss = loss + VIEW_WEIGHT * robust(between_views(*drawn), stage.view_width)
-        loss = loss + SLOPE_WEIGHT * robust(of_slopes(*drawn), SLOPE_WIDTH)
+        between, trust = between_views(*drawn)
+        loss = loss + VIEW_WEIGHT * robust(between, stage.view_width, trust)
+        slopes, trust = of_slopes(*drawn)
+        loss = loss + SLOPE_WEIGHT * robust(slopes, SLOPE_WIDTH, trust)
         loss = loss + PLANE_WEIGHT * robust(of_planes(*drawn), stage.plane_width)
         if axes is not None:
             loss = loss + AXIS_WEIGHT * robust(of_axes(views, grid, axes, count, generator), AXIS_WIDTH)
-        loss = loss + BENDING_WEIGHT * warp_grid.bending(grid) + SIZE_WEIGHT * grid.square().mean()
+        loss = loss + BENDING_WEIGHT * warp_grid.bending(grid, stiffness)
+        loss = loss + SIZE_WEIGHT * (stiffness * grid.square()).mean()
         adam.zero_grad()
         loss.backward()
         adam.step()
     return grid.detach()
 
 
+def _stiffness(views: Overlap, stage: Stage) -> Tensor:
+    """(V, rows, columns) how much each knot resists: the mean trust in the depth about it."""
+    size = (stage.rows, stage.columns)
+    mean = torch.nn.functional.interpolate(views.depth_weight[:, None], size=size, mode="area")[:, 0]
+    return mean.clamp(min=LEAST_STIFF)
+
+
 def _differences(views: Overlap, grid: Tensor) -> tuple[float, float, float]:
     """Median absolute relative differences between views and at the points, and the share of points that are off by
     more than `MISFIT`; NaN where there are none."""
     generator = torch.Generator().manual_seed(1)
-    between, points = (make(views, grid, SAMPLES[1], generator).abs() for make in (between_views, at_points))
+    between = between_views(views, grid, SAMPLES[1], generator)[0].abs()
+    points = at_points(views, grid, SAMPLES[1], generator).abs()
     medians = [float(part.median()) if len(part) else float("nan") for part in (between, points)]
     return *medians, float((points > MISFIT).float().mean()) if len(points) else float("nan")

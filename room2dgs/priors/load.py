@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from room2dgs.config import PriorConfig
+from room2dgs.config import OnnxConfig, PriorConfig
 from room2dgs.errors import InputError
 from room2dgs.priors.align import Fit
+from room2dgs.priors.confidence import read_weight
 from room2dgs.priors.convention import camera_normals
 from room2dgs.priors.depths import agreeing_depths, aligned_depths
 from room2dgs.priors.files import find_map, read_normal
 from room2dgs.priors.geometry import pixel_rays
 from room2dgs.priors.normal_check import usable
 from room2dgs.priors.normal_samples import sample
-from room2dgs.priors.onnx_maps import predicted_maps
+from room2dgs.priors.onnx_file import ModelFile
+from room2dgs.priors.onnx_maps import predicted_maps, read_models
 from room2dgs.priors.prior import Prior
 from room2dgs.priors.simulated import simulated
 from room2dgs.scene.scene import Frame, PointCloud
@@ -32,12 +34,14 @@ class Priors(NamedTuple):
     Attributes:
         by_frame: frame name -> Prior, for the frames that have one.
         fits: frame name -> its depth's alignment, for every frame with a depth map, left out or not.
-        label: "simulated" if any map says so, else the sources: "files", "onnx", "files+onnx", or "none".
+        label: "simulated" if any map says so, else the sources: "room_prior", "files", "files+onnx", or "none".
+        networks: "depth" and "normal" -> digest of the model that made the maps (`ModelFile.digest`).
     """
 
     by_frame: dict[str, Prior]
     fits: dict[str, Fit]
     label: str
+    networks: dict[str, str]
 
 
 def load_priors(frames: Sequence[Frame], points: PointCloud, config: PriorConfig, log: Log = print) -> Priors:
@@ -52,15 +56,21 @@ def load_priors(frames: Sequence[Frame], points: PointCloud, config: PriorConfig
     Raises:
         InputError: no map for any frame, an unusable map, or normals in another convention than configured.
     """
+    models = read_models(config)
     depths: dict[str, np.ndarray] = {}
+    depth_weights: dict[str, np.ndarray] = {}
     fits: dict[str, Fit] = {}
     if config.depth.source != "none":
-        depths, fits = aligned_depths(frames, _maps(frames, config, "depth", log), points, config.depth, log)
+        files = _maps(frames, config, "depth", models, log)
+        depths, fits = aligned_depths(frames, files, points, config.depth, log)
+        depth_weights = _weights({name: files[name] for name in depths}, config.depth.onnx)
     normals: dict[str, np.ndarray] = {}
+    normal_weights: dict[str, np.ndarray] = {}
     if config.normal.source != "none":
-        normals = _normals(frames, depths, points, config, log)
+        normals, normal_weights = _normals(frames, depths, points, config, models, log)
     if config.depth.joint and depths:
-        depths = agreeing_depths(frames, depths, normals, points, config.depth, log)
+        weights = (depth_weights, normal_weights)
+        depths = agreeing_depths(frames, depths, normals, points, config.depth, log, weights)
     parts = [part for part in (config.depth, config.normal) if part.source != "none"]
     label = "+".join(sorted({part.source for part in parts})) or "none"
     if any(part.source == "files" and simulated(Path(part.path or "")) for part in parts):
@@ -76,15 +86,19 @@ def load_priors(frames: Sequence[Frame], points: PointCloud, config: PriorConfig
                 None if depth is None else depth > 0,
                 normal,
                 None if normal is None else normal.any(axis=-1),
+                None if depth is None else depth_weights.get(frame.name),
+                None if normal is None else normal_weights.get(frame.name),
             )
-    return Priors(by_frame, fits, label)
+    return Priors(by_frame, fits, label, {kind: model.digest for kind, model in models.items()})
 
 
-def _maps(frames: Sequence[Frame], config: PriorConfig, kind: str, log: Log) -> dict[str, Path]:
+def _maps(
+    frames: Sequence[Frame], config: PriorConfig, kind: str, models: Mapping[str, ModelFile], log: Log
+) -> dict[str, Path]:
     """Frame name -> file; the missing ones are logged."""
     settings = getattr(config, kind)
-    if settings.source == "onnx":
-        return predicted_maps(frames, kind, config, log)
+    if kind in models:
+        return predicted_maps(frames, kind, config, models, log)
     folder = Path(settings.path or "")
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give prior.{kind}.path=DIR with a map for each photo")
@@ -100,15 +114,26 @@ def _maps(frames: Sequence[Frame], config: PriorConfig, kind: str, log: Log) -> 
     return found
 
 
+def _weights(files: Mapping[str, Path], settings: OnnxConfig) -> dict[str, np.ndarray]:
+    """Frame name -> (H, W) float32, for the maps that have weights."""
+    found = {name: read_weight(path, settings) for name, path in files.items()}
+    return {name: weight for name, weight in found.items() if weight is not None}
+
+
 def _normals(
-    frames: Sequence[Frame], depths: dict[str, np.ndarray], points: PointCloud, config: PriorConfig, log: Log
-) -> dict[str, np.ndarray]:
-    """Frame name -> (H, W, 3) float32 unit world normals facing the camera, 0 = invalid."""
+    frames: Sequence[Frame],
+    depths: dict[str, np.ndarray],
+    points: PointCloud,
+    config: PriorConfig,
+    models: Mapping[str, ModelFile],
+    log: Log,
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Frame name -> (H, W, 3) float32 unit world normals facing the camera, 0 = invalid; and their weights."""
     settings = config.normal
-    network = settings.source == "onnx"
+    network = "normal" in models
     # The check comes first: a wrong convention is told before all maps are read, let alone computed.
     some = frames[:: max(1, len(frames) // CHECKED_FRAMES)] if network else frames
-    files = _maps(some, config, "normal", log)
+    files = _maps(some, config, "normal", models, log)
     some = [frame for frame in some if frame.name in files]
     samples = [
         sample(
@@ -116,13 +141,16 @@ def _normals(
         )
         for frame in some[:: max(1, len(some) // CHECKED_FRAMES)]
     ]
-    if not usable(samples, points.xyz, settings, settings.onnx.model if network else settings.path, log):
-        return {}
-    files = _maps(frames, config, "normal", log) if network else files
+    if not usable(samples, points.xyz, settings, models["normal"].path if network else settings.path, log):
+        return {}, {}
+    files = _maps(frames, config, "normal", models, log) if network else files
     frames = [frame for frame in frames if frame.name in files]
+    weights = _weights(files, settings.onnx)
     normals = {}
     for frame in frames:
         raw, valid = read_normal(files[frame.name], settings, frame.camera)
+        if frame.name in weights:
+            valid &= weights[frame.name] > 0
         in_cam = camera_normals(raw, settings, frame.camera)
         # A surface that is seen faces the camera; where a map says otherwise it is wrong.
         valid &= (in_cam * pixel_rays(frame.camera)).sum(axis=-1) < 0
@@ -132,7 +160,7 @@ def _normals(
         else:
             log(f"normal prior of {frame.name} left out: no pixel of it faces the camera")
     log(f"normal prior: {len(normals)} of {len(frames)} maps used")
-    return normals
+    return normals, weights
 
 
 def _some(names: list[str]) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from room2dgs.config import OnnxConfig
 from room2dgs.errors import InputError
 from room2dgs.priors.onnx_fit import Fit, fitted, input_intrinsics, network_input, photo_part
+from room2dgs.priors.onnx_flip import Prediction, averaged, mirrored_back, mirrored_camera
 from room2dgs.priors.onnx_output import one_channel, raw_map, unit_normals
 from room2dgs.priors.onnx_session import FLOATS, Network, described, first_line, shape_in_words
 from room2dgs.scene.camera import Camera
@@ -16,9 +19,13 @@ NUMBERS = {**FLOATS, "tensor(int64)": np.int64, "tensor(int32)": np.int32}
 # of a map's pixels; so few may be NaN or infinite, and are left out
 MAX_NOT_FINITE = 0.01
 MASK_THRESHOLD = 0.5
+INPUT_SETTINGS = (
+    "input", "intrinsics", "tokens", "height", "width", "multiple", "fit", "layout", "channels", "white", "mean", "std",
+    "flip",
+)  # fmt: skip
 
 
-def predicted(network: Network, photo: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def predicted(network: Network, photo: np.ndarray, camera: Camera) -> Prediction:
     """One photo's map, at the size at which the network gives it.
 
     Args:
@@ -27,12 +34,38 @@ def predicted(network: Network, photo: np.ndarray, camera: Camera) -> tuple[np.n
 
     Returns:
         (h, w) float32 depth as the network means it (metres for this photo's focal length where
-        `canonical_focal_px` is set) or (h, w, 3) float32 unit normals in the network's axes, and (h, w) bool where
-        they are valid; the whole photo and no more.
+        `canonical_focal_px` is set) or (h, w, 3) float32 unit normals in the network's axes, (h, w) bool where
+        they are valid, and the expected error if the network tells it; the whole photo and no more.
 
     Raises:
         InputError: the network cannot run, or gives something that is no such map.
     """
+    return predictions([network], photo, camera)[0]
+
+
+def predictions(networks: Sequence[Network], photo: np.ndarray, camera: Camera) -> list[Prediction]:
+    """Several maps of one photo from one look at it.
+
+    Args:
+        networks: of one session and with the same settings of the input (`same_input`).
+
+    Raises:
+        InputError: as `predicted`.
+    """
+    found = _seen(networks, photo, camera)
+    if networks[0].settings.flip:
+        mirrored = _seen(networks, np.ascontiguousarray(photo[:, ::-1]), mirrored_camera(camera))
+        found = [averaged(one, mirrored_back(other)) for one, other in zip(found, mirrored, strict=True)]
+    return found
+
+
+def same_input(one: OnnxConfig, other: OnnxConfig) -> bool:
+    """Whether two networks' settings show them the same photo."""
+    return all(getattr(one, name) == getattr(other, name) for name in INPUT_SETTINGS)
+
+
+def _seen(networks: Sequence[Network], photo: np.ndarray, camera: Camera) -> list[Prediction]:
+    network = networks[0]
     settings = network.settings
     fit = _fit(network, camera)
     dtype = FLOATS[network.image.type]
@@ -43,14 +76,21 @@ def predicted(network: Network, photo: np.ndarray, camera: Camera) -> tuple[np.n
     if settings.tokens:
         count = np.array((fit.height // settings.multiple) * (fit.width // settings.multiple))
         feeds[settings.tokens] = _shaped(count, by_name[settings.tokens], network)
+    names = list(dict.fromkeys(name for network in networks for name in network.outputs))
     try:
-        results = network.session.run(list(network.outputs), feeds)
+        results = network.session.run(names, feeds)
     except Exception as error:  # onnxruntime has a dozen kinds, all plain exceptions
         raise InputError(
             f"{network.path} cannot run on a photo of {fit.width}x{fit.height} ({first_line(error)}); "
             f"it has {described(network.session)}"
         ) from error
-    values = raw_map(network, results[0], fit)
+    by_name = dict(zip(names, results, strict=True))
+    return [_decoded(network, by_name, fit, camera) for network in networks]
+
+
+def _decoded(network: Network, results: Mapping[str, np.ndarray], fit: Fit, camera: Camera) -> Prediction:
+    settings = network.settings
+    values = raw_map(network, results[network.outputs[0]], fit)
     valid = np.isfinite(values) if values.ndim == 2 else np.isfinite(values).all(axis=-1)
     if not valid.mean() >= 1.0 - MAX_NOT_FINITE:
         raise InputError(
@@ -59,16 +99,25 @@ def predicted(network: Network, photo: np.ndarray, camera: Camera) -> tuple[np.n
         )
     values = np.where(valid if values.ndim == 2 else valid[..., None], values, 0.0).astype(np.float32)
     if settings.mask:
-        mask = one_channel(network, results[1], settings.mask, None)
-        if mask.shape != valid.shape:
-            raise InputError(f"{network.path} gives a mask of {mask.shape} for a map of {valid.shape}; drop one")
-        valid &= mask > MASK_THRESHOLD
+        valid &= _beside(network, results, settings.mask, valid.shape) > MASK_THRESHOLD
+    error = _beside(network, results, settings.error_output, valid.shape) if settings.error_output else None
     values, valid = photo_part(values, fit), photo_part(valid, fit)
+    if error is not None:
+        error = photo_part(error, fit)
+        valid = valid & (error >= 0)  # NaN is no error
     if network.kind == "normal":
-        return unit_normals(network, values, valid)
+        return Prediction(*unit_normals(network, values, valid), error)
     if settings.canonical_focal_px is not None:
         values = values * np.float32(input_intrinsics(camera, fit)[0, 0] / settings.canonical_focal_px)
-    return values, valid
+    return Prediction(values, valid, error)
+
+
+def _beside(network: Network, results: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """The mask or the error that belongs to a map."""
+    values = one_channel(network, results[name], name, None)
+    if values.shape != shape:
+        raise InputError(f"{network.path} gives {name} as {values.shape} for a map of {shape}; drop one")
+    return values
 
 
 def _fit(network: Network, camera: Camera) -> Fit:

@@ -26,7 +26,7 @@ class Network(NamedTuple):
         settings: what goes in and comes out.
         session: onnxruntime's.
         image: the photo's input; a session's NodeArg.
-        outputs: the names of the map and, if there is one, of its mask.
+        outputs: the names of the map and, if there are such, of its mask and of its expected error.
     """
 
     path: Path
@@ -38,7 +38,9 @@ class Network(NamedTuple):
     outputs: tuple[str, ...]
 
 
-def open_network(path: Path, kind: str, settings: OnnxConfig, threads: int | None, provider: str) -> Network:
+def open_network(
+    path: Path, kind: str, settings: OnnxConfig, threads: int | None, provider: str, session: Any = None
+) -> Network:
     """Load a network and check that the settings name what it has.
 
     On the CPU the same photo gives the same bits whatever else runs.
@@ -48,18 +50,19 @@ def open_network(path: Path, kind: str, settings: OnnxConfig, threads: int | Non
         kind: "depth" or "normal".
         threads: None: all cores that this process may use.
         provider: "cpu" or "cuda".
+        session: of the same file, if it is loaded already.
 
     Raises:
         InputError: onnxruntime cannot load it, the provider is not there, or a named input or output is not.
     """
     key = f"prior.{kind}.onnx"
-    session = _session(path, threads, provider)
+    session = session or _session(path, threads, provider)
     has = described(session)
     inputs, outputs = session.get_inputs(), session.get_outputs()
     extra = [name for name in (settings.intrinsics, settings.tokens) if name]
     for setting in ("input", "intrinsics", "tokens"):
         _known(getattr(settings, setting), inputs, f"{key}.{setting}", path, has)
-    for setting in ("output", "mask"):
+    for setting in ("output", "mask", "error_output"):
         _known(getattr(settings, setting), outputs, f"{key}.{setting}", path, has)
     image = _named_or_only(settings.input, [arg for arg in inputs if arg.name not in extra], f"{key}.input", path, has)
     unfilled = [arg.name for arg in inputs if arg.name not in (image.name, *extra)]
@@ -68,13 +71,14 @@ def open_network(path: Path, kind: str, settings: OnnxConfig, threads: int | Non
             f"{path} wants more than a photo, {', '.join(unfilled)}; name it as {key}.intrinsics or {key}.tokens "
             f"if it is that, or export the network without it: it has {has}"
         )
-    others = [arg for arg in outputs if arg.name != settings.mask]
+    others = [arg for arg in outputs if arg.name not in (settings.mask, settings.error_output)]
     output = _named_or_only(settings.output, others, f"{key}.output", path, has)
     if not output.type.startswith("tensor("):
         raise InputError(f"{path} gives no array as {output.name}; it has {has}")
     network = Network(path, key, kind, settings, session, image, (output.name,))
     _check_image(network, has)
-    return network._replace(outputs=(output.name, settings.mask)) if settings.mask else network
+    beside = [name for name in (settings.mask, settings.error_output) if name]
+    return network._replace(outputs=(output.name, *beside))
 
 
 def described(session: Any) -> str:

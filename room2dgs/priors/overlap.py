@@ -34,6 +34,7 @@ class Overlap:
         normal: (V, h, w, 3) camera frame, facing the camera; 0 = invalid.
         region: (V, h, w) int32, connected plain pieces of the photos, numbered from 1 in each view; 0 = textured.
         region_normal: (V, h, w, 3) the normals, smoothed.
+        depth_weight, normal_weight: (V, h, w) in 0..1, how far depth and normal are believed.
         size: (V, 2) width and height of the views, pixels.
         focal, principal: (V, 2) pixels.
         rotation, translation: (V, 3, 3), (V, 3) of cam_from_world.
@@ -47,6 +48,8 @@ class Overlap:
     normal: Tensor
     region: Tensor
     region_normal: Tensor
+    depth_weight: Tensor
+    normal_weight: Tensor
     size: Tensor
     focal: Tensor
     principal: Tensor
@@ -93,12 +96,20 @@ class Overlap:
         least = corners.amin(0)
         return (corners * weights).sum(0), (least > 0) & (least > (1 - ONE_SURFACE) * corners.amax(0))
 
+    def weight_at(self, view: Tensor, pixel: Tensor) -> Tensor:
+        """(N,) trust in the depth at the nearest kept pixel."""
+        rows, columns = self.depth.shape[1:]
+        column, row = ((pixel.detach() - (self.step // 2 + 0.5)) / self.step).round().long().unbind(-1)
+        return self.depth_weight[view, row.clamp(0, rows - 1), column.clamp(0, columns - 1)]
+
 
 def overlap(
     frames: Sequence[Frame],
     depths: Mapping[str, np.ndarray],
     normals: Mapping[str, np.ndarray],
     points: PointCloud | None = None,
+    depth_weights: Mapping[str, np.ndarray] | None = None,
+    normal_weights: Mapping[str, np.ndarray] | None = None,
 ) -> Overlap:
     """Views that have a depth map.
 
@@ -107,6 +118,7 @@ def overlap(
         depths: frame name -> (H, W) metres, 0 = invalid.
         normals: frame name -> (H, W, 3) unit, world frame; frames may have none.
         points: metres; None: no points.
+        depth_weights, normal_weights: frame name -> (H, W) in 0..1; 1 for frames without and where there is no depth.
     """
     cameras = [frame.camera for frame in frames]
     step = max(1, max(camera.width for camera in cameras) // COLUMNS)
@@ -114,11 +126,15 @@ def overlap(
     height, width = (max(2, *(part.shape[axis] for part in kept)) for axis in (0, 1))
     depth, normal = np.zeros((len(frames), height, width)), np.zeros((len(frames), height, width, 3))
     region, region_normal = np.zeros(depth.shape, dtype=np.int32), np.zeros_like(normal)
+    trust = {"depth": np.ones(depth.shape), "normal": np.ones(depth.shape)}
     for index, (frame, part) in enumerate(zip(frames, kept, strict=True)):
         inside = (index, slice(part.shape[0]), slice(part.shape[1]))
         depth[inside] = part
         if frame.name in normals:
             normal[inside] = _kept(normals[frame.name], step) @ frame.camera.cam_from_world[:3, :3].T
+        for kind, weights in (("depth", depth_weights), ("normal", normal_weights)):
+            if weights and frame.name in weights:
+                trust[kind][inside] = _kept(weights[frame.name], step)
         region[index][inside[1:]] = plain_regions(frame.color(), step)
         region_normal[index] = cv2.blur(normal[index], (SMOOTH, SMOOTH))
     region_normal /= np.maximum(np.linalg.norm(region_normal, axis=-1, keepdims=True), 1e-6)
@@ -128,7 +144,7 @@ def overlap(
         step,
         *map(_float, (depth, normal)),
         torch.from_numpy(region),
-        _float(region_normal),
+        *map(_float, (region_normal, trust["depth"], trust["normal"])),
         *map(_float, ([(camera.width, camera.height) for camera in cameras], K[:, (0, 1), (0, 1)], K[:, :2, 2])),
         *map(_float, (pose[:, :3, :3], pose[:, :3, 3])),
         _pairs(frames),

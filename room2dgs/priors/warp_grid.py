@@ -44,9 +44,15 @@ def whole(grid: Tensor, height: int, width: int) -> Tensor:
     return at(grid[None], torch.zeros(len(place), dtype=torch.int64), place).reshape(height, width)
 
 
-def bending(grid: Tensor) -> Tensor:
-    """Mean squared second differences along rows, columns and across; 0 for a field that is a plane. Scalar."""
+def bending(grid: Tensor, stiffness: Tensor | None = None) -> Tensor:
+    """Mean squared second differences along rows, columns and across; 0 for a field that is a plane. Scalar.
+
+    Args:
+        stiffness: (V, R, C), what each difference counts, taken at its middle (the first of the four across); None: 1.
+    """
+    stiffness = torch.ones_like(grid) if stiffness is None else stiffness
     down = grid[:, 2:] - 2 * grid[:, 1:-1] + grid[:, :-2]
     along = grid[:, :, 2:] - 2 * grid[:, :, 1:-1] + grid[:, :, :-2]
     across = grid[:, 1:, 1:] - grid[:, 1:, :-1] - grid[:, :-1, 1:] + grid[:, :-1, :-1]
-    return sum(part.square().mean() * weight for part, weight in ((down, 1), (along, 1), (across, 2)) if part.numel())
+    parts = ((down, stiffness[:, 1:-1], 1), (along, stiffness[:, :, 1:-1], 1), (across, stiffness[:, :-1, :-1], 2))
+    return sum((part.square() * stiff).mean() * weight for part, stiff, weight in parts if part.numel())

@@ -9,13 +9,13 @@ from torch import Tensor
 
 from room2dgs.config import Config
 from room2dgs.losses.depth_prior import depth_prior_loss
-from room2dgs.losses.normal_prior import normal_prior_loss
+from room2dgs.losses.normal_prior import doubt, normal_prior_loss
 from room2dgs.losses.photometric import rgb_loss
 from room2dgs.losses.surface import distortion, normal_consistency
 from room2dgs.splat.types import Rendering
 from room2dgs.train.multiview import GEOMETRIC, PHOTOMETRIC, multiview_terms
 from room2dgs.train.neighbour_views import Pair
-from room2dgs.train.schedule import term_weight
+from room2dgs.train.schedule import doubt_deg, term_weight
 from room2dgs.train.views import View
 
 
@@ -35,15 +35,7 @@ SURFACE_TERMS: dict[str, Callable[[Rendering, View], Tensor]] = {
 }
 # Every other row and column: a surfel covers many pixels, and the terms cost a quarter.
 SPARSE = (slice(None, None, 2), slice(None, None, 2))
-# Act on views that have the map of their name.
-PRIOR_TERMS: dict[str, Callable[[Rendering, View], Tensor]] = {
-    "depth_prior": lambda rendering, view: depth_prior_loss(
-        rendering.depth[SPARSE], rendering.alpha[SPARSE], view.depth_prior[SPARSE], view.depth_prior_valid[SPARSE]
-    ),
-    "normal_prior": lambda rendering, view: normal_prior_loss(
-        rendering.normal[SPARSE], rendering.alpha[SPARSE], view.normal_prior[SPARSE], view.normal_prior_valid[SPARSE]
-    ),
-}
+PRIOR_TERMS = ("depth_prior", "normal_prior")  # act on views that have the map of their name
 MULTIVIEW_TERMS = (GEOMETRIC, PHOTOMETRIC)  # act on views that have a neighbour
 
 
@@ -56,7 +48,12 @@ def loss_terms(rendering: Rendering, target: Tensor, view: View, config: Config,
     """
     weights = _weights(view, config, iteration)
     terms = {"rgb": Term(1.0, rgb_loss(rendering.color, target, config.loss.dssim))}
-    for name, function in (SURFACE_TERMS | PRIOR_TERMS).items():
+    doubted_deg = doubt_deg(iteration, config.loss.normal_doubt, config.train.iterations)
+    functions = SURFACE_TERMS | {
+        "depth_prior": _depth_prior,
+        "normal_prior": lambda rendering, view: _normal_prior(rendering, view, doubted_deg),
+    }
+    for name, function in functions.items():
         if name in weights:
             terms[name] = Term(weights[name], function(rendering, view))
     return terms
@@ -79,6 +76,25 @@ def needed_maps(view: View, config: Config, iteration: int, pair: Pair | None = 
         "with_normal": any(name in weights for name in ("normal_consistency", "normal_prior", PHOTOMETRIC)),
         "with_distortion": "distortion" in weights,
     }
+
+
+def _depth_prior(rendering: Rendering, view: View) -> Tensor:
+    maps = (rendering.depth, rendering.alpha, view.depth_prior, view.depth_prior_valid)
+    return depth_prior_loss(*(values[SPARSE] for values in maps), weight=_sparse(view.depth_prior_weight))
+
+
+def _normal_prior(rendering: Rendering, view: View, doubted_deg: float | None) -> Tensor:
+    maps = (rendering.normal, rendering.alpha, view.normal_prior, view.normal_prior_valid)
+    normal, alpha, prior, valid = (values[SPARSE] for values in maps)
+    weight = _sparse(view.normal_prior_weight)
+    if doubted_deg is not None:
+        by_angle = doubt(normal, prior, doubted_deg)
+        weight = by_angle if weight is None else weight * by_angle
+    return normal_prior_loss(normal, alpha, prior, valid, weight=weight)
+
+
+def _sparse(values: Tensor | None) -> Tensor | None:
+    return None if values is None else values[SPARSE]
 
 
 def _weights(view: View, config: Config, iteration: int, pair: Pair | None = None) -> dict[str, float]:

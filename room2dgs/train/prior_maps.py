@@ -27,12 +27,15 @@ class PriorMaps(NamedTuple):
     Attributes:
         depth: (H, W) float32, metres; depth_valid: (H, W) bool, without the depth's edges.
         normal: (H, W, 3) float32 unit, world frame, facing the camera; normal_valid: (H, W) bool.
+        depth_weight, normal_weight: (H, W) float32 in 0..1; None also where the prior has none: 1 everywhere.
     """
 
     depth: Tensor | None = None
     depth_valid: Tensor | None = None
     normal: Tensor | None = None
     normal_valid: Tensor | None = None
+    depth_weight: Tensor | None = None
+    normal_weight: Tensor | None = None
 
 
 def prior_maps(prior: Prior | None, width: int, height: int) -> PriorMaps:
@@ -52,6 +55,7 @@ def prior_maps(prior: Prior | None, width: int, height: int) -> PriorMaps:
         inverse, valid = _resized(inverse, valid, width, height)
         depth = np.divide(1, inverse, out=np.zeros_like(inverse), where=valid)
         maps = maps._replace(depth=torch.from_numpy(depth), depth_valid=torch.from_numpy(valid))
+        maps = maps._replace(depth_weight=_weight(prior.depth_weight, width, height))
     if prior.normal is not None:
         valid = np.isfinite(prior.normal).all(2) & (np.abs(prior.normal).max(2) > 0)
         if prior.normal_valid is not None:
@@ -59,6 +63,7 @@ def prior_maps(prior: Prior | None, width: int, height: int) -> PriorMaps:
         normal, valid = _resized(np.where(valid[:, :, None], prior.normal, 0).astype(np.float32), valid, width, height)
         normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-6)
         maps = maps._replace(normal=torch.from_numpy(normal), normal_valid=torch.from_numpy(valid))
+        maps = maps._replace(normal_weight=_weight(prior.normal_weight, width, height))
     return maps
 
 
@@ -72,6 +77,13 @@ def priors_digest(priors: Mapping[str, Prior], names: Iterable[str]) -> str:
             hasher.update(b"none" if known is None else f"{known.dtype} {known.shape}".encode())
             hasher.update(b"" if known is None else known.data)
     return hasher.hexdigest()[:16]
+
+
+def _weight(weight: np.ndarray | None, width: int, height: int) -> Tensor | None:
+    if weight is None:
+        return None
+    weight = np.ascontiguousarray(weight, np.float32)
+    return torch.from_numpy(_resized(weight, np.ones(weight.shape, bool), width, height)[0])
 
 
 def _resized(values: np.ndarray, valid: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:

@@ -30,6 +30,7 @@ class View(NamedTuple):
             None without a prior.
         normal_prior: (H, W, 3) float32 unit, world frame, facing the camera; normal_prior_valid: (H, W) bool.
             None without a prior.
+        depth_prior_weight, normal_prior_weight: (H, W) float32 in 0..1; None: 1 everywhere.
     """
 
     name: str
@@ -42,6 +43,8 @@ class View(NamedTuple):
     depth_prior_valid: Tensor | None = None
     normal_prior: Tensor | None = None
     normal_prior_valid: Tensor | None = None
+    depth_prior_weight: Tensor | None = None
+    normal_prior_weight: Tensor | None = None
 
     def target(self) -> Tensor:
         """(H, W, 3) float32 in 0..1."""

@@ -18,6 +18,10 @@ def maps(seed=0):
     return depth, alpha, prior, torch.rand(H, W, generator=g) > 0.1
 
 
+def weights():
+    return torch.rand(H, W, generator=torch.Generator().manual_seed(7), dtype=torch.float64)
+
+
 def everything(depth, prior, **options):
     return depth_prior_loss(depth, torch.ones_like(depth), prior, torch.ones(depth.shape, dtype=torch.bool), **options)
 
@@ -100,6 +104,57 @@ def test_gradcheck(space):
     )
 
 
+@pytest.mark.parametrize("space", ["depth", "disparity"])
+def test_gradcheck_with_weights(space):
+    depth, alpha, prior, valid = maps()
+    prior = prior if space == "depth" else 1 / prior
+    assert torch.autograd.gradcheck(
+        lambda d: depth_prior_loss(d, alpha, prior, valid, space=space, align=False, weight=weights()),
+        depth.requires_grad_(),
+    )
+
+
+def test_full_weight_everywhere_changes_no_bit():
+    depth, alpha, prior, valid = (part.float() if part.is_floating_point() else part for part in maps())
+    value, gradient = value_and_gradient(depth, alpha, prior, valid)
+    weighted, other = value_and_gradient(depth, alpha, prior, valid, weight=torch.ones(H, W))
+    assert value == weighted and gradient.numpy().tobytes() == other.numpy().tobytes()
+
+
+def test_doubt_everywhere_makes_the_term_small_and_doubt_in_places_leaves_those_out():
+    depth, alpha, prior, valid = maps()
+    value, gradient = value_and_gradient(depth, alpha, prior, valid)
+    halved, half = value_and_gradient(depth, alpha, prior, valid, weight=torch.full((H, W), 0.5))
+    assert halved == pytest.approx(value / 2, rel=1e-12)
+    torch.testing.assert_close(half, gradient / 2)
+    # without a weight a pixel pulls no more than an invalid one, though it still counts in the mean
+    weight = torch.ones(H, W, dtype=torch.float64)
+    weight[3:8, 2:9] = 0
+    wrong = torch.where(weight > 0, prior, 50.0)
+    left_out, gradient = value_and_gradient(depth, alpha, wrong, valid, gradient_weight=0, weight=weight)
+    kept = valid & (alpha >= 0.5)
+    share = torch.count_nonzero(kept & (weight > 0)) / torch.count_nonzero(kept)
+    scale, shift = scale_and_shift(wrong, depth, kept * weight)
+    unit = scale * wrong[kept].mean() + shift
+    residual = (depth - scale * wrong - shift)[kept & (weight > 0)] / unit
+    assert left_out == pytest.approx(float(share * residual.square().mean()), rel=1e-9)
+    assert (gradient[weight == 0] == 0).all() and (gradient[kept & (weight > 0)] != 0).any()
+
+
+def test_the_fit_counts_pixels_by_their_weight():
+    depth, _, prior, _ = maps()
+    weight = weights()
+    wanted = np.polyfit(prior.numpy().ravel(), depth.numpy().ravel(), 1, w=weight.sqrt().numpy().ravel())
+    assert scale_and_shift(prior, depth, weight) == pytest.approx(tuple(wanted), rel=1e-9)
+    assert scale_and_shift(prior, depth, 0 * weight) == (1.0, 0.0)
+
+
+def test_no_weight_at_all_costs_nothing():
+    depth, alpha, prior, valid = maps()
+    value, gradient = value_and_gradient(depth, alpha, prior, valid, weight=torch.zeros(H, W))
+    assert value == 0 and (gradient == 0).all()
+
+
 def test_scale_and_shift_are_held_constant_in_the_gradient():
     depth, alpha, prior, valid = maps()
     kept = valid & (alpha >= 0.5)
@@ -169,6 +224,8 @@ def test_unknown_space_and_other_sizes_are_refused():
         depth_prior_loss(depth, alpha, prior, valid, space="log")
     with pytest.raises(ValueError, match="differ in size"):
         depth_prior_loss(depth, alpha, prior[1:], valid)
+    with pytest.raises(ValueError, match="differ in size"):
+        depth_prior_loss(depth, alpha, prior, valid, weight=weights()[1:])
 
 
 def plane_depth(tilt, height=40, width=50, f=40.0):

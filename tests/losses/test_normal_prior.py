@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from room2dgs.losses.normal_prior import normal_prior_loss
+from room2dgs.losses.normal_prior import doubt, normal_prior_loss
 
 H, W = 6, 7
 
@@ -53,6 +53,60 @@ def test_gradcheck():
     )
 
 
+def weights():
+    return torch.rand(H, W, generator=torch.Generator().manual_seed(7), dtype=torch.float64)
+
+
+def test_gradcheck_with_weights():
+    normal, alpha, prior, valid = random_maps()
+    assert torch.autograd.gradcheck(
+        lambda n: normal_prior_loss(n, alpha, prior, valid, l1=0.7, cosine=1.3, weight=weights()),
+        normal.requires_grad_(),
+    )
+
+
+def test_full_weight_everywhere_changes_no_bit():
+    normal, alpha, prior, valid = (part.float() if part.is_floating_point() else part for part in random_maps())
+    found = []
+    for weight in (None, torch.ones(H, W)):
+        leaf = normal.clone().requires_grad_()
+        value = normal_prior_loss(leaf, alpha, prior, valid, weight=weight)
+        value.backward()
+        found.append((value.item(), leaf.grad.numpy().tobytes()))
+    assert found[0] == found[1]
+
+
+def test_each_pixel_costs_its_weight():
+    rendered, prior, weight = constant(1, 0, 0), constant(0, 0, -1), weights()
+    value = normal_prior_loss(rendered, ONES, prior, ALL, l1=0, cosine=1, weight=weight).item()
+    assert value == pytest.approx(weight.mean().item(), abs=1e-5)
+    weight[2, 3] = torch.nan  # of a pixel that does not count
+    valid = ALL.clone()
+    valid[2, 3] = False
+    assert np.isfinite(normal_prior_loss(rendered, ONES, prior, valid, weight=weight).item())
+
+
+@pytest.mark.parametrize("length", [0.3, 1.0])
+def test_doubt_quarters_the_weight_at_its_width_and_spares_what_agrees(length):
+    prior = constant(0, 0, -1)
+
+    def at(degrees, width_deg):
+        angle = np.radians(degrees)
+        rendered = constant(0, length * np.sin(angle), -length * np.cos(angle)).requires_grad_()
+        found = doubt(rendered, prior, width_deg)
+        assert not found.requires_grad and found.shape == (H, W)
+        return found[0, 0].item()
+
+    for width_deg in (10, 30, 60):
+        assert at(0, width_deg) == pytest.approx(1, abs=1e-2)
+        assert at(width_deg, width_deg) == pytest.approx(0.25, abs=1e-2)
+        assert at(180, width_deg) < 0.05
+        falling = [at(degrees, width_deg) for degrees in range(0, 181, 15)]
+        assert falling == sorted(falling, reverse=True)
+    assert at(20, 10) < at(20, 30)
+    assert (doubt(constant(0, 0, 0), prior, 20) < 0.2).all()
+
+
 def test_pixels_that_do_not_count_have_no_say_and_no_gradient():
     normal, alpha, prior, valid = random_maps()
     counts = valid & (alpha >= 0.5)
@@ -91,3 +145,5 @@ def test_other_sizes_are_refused():
     normal, alpha, prior, valid = random_maps()
     with pytest.raises(ValueError, match="differ in size"):
         normal_prior_loss(normal, alpha[1:], prior, valid)
+    with pytest.raises(ValueError, match="differ in size"):
+        normal_prior_loss(normal, alpha, prior, valid, weight=weights()[1:])

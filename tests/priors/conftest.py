@@ -91,7 +91,8 @@ def prior_config():
 
     def make(*choice: str, **changes):
         overrides = [f"prior.{key.replace('__', '.')}={value}" for key, value in changes.items()]
-        return load_config(["scene.path=a", "out=b", *choice, *overrides]).prior
+        whole = [] if any(part.startswith("prior=") for part in choice) else ["prior=none"]
+        return load_config(["scene.path=a", "out=b", *whole, *choice, *overrides]).prior
 
     return make
 
@@ -150,6 +151,69 @@ def onnx_file(tmp_path: Path):
 def depth_network(onnx_file) -> Path:
     """Its map is the mean of the photo's channels."""
     return onnx_file([("ReduceMean", ["photo"], ["map"], {"axes": [1], "keepdims": 1})], name="mean.onnx")
+
+
+NEAREST = 0.5  # metres; what `telling_photo` can tell
+
+
+def telling_photo(depth: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """(H, W, 3) uint8 that `room_network` reads depth and camera-frame normals from: (inverse depth, n_x, n_y)."""
+    channels = [NEAREST / depth, 0.5 * (normal[..., 0] + 1), 0.5 * (normal[..., 1] + 1)]
+    return np.round(255 * np.stack(channels, axis=-1).clip(0, 1)).astype(np.uint8)
+
+
+@pytest.fixture
+def telling_photos(room, photos) -> list[Frame]:
+    """Frames of the room whose photos say what `room_network` has to find."""
+    return photos([telling_photo(depth, normal) for depth, normal in zip(room.depths, room.normals, strict=True)])
+
+
+@pytest.fixture
+def room_network(onnx_file) -> Path:
+    """A network with the inputs and outputs of the one that is shipped; it reads its maps off `telling_photo`.
+
+    Its metres are those of a camera whose input has fx = fy = 240. Expected errors: of ln depth 0.3 beyond 2.5 m and
+    0.02 nearer; of normals 0.1 everywhere.
+    """
+    sides = ("height", "width")
+    nodes = [
+        ("Split", ["image"], ["inverse", "g", "b"], {"axis": 1}),
+        ("Div", ["nearest", "inverse"], ["canonical"], {}),
+        ("Slice", ["intrinsics", "zero", "one", "axes"], ["row"], {}),
+        ("Slice", ["row", "zero", "one", "last"], ["fx"], {}),
+        ("Div", ["fx", "focal"], ["factor3"], {}),
+        ("Unsqueeze", ["factor3", "last"], ["factor"], {}),
+        ("Mul", ["canonical", "factor"], ["depth"], {}),
+        ("Greater", ["canonical", "far"], ["is_far"], {}),
+        ("Where", ["is_far", "unsure", "sure"], ["depth_error"], {}),
+        ("Mul", ["g", "two"], ["g2"], {}),
+        ("Sub", ["g2", "one_f"], ["nx"], {}),
+        ("Mul", ["b", "two"], ["b2"], {}),
+        ("Sub", ["b2", "one_f"], ["ny"], {}),
+        ("Mul", ["nx", "nx"], ["nx2"], {}),
+        ("Mul", ["ny", "ny"], ["ny2"], {}),
+        ("Sum", ["nx2", "ny2"], ["across"], {}),
+        ("Sub", ["one_f", "across"], ["rest"], {}),
+        ("Max", ["rest", "tiny"], ["nz2"], {}),
+        ("Sqrt", ["nz2"], ["minus_nz"], {}),
+        ("Neg", ["minus_nz"], ["nz"], {}),
+        ("Concat", ["nx", "ny", "nz"], ["rough"], {"axis": 1}),
+        ("LpNormalization", ["rough"], ["normal"], {"axis": 1, "p": 2}),
+        ("Mul", ["nx", "zero_f"], ["nought"], {}),
+        ("Add", ["nought", "tenth"], ["normal_error"], {}),
+    ]
+    numbers = {"nearest": NEAREST, "far": 2.5, "unsure": 0.3, "sure": 0.02, "two": 2.0, "one_f": 1.0, "tiny": 1e-6}
+    numbers |= {"focal": 240.0, "zero_f": 0.0, "tenth": 0.1}
+    constants = {name: np.float32(value) for name, value in numbers.items()}
+    constants |= {name: np.array([value], np.int64) for name, value in dict(zero=0, one=1, axes=1, last=2).items()}
+    channels = {"depth": 1, "depth_error": 1, "normal": 3, "normal_error": 1}
+    return onnx_file(
+        nodes,
+        {"image": ("FLOAT", (1, 3, *sides)), "intrinsics": ("FLOAT", (1, 3, 3))},
+        {name: ("FLOAT", (1, count, *sides)) for name, count in channels.items()},
+        constants,
+        name="stand_in.onnx",
+    )
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import torch
 
-from room2dgs.priors import load_priors
+from room2dgs.priors import joint, load_priors
 from room2dgs.priors.agreement import of_axes, of_planes
 from room2dgs.priors.geometry import pixel_rays
-from room2dgs.priors.joint import joint_depths
+from room2dgs.priors.joint import STAGES, joint_depths
 from room2dgs.priors.overlap import overlap, plain_regions
 from room2dgs.priors.room_axes import room_axes
 from room2dgs.scene.scene import Frame, PointCloud
@@ -97,6 +97,50 @@ def test_one_bad_map_does_not_spoil_the_others(ring):
     bent = joint_depths(frames, spoilt, normals, points).depths
     others = {name: depth for name, depth in bent.items() if name != bad}
     assert error(others, depths) < 0.015
+
+
+def test_full_trust_everywhere_changes_no_bit(ring, monkeypatch):
+    monkeypatch.setattr(joint, "STAGES", STAGES[:1])
+    frames, depths, normals, points = ring
+    spoilt, trust = warped(depths), {name: np.ones(depth.shape, np.float32) for name, depth in depths.items()}
+    one = joint_depths(frames, spoilt, normals, points).depths
+    other = joint_depths(frames, spoilt, normals, points, True, trust, trust).depths
+    for name, depth in one.items():
+        np.testing.assert_array_equal(depth, other[name])
+
+
+def test_what_a_map_does_not_believe_of_itself_bends_easily_and_spoils_no_other(ring, monkeypatch):
+    monkeypatch.setattr(joint, "STAGES", STAGES[:3])
+    frames, depths, normals, _ = ring
+    rng = np.random.default_rng(3)
+    spoilt, trust, wrong = warped(depths, 0.04), {}, {}
+    for name, depth in spoilt.items():
+        y, x = np.mgrid[0 : depth.shape[0], 0 : depth.shape[1]] / depth.shape[1]
+        blob = np.exp(-((x - rng.uniform(0.2, 0.8)) ** 2 + (y - rng.uniform(0.15, 0.6)) ** 2) / (2 * 0.12**2))
+        noise = cv2.GaussianBlur(rng.normal(size=depth.shape), (0, 0), 1.5)
+        bump = rng.choice([-0.3, 0.3]) + 0.1 * noise / noise.std()
+        spoilt[name] = (depth * np.exp(blob * bump)).astype(np.float32)
+        trust[name] = (1 / (1 + ((0.03 + 0.3 * blob) / 0.1) ** 2)).astype(np.float32)
+        wrong[name] = blob > 0.4
+
+    def errors(*weights):
+        found = joint_depths(frames, spoilt, normals, NOTHING, True, *weights).depths
+        off = {name: np.abs(found[name] / depths[name] - 1) for name in found}
+        return [np.mean([off[name][wrong[name] == which].mean() for name in off]) for which in (False, True)]
+
+    blind, told = errors(), errors(trust)
+    assert told[0] < 0.8 * blind[0] and told[1] < blind[1]
+
+
+def test_normals_that_are_not_believed_do_not_tilt_the_depth(ring, monkeypatch):
+    monkeypatch.setattr(joint, "STAGES", STAGES[:3])
+    frames, depths, normals, points = ring
+    turn = cv2.Rodrigues(np.array([0.3, 0.2, -0.25]))[0]
+    turned = {name: (normal @ turn.T).astype(np.float32) for name, normal in normals.items()}
+    nothing = {name: np.zeros(depth.shape, np.float32) for name, depth in depths.items()}
+    believed = joint_depths(frames, depths, turned, points, False).depths
+    without = joint_depths(frames, depths, turned, points, False, None, nothing).depths
+    assert error(without, depths) < 2e-3 < error(believed, depths)
 
 
 def test_the_same_maps_give_the_same_bits_and_holes_stay_holes(ring):

@@ -26,12 +26,12 @@ def photo() -> np.ndarray:
 
 def opened(path, kind="depth", threads=1, **changes):
     overrides = [f"prior.{kind}.onnx.{key}={value}" for key, value in changes.items()]
-    config = getattr(load_config(["scene.path=a", "out=b", *overrides]).prior, kind)
+    config = getattr(load_config(["scene.path=a", "out=b", "prior=none", *overrides]).prior, kind)
     return open_network(path, kind, config.onnx, threads, "cpu")
 
 
 def test_a_depth_map_is_the_networks_own(onnx_file, photo):
-    values, valid = predicted(opened(onnx_file(MEAN), white=255, **STILL), photo, CAMERA)
+    values, valid, _ = predicted(opened(onnx_file(MEAN), white=255, **STILL), photo, CAMERA)
     np.testing.assert_allclose(values, photo.mean(axis=2), rtol=1e-5)
     assert valid.all() and values.dtype == np.float32
 
@@ -45,27 +45,27 @@ def test_any_arrangement_of_one_channel_is_a_map(onnx_file, photo, shape):
         ("Unsqueeze", ["flat", "last"], ["map"], {}) if shape.endswith("w 1") else ("Identity", ["flat"], ["map"], {})
     )
     path = onnx_file(nodes, constants={"axes": np.array(steps, np.int64), "last": np.array([3], np.int64)})
-    values, _ = predicted(opened(path, white=255, **STILL), photo, CAMERA)
+    values, *_ = predicted(opened(path, white=255, **STILL), photo, CAMERA)
     np.testing.assert_allclose(values, photo.mean(axis=2), rtol=1e-5)
 
 
 def test_half_precision_is_given_and_taken(onnx_file, photo):
     inputs, outputs = {"photo": ("FLOAT16", (1, 3, 12, 16))}, {"map": ("FLOAT16", None)}
-    values, _ = predicted(opened(onnx_file(MEAN, inputs, outputs), white=255), photo, CAMERA)
+    values, *_ = predicted(opened(onnx_file(MEAN, inputs, outputs), white=255), photo, CAMERA)
     np.testing.assert_allclose(values, photo.mean(axis=2), rtol=1e-3)
     assert values.dtype == np.float32
 
 
 def test_channels_last_in_and_one_channel_of_three_out(onnx_file, photo):
     path = onnx_file(SAME, {"photo": ("FLOAT", (1, 12, 16, 3))})
-    values, _ = predicted(opened(path, white=255, layout="nhwc", output_channel=2), photo, CAMERA)
+    values, *_ = predicted(opened(path, white=255, layout="nhwc", output_channel=2), photo, CAMERA)
     np.testing.assert_allclose(values, photo[..., 2])
 
 
 def test_canonical_depth_becomes_metres_of_this_focal_length(onnx_file, photo):
     path = onnx_file(MEAN, {"photo": ("FLOAT", (1, 3, 24, 40))})
-    canonical, _ = predicted(opened(path, white=255, fit="pad"), photo, CAMERA)
-    metres, valid = predicted(opened(path, white=255, fit="pad", canonical_focal_px=1000), photo, CAMERA)
+    canonical, *_ = predicted(opened(path, white=255, fit="pad"), photo, CAMERA)
+    metres, valid, _ = predicted(opened(path, white=255, fit="pad", canonical_focal_px=1000), photo, CAMERA)
     # twice as large in the input, so 100 px of focal length there
     np.testing.assert_allclose(metres, 0.1 * canonical, rtol=1e-6)
     assert metres.shape == valid.shape == (24, 32)
@@ -83,7 +83,7 @@ def test_intrinsics_and_patches_go_in_where_they_are_named(onnx_file, photo):
     ]
     path = onnx_file(nodes, inputs, constants={"zero": np.float32(0)})
     network = opened(path, intrinsics="K", tokens="n", fit="cover", multiple=4, height=24, width=24)
-    values, _ = predicted(network, photo, CAMERA)
+    values, *_ = predicted(network, photo, CAMERA)
     assert values.shape == (24, 32)
     np.testing.assert_allclose(values, 48 * (100 + 100 + 17 + 12 + 1), rtol=1e-6)
     with pytest.raises(InputError, match=r"wants more than a photo, n; name it as prior\.depth\.onnx\.intrinsics"):
@@ -94,7 +94,7 @@ def test_a_mask_says_what_is_valid(onnx_file, photo):
     nodes = [*MEAN, ("Greater", ["map", "limit"], ["over"], {}), ("Cast", ["over"], ["mask"], {"to": 1})]
     outputs = {"map": ("FLOAT", None), "mask": ("FLOAT", None)}
     path = onnx_file(nodes, outputs=outputs, constants={"limit": np.float32(100)})
-    _, valid = predicted(opened(path, white=255, mask="mask", **STILL), photo, CAMERA)
+    _, valid, _ = predicted(opened(path, white=255, mask="mask", **STILL), photo, CAMERA)
     np.testing.assert_array_equal(valid, photo.mean(axis=2) > 100)
 
 
@@ -107,7 +107,7 @@ def test_normals_come_as_unit_vectors(onnx_file, values, white, layout):
     stored = (normals + 1) / 2 if values == "zero_to_one" else normals
     shape = (1, 3, 12, 16) if layout == "nchw" else (1, 12, 16, 3)
     network = opened(onnx_file(SAME, {"photo": ("FLOAT", shape)}), "normal", values=values, white=white, layout=layout)
-    found, valid = predicted(network, np.round(stored * 255).astype(np.uint8), CAMERA)
+    found, valid, _ = predicted(network, np.round(stored * 255).astype(np.uint8), CAMERA)
     np.testing.assert_allclose(np.linalg.norm(found, axis=-1), 1, atol=1e-5)
     assert valid.all() and (found * normals).sum(axis=-1).min() > 0.9999
 
@@ -125,7 +125,7 @@ def test_weights_beside_the_model_are_found_from_any_folder(onnx_file, photo, tm
     path.parent.mkdir()
     onnx.save(model, str(path), save_as_external_data=True, location="model.onnx_data", size_threshold=0)
     monkeypatch.chdir(tmp_path.parent)
-    values, _ = predicted(opened(read_model(path).path, white=255, output_channel=1, **STILL), photo, CAMERA)
+    values, *_ = predicted(opened(read_model(path).path, white=255, output_channel=1, **STILL), photo, CAMERA)
     np.testing.assert_allclose(values, 2.0 * photo[..., 1])
 
 
@@ -175,7 +175,7 @@ def test_one_of_several_outputs_has_to_be_named(onnx_file, photo):
     path = onnx_file(nodes, outputs={"map": ("FLOAT", None), "minus": ("FLOAT", None)})
     with pytest.raises(InputError, match=r"needs prior\.depth\.onnx\.output=NAME; it has .*map float.*minus float"):
         opened(path)
-    values, _ = predicted(opened(path, output="minus", white=255, **STILL), photo, CAMERA)
+    values, *_ = predicted(opened(path, output="minus", white=255, **STILL), photo, CAMERA)
     np.testing.assert_allclose(values, -photo.mean(axis=2), rtol=1e-5)
 
 
@@ -190,6 +190,6 @@ def test_a_model_that_cannot_run_says_why_and_what_it_has(onnx_file, photo):
 
 def test_a_provider_that_is_not_there_is_named(onnx_file, monkeypatch):
     monkeypatch.setattr("onnxruntime.get_available_providers", lambda: ["CPUExecutionProvider"])
-    onnx_settings = load_config(["scene.path=a", "out=b"]).prior.depth.onnx
+    onnx_settings = load_config(["scene.path=a", "out=b", "prior=none"]).prior.depth.onnx
     with pytest.raises(InputError, match=r"prior\.provider=cuda cannot be used: onnxruntime .* has CPUExecutionPr"):
         open_network(onnx_file(MEAN), "depth", onnx_settings, 1, "cuda")

@@ -13,7 +13,8 @@ from room2dgs.config import conf_dir, load_config
 from room2dgs.config_overrides import group_choices
 from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
-from room2dgs.priors.onnx_maps import predicted_maps
+from room2dgs.priors.kept_maps import read_kept
+from room2dgs.priors.onnx_maps import predicted_maps, read_models
 
 DISPARITY = 200.0  # of 8-bit photos: grey level = DISPARITY / depth
 
@@ -48,8 +49,8 @@ def depth_config(prior_config, depth_network, tmp_path):
 
 def maps(frames, config):
     lines: list[str] = []
-    paths = predicted_maps(frames, "depth", config, lines.append)
-    return {name: np.load(path) for name, path in paths.items()}, "\n".join(lines)
+    paths = predicted_maps(frames, "depth", config, read_models(config), lines.append)
+    return {name: read_kept(path, "map") for name, path in paths.items()}, "\n".join(lines)
 
 
 def test_a_networks_disparity_becomes_metres(room, photos, grey, depth_config, sessions):
@@ -110,7 +111,7 @@ def test_another_working_size_has_maps_of_its_own(room, photos, grey, depth_conf
 def test_a_damaged_map_is_made_again(room, photos, grey, depth_config, tmp_path):
     frames = photos(grey)
     first, _ = maps(frames, depth_config())
-    path = next((tmp_path / "kept" / "depth").glob(f"{frames[3].name}-*.npy"))
+    path = next((tmp_path / "kept" / "depth").glob(f"{frames[3].name}-*.npz"))
     path.write_bytes(path.read_bytes()[:200])
     again, said = maps(frames, depth_config())
     assert "on 1 photos; 5 of its maps" in said
@@ -183,7 +184,7 @@ def test_a_wrong_convention_is_told_before_all_photos_are_computed(
     settings = prior_config(*choice, cache=tmp_path / "kept", normal__onnx__model=model)
     with pytest.raises(InputError, match="another convention"):
         load_priors(frames, room.points, settings, lambda line: None)
-    assert len(list((tmp_path / "kept" / "normal").glob("*.npy"))) == 3
+    assert len(list((tmp_path / "kept" / "normal").glob("*.npz"))) == 3
 
 
 def test_simulated_files_beside_a_network_stay_labelled(
@@ -201,7 +202,9 @@ def test_simulated_files_beside_a_network_stay_labelled(
 CHOICES = [(kind, name) for kind in ("depth", "normal") for name in group_choices(conf_dir())[f"prior/{kind}"]]
 
 
-@pytest.mark.parametrize(("kind", "name"), [choice for choice in CHOICES if choice[1] not in ("none", "files")])
+@pytest.mark.parametrize(
+    ("kind", "name"), [choice for choice in CHOICES if choice[1] not in ("none", "files", "room_prior")]
+)
 def test_every_ready_configuration_wants_a_model_and_says_which(kind, name):
     given = ["scene.path=a", "out=b", f"prior/{kind}={name}"]
     with pytest.raises(InputError, match=rf"^prior\.{kind}\.onnx\.model=FILE is not given; get \S+ "):
@@ -233,7 +236,8 @@ def test_wrong_settings_of_a_network_are_one_sentence(override, said):
 def test_a_kind_of_prior_can_be_chosen_alone_and_on_an_earlier_run(tmp_path):
     from room2dgs.config import dump_config
 
-    earlier = load_config(["scene.path=a", "out=b", "prior/depth=tcmonodepth", "prior.depth.onnx.model=m.onnx"])
+    choice = ["prior=none", "prior/depth=tcmonodepth", "prior.depth.onnx.model=m.onnx"]
+    earlier = load_config(["scene.path=a", "out=b", *choice])
     assert (earlier.prior.depth.source, earlier.prior.normal.source) == ("onnx", "none")
     (tmp_path / "config.yaml").write_text(dump_config(earlier))
     again = load_config(["prior/normal=files", "prior.normal.path=n"], tmp_path / "config.yaml")

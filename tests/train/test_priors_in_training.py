@@ -1,13 +1,16 @@
 """Depth and normal priors on their way into the loss."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 import torch
 
 from room2dgs.errors import InputError
 from room2dgs.priors.prior import Prior
-from room2dgs.train import load_surfels, train
-from room2dgs.train.objective import needed_maps
+from room2dgs.splat.types import Rendering
+from room2dgs.train import load_surfels, loop, train
+from room2dgs.train.objective import loss_terms, needed_maps
 from room2dgs.train.views import Views, load_view
 
 START = ["loss.depth_prior.start=0", "loss.normal_prior.start=0", "loss.normal_consistency.enabled=false"]
@@ -34,7 +37,7 @@ def surfel_bits(result):
 def test_a_view_has_its_own_frames_maps_and_others_have_none(capture):
     frames = capture[0].train
     views = Views(frames, {frames[1].name: wall_prior()})
-    assert all(values is None for values in views.at(0)[-4:])
+    assert all(values is None for values in views.at(0)[-6:])
     view = views.at(1)
     np.testing.assert_array_equal(view.depth_prior, np.full((24, 32), 1.5, np.float32))
     np.testing.assert_array_equal(view.normal_prior, wall_prior().normal)
@@ -138,15 +141,97 @@ def test_resume_wants_the_same_priors(capture, configure, log, tmp_path):
     scene, points = capture
     priors = {frame.name: wall_prior() for frame in scene.train}
     whole = train(scene, points, configure(), tmp_path, log, priors).surfels_path.read_bytes()
-    copies = {name: Prior(*(values.copy() for values in prior)) for name, prior in priors.items()}
-    resumed = train(scene, points, configure("resume=true"), tmp_path, log, copies)
+    resumed = train(scene, points, configure("resume=true"), tmp_path, log, deepcopy(priors))
     assert resumed.surfels_path.read_bytes() == whole
     first = scene.train[0].name
     depth = priors[first].depth.copy()
     depth[3, 4] += 1e-3
     fewer = {name: prior for name, prior in priors.items() if name != first}
-    for other in (None, fewer, priors | {first: priors[first]._replace(depth=depth)}):
+    doubted = {first: priors[first]._replace(depth_weight=np.full((24, 32), 0.5, np.float32))}
+    for other in (None, fewer, priors | {first: priors[first]._replace(depth=depth)}, priors | doubted):
         with pytest.raises(InputError, match="other depth or normal priors"):
             train(scene, points, configure("resume=true"), tmp_path, log, other)
     # a held-out frame's prior is not looked at
     train(scene, points, configure("resume=true"), tmp_path, log, priors | {scene.test[0].name: wall_prior()})
+
+
+def test_weights_follow_their_maps_to_any_size(capture):
+    weight = np.tile(np.linspace(0, 1, 32, dtype=np.float32), (24, 1))
+    frame = capture[0].train[0]
+    prior = wall_prior(depth_weight=weight, normal_weight=1 - weight)
+    whole, half = (load_view(frame, fraction, prior) for fraction in (1.0, 0.5))
+    np.testing.assert_array_equal(whole.depth_prior_weight, weight)
+    np.testing.assert_array_equal(whole.normal_prior_weight, 1 - weight)
+    np.testing.assert_allclose(half.depth_prior_weight, weight[::2].reshape(12, 16, 2).mean(2), atol=1e-6)
+    np.testing.assert_allclose(half.normal_prior_weight, 1 - half.depth_prior_weight, atol=1e-6)
+    without = load_view(frame, 0.5, wall_prior())
+    assert without.depth_prior_weight is None and without.normal_prior_weight is None
+
+
+def slanted_rendering(tilt=0.3) -> Rendering:
+    normal = torch.zeros(24, 32, 3)
+    normal[:] = torch.tensor([np.sin(tilt), 0, -np.cos(tilt)])
+    depth, ones = torch.from_numpy(slanted_depth()), torch.ones(24, 32)
+    return Rendering(torch.zeros(24, 32, 3), ones, depth, depth, normal, torch.zeros(24, 32))
+
+
+def test_terms_count_each_pixel_by_its_weight(capture, configure):
+    config, frame = configure(*START), capture[0].train[0]
+
+    def terms(**weights):
+        view = load_view(frame, 1.0, wall_prior(**weights))
+        found = loss_terms(slanted_rendering(), torch.zeros(24, 32, 3), view, config, 0)
+        return [found[name].value.item() for name in ("depth_prior", "normal_prior")]
+
+    depth, normal = terms()
+    weight = np.full((24, 32), 0.25, np.float32)
+    assert terms(depth_weight=weight) == [pytest.approx(depth / 4), normal]
+    assert terms(normal_weight=weight) == [depth, pytest.approx(normal / 4)]
+    # which pixels are doubted matters: every other row and column is compared
+    weight[::2, ::2] = 0
+    assert terms(depth_weight=weight, normal_weight=weight) == [0, 0]
+
+
+def test_normals_that_disagree_with_the_rendering_lose_weight_from_its_time_on(capture, configure):
+    frame, doubted = capture[0].train[0], ["loss.normal_doubt={enabled:true,start:0.5,first_deg:60,last_deg:20}"]
+
+    def normal_term(iteration, *settings, tilt=1.0, **weights):
+        view = load_view(frame, 1.0, wall_prior(**weights))
+        config = configure(*START, *settings)
+        found = loss_terms(slanted_rendering(tilt), torch.zeros(24, 32, 3), view, config, iteration)
+        return found["normal_prior"].value.item()
+
+    whole = normal_term(7)
+    assert normal_term(3, *doubted) == whole
+    first, last = normal_term(4, *doubted), normal_term(7, *doubted)
+    # 1 radian is about 60 degrees
+    assert first == pytest.approx(whole * (1 + (1 - np.cos(1.0)) / 0.5) ** -2, rel=1e-4)
+    assert last == pytest.approx(whole * (1 + (1 - np.cos(1.0)) / (1 - np.cos(np.radians(20)))) ** -2, rel=1e-4)
+    assert normal_term(7, *doubted, tilt=0.0) == pytest.approx(normal_term(7, tilt=0.0), abs=1e-7)
+    half = np.full((24, 32), 0.5, np.float32)
+    assert normal_term(7, *doubted, normal_weight=half) == pytest.approx(last / 2)
+
+
+def test_a_run_that_doubts_is_resumed_to_the_same_bits_and_only_at_its_length(
+    capture, configure, log, tmp_path, monkeypatch
+):
+    scene, points = capture
+    priors = {frame.name: wall_prior(tilt=0.6) for frame in scene.train}
+    settings = [*START, "loss.normal_prior.weight=100", "loss.normal_doubt={enabled:true,start:2}"]
+    whole = train(scene, points, configure(*settings), tmp_path / "whole", log, priors).surfels_path.read_bytes()
+    iterate = loop.iterate
+
+    def stopped(model, *args):
+        if model.iteration == 6:
+            raise KeyboardInterrupt
+        return iterate(model, *args)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(loop, "iterate", stopped)
+        train(scene, points, configure(*settings), tmp_path / "cut", log, priors)
+    resumed = train(scene, points, configure(*settings, "resume=true"), tmp_path / "cut", log, priors)
+    assert resumed.surfels_path.read_bytes() == whole
+    without = train(scene, points, configure(*settings[:-1]), tmp_path / "without", log, priors)
+    assert without.surfels_path.read_bytes() != whole
+    with pytest.raises(InputError, match=r"train\.iterations"):
+        train(scene, points, configure(*settings, "resume=true", "train.iterations=12"), tmp_path / "cut", log, priors)

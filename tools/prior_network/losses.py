@@ -13,7 +13,7 @@ from room2dgs.tools.prior_network.network import Maps
 # likelihoods are weighted by (expected error)^BETA: with 0 the network would learn what it knows already (Seitzer 2022)
 BETA = 0.5
 NORMAL_LIKELIHOOD, NORMAL_ANGLE = 1.0, 1.5
-DEPTH_LIKELIHOOD, DEPTH_METRIC, DEPTH_GRADIENT = 0.6, 0.3, 0.6
+DEPTH_LIKELIHOOD, DEPTH_METRIC, DEPTH_GRADIENT = 2.0, 0.6, 3.0
 GRADIENT_STRIDES = (1, 2, 4, 8)
 
 

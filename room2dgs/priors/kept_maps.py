@@ -1,0 +1,78 @@
+"""A network's map of one photo on disk: .npz with "map" and, where the network tells it, "error"."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from room2dgs.errors import InputError
+from room2dgs.files import whole_file
+
+SUFFIX = ".npz"
+# In place of a map: the network saw nothing valid in the photo.
+_NOTHING = ".nothing"
+_DAMAGE = (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile)
+
+
+def is_kept(path: Path, shape: tuple[int, ...]) -> bool:
+    """Whether a map of this shape is there and whole, or known to be empty; its numbers are not read."""
+    if is_nothing(path):
+        return True
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open("map.npy") as file:
+            np.lib.format.read_magic(file)
+            return np.lib.format.read_array_header_1_0(file)[0] == shape
+    except _DAMAGE:
+        return False
+
+
+def is_nothing(path: Path) -> bool:
+    """Whether the network saw nothing in this photo."""
+    return path.with_suffix(_NOTHING).exists()
+
+
+def keep_map(path: Path, values: np.ndarray, valid: np.ndarray, error: np.ndarray | None) -> None:
+    """Write a map, float16 where that keeps three digits.
+
+    Args:
+        values: (H, W) or (H, W, 3).
+        valid: (H, W) bool; other pixels are written as 0, with an infinite error.
+        error: (H, W) or None.
+
+    Raises:
+        OSError: the disk refuses.
+    """
+    if not valid.any() or not values[valid].any():
+        with whole_file(path.with_suffix(_NOTHING)) as temporary:
+            temporary.write_bytes(b"")
+        return
+    arrays = {"map": _short(np.where(valid if values.ndim == 2 else valid[..., None], values, 0.0), values.ndim == 2)}
+    if error is not None:
+        arrays["error"] = _short(np.where(valid, error, np.inf), True)
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **arrays)
+
+
+def read_kept(path: Path, name: str) -> np.ndarray | None:
+    """ "map" or "error" as float32; None where the file has no such array.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return arrays[name].astype(np.float32) if name in arrays else None
+    except _DAMAGE as error:
+        raise InputError(f"{path} cannot be read; delete it, and it is made again") from error
+
+
+def _short(values: np.ndarray, relative: bool) -> np.ndarray:
+    values = values.astype(np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):
+        half = values.astype(np.float16)
+        off = np.abs(half.astype(np.float32) - values)
+    known = np.isfinite(values)
+    close = off[known] <= 1e-3 * (np.abs(values[known]) if relative else 1.0)
+    return half if close.all() else values

@@ -1,0 +1,90 @@
+"""A network's expected error on its way to weights, and maps that lie on the disk with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from room2dgs.errors import InputError
+from room2dgs.priors.confidence import read_weight, weight_of
+from room2dgs.priors.kept_maps import is_kept, is_nothing, keep_map, read_kept
+
+
+@pytest.fixture
+def settings(prior_config):
+    return prior_config("prior=room_prior", depth__onnx__error_scale=0.2, depth__onnx__max_error=1.0).depth.onnx
+
+
+def test_weights_of_known_errors(settings):
+    error = np.array([[0.0, 0.1, 0.2, 0.6], [1.0, 1.01, np.inf, np.nan]], np.float32)
+    expected = [[1, 0.8, 0.5, 0.1], [1 / 26, 0, 0, 0]]
+    np.testing.assert_allclose(weight_of(error, settings), expected, rtol=1e-5)
+    assert weight_of(error, settings).dtype == np.float32
+
+
+@given(st.floats(1e-3, 10), st.floats(0, 10), st.floats(0, 10))
+def test_a_larger_error_never_weighs_more(scale, one, other):
+    from room2dgs.config import OnnxConfig
+
+    small, large = sorted((one, other))
+    weights = weight_of(np.array([[small, large]]), OnnxConfig(error_scale=scale, max_error=10.0))
+    assert 0 <= weights[0, 1] <= weights[0, 0] <= 1
+
+
+@pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3)])
+def test_a_map_comes_back_with_its_error(tmp_path, shape):
+    rng = np.random.default_rng(0)
+    values = rng.uniform(0.5, 1.0, shape).astype(np.float32)
+    valid = rng.random((5, 7)) > 0.3
+    error = rng.uniform(0.01, 0.5, (5, 7)).astype(np.float32)
+    path = tmp_path / "folder" / "map.npz"
+    assert not is_kept(path, shape)
+    keep_map(path, values, valid, error)
+    assert is_kept(path, shape) and not is_kept(path, (7, 5)) and not is_nothing(path)
+    found = read_kept(path, "map")
+    np.testing.assert_allclose(found[valid], values[valid], rtol=2e-3)
+    assert (found[~valid] == 0).all() and found.dtype == np.float32
+    found = read_kept(path, "error")
+    np.testing.assert_allclose(found[valid], error[valid], rtol=1e-3)
+    assert np.isinf(found[~valid]).all()
+    assert [file.name for file in path.parent.iterdir()] == ["map.npz"]
+
+
+def test_depths_beyond_half_precision_are_kept_whole(tmp_path):
+    path = tmp_path / "map.npz"
+    keep_map(path, np.full((2, 2), 1e6, np.float32), np.ones((2, 2), bool), np.full((2, 2), 1e-7, np.float32))
+    np.testing.assert_array_equal(read_kept(path, "map"), 1e6)
+    np.testing.assert_allclose(read_kept(path, "error"), 1e-7, rtol=1e-6)
+
+
+def test_without_an_error_there_is_no_weight(tmp_path, settings):
+    keep_map(tmp_path / "map.npz", np.ones((2, 2), np.float32), np.ones((2, 2), bool), None)
+    assert read_kept(tmp_path / "map.npz", "error") is None
+    assert read_weight(tmp_path / "map.npz", settings) is None
+    np.save(tmp_path / "map.npy", np.ones((2, 2)))
+    assert read_weight(tmp_path / "map.npy", settings) is None
+
+
+def test_nothing_valid_is_remembered_without_a_map(tmp_path):
+    path = tmp_path / "map.npz"
+    keep_map(path, np.ones((2, 2), np.float32), np.zeros((2, 2), bool), np.ones((2, 2), np.float32))
+    assert is_nothing(path) and is_kept(path, (2, 2)) and not path.exists()
+
+
+@pytest.mark.parametrize("keep", [0, 10, 100, -30])
+def test_what_is_damaged_is_not_kept_and_named(tmp_path, keep):
+    path = tmp_path / "map.npz"
+    keep_map(path, np.ones((9, 9), np.float32), np.ones((9, 9), bool), None)
+    path.write_bytes(path.read_bytes()[:keep])
+    assert not is_kept(path, (9, 9))
+    with pytest.raises(InputError, match=r"map\.npz cannot be read; delete it"):
+        read_kept(path, "map")
+
+
+def test_a_pickle_is_not_opened(tmp_path):
+    path = tmp_path / "map.npz"
+    np.savez(path, map=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(InputError, match="cannot be read"):
+        read_kept(path, "map")
