@@ -8,15 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from room2dgs.config import PriorConfig
 from room2dgs.errors import InputError
 from room2dgs.priors.convention import camera_normals
-from room2dgs.priors.files import find_map, read_depth, read_normal, resize_depth, resize_normal
+from room2dgs.priors.files import find_map, read_depth, read_normal
 from room2dgs.priors.onnx_flip import Prediction as RawMap
-from room2dgs.priors.onnx_maps import KINDS, read_models
+from room2dgs.priors.onnx_maps import KINDS, at_camera, read_models
 from room2dgs.priors.onnx_network import predictions, same_input
 from room2dgs.priors.onnx_session import Network, open_network
 from room2dgs.scene.camera import Camera
@@ -124,16 +123,10 @@ def prediction(
 
 def _take(found: Prediction, kind: str, raw: RawMap, camera: Camera) -> None:
     """One map into the prediction, at the camera's size."""
-    values, valid, error = raw
-    if kind == "normal":
-        found.normal, _ = resize_normal(values, valid, camera)
-    else:
-        valid = valid & (values != 0)
-        values, valid = resize_depth(np.where(valid, values, 0.0).astype(np.float32), valid, camera)
-        found.depth = np.where(valid, values, 0.0)
+    values, valid, error = at_camera(raw, camera)
+    setattr(found, kind, values if kind == "normal" else np.where(valid, values, 0.0).astype(np.float32))
     if error is not None:
-        resized = cv2.resize(error, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR)
-        setattr(found, f"{kind}_error", resized)
+        setattr(found, f"{kind}_error", error)
 
 
 def _on_disk(frame: Frame, kind: str, config: PriorConfig, camera: Camera) -> RawMap | None:

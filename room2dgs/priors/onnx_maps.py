@@ -124,7 +124,7 @@ def _fill(frames: Sequence[Frame], kinds: Sequence[str], config: PriorConfig, mo
             if is_kept(path, _shape(frame, kind)):
                 continue
             try:
-                keep_map(path, *_at_camera(found, frame.camera))
+                keep_map(path, *at_camera(found, frame.camera))
             except OSError as error:
                 raise InputError(
                     f"{path.parent} cannot be written ({error.strerror}); choose another prior.cache=DIR"
@@ -136,7 +136,7 @@ def _fill(frames: Sequence[Frame], kinds: Sequence[str], config: PriorConfig, mo
     )
 
 
-def _at_camera(found: Prediction, camera: Camera) -> Prediction:
+def at_camera(found: Prediction, camera: Camera) -> Prediction:
     """A map at the size that the run works at."""
     values, valid, error = found
     if values.ndim == 3:
