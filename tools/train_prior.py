@@ -79,6 +79,8 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         return 130
+    finally:
+        torch.set_flush_denormal(False)  # it holds for the whole process
     return 0
 
 
