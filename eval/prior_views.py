@@ -13,6 +13,7 @@ from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.eval.prior_truth import Truth, frame_truth, truth_source
 from room2dgs.eval.surface import Surface
+from room2dgs.files import NUMPY_DAMAGE
 from room2dgs.mesh.io import read_mesh
 from room2dgs.scene.camera import Camera
 from room2dgs.scene.image_files import color_size
@@ -103,7 +104,7 @@ def _opened(shard: Path) -> list[np.ndarray]:
     """Radiance, depth, normals and focal lengths, not yet read."""
     try:
         arrays = [np.load(shard / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in ARRAYS]
-    except (OSError, ValueError, EOFError) as error:
+    except NUMPY_DAMAGE as error:
         raise InputError(f"{shard} is no whole folder of made rooms ({error}); make it again") from error
     if len({len(values) for values in arrays}) != 1:
         raise InputError(f"{shard} has arrays of different lengths; make it again")

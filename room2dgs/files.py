@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import os
 import shutil
+import tokenize
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from room2dgs.errors import InputError
+
+# what numpy raises when a .npy or .npz is damaged: it parses the header as Python, and each parser fails its own way
+NUMPY_DAMAGE = (
+    OSError, ValueError, TypeError, EOFError, KeyError, SyntaxError, OverflowError, MemoryError, RecursionError,
+    tokenize.TokenError, zipfile.BadZipFile,
+)  # fmt: skip
 
 
 @contextmanager

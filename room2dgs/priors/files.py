@@ -10,6 +10,7 @@ from PIL import Image
 
 from room2dgs.config import DepthPriorConfig, NormalPriorConfig
 from room2dgs.errors import InputError
+from room2dgs.files import NUMPY_DAMAGE
 from room2dgs.priors.kept_maps import SUFFIX, read_kept
 from room2dgs.scene.camera import Camera
 from room2dgs.scene.scene import Frame
@@ -127,7 +128,7 @@ def _read_npy(path: Path) -> np.ndarray:
         return kept
     try:
         values = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError, SyntaxError) as error:
+    except NUMPY_DAMAGE as error:
         raise InputError(f"{path} cannot be read as .npy; replace it or delete it") from error
     if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiu":
         raise InputError(f"{path} does not hold one array of numbers; write it with numpy.save")

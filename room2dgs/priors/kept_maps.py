@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from room2dgs.errors import InputError
-from room2dgs.files import whole_file
+from room2dgs.files import NUMPY_DAMAGE, whole_file
 
 SUFFIX = ".npz"
 # In place of a map: the network saw nothing valid in the photo.
 _NOTHING = ".nothing"
-_DAMAGE = (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile)
 
 
 def is_kept(path: Path, shape: tuple[int, ...]) -> bool:
@@ -24,7 +23,7 @@ def is_kept(path: Path, shape: tuple[int, ...]) -> bool:
         with zipfile.ZipFile(path) as archive, archive.open("map.npy") as file:
             np.lib.format.read_magic(file)
             return np.lib.format.read_array_header_1_0(file)[0] == shape
-    except _DAMAGE:
+    except NUMPY_DAMAGE:
         return False
 
 
@@ -64,7 +63,7 @@ def read_kept(path: Path, name: str) -> np.ndarray | None:
     try:
         with np.load(path, allow_pickle=False) as arrays:
             return arrays[name].astype(np.float32) if name in arrays else None
-    except _DAMAGE as error:
+    except NUMPY_DAMAGE as error:
         raise InputError(f"{path} cannot be read; delete it, and it is made again") from error
 
 

@@ -147,3 +147,11 @@ def test_damaged_files_are_refused_by_name(tmp_path, camera, depth_settings, jun
     path.write_bytes(whole[: min(cut, len(whole) - 20)] + junk[: max(0, len(whole) - 40 - cut)])
     with pytest.raises(InputError, match=name.replace(".", r"\.")):
         read_depth(path, depth_settings(), camera)
+
+
+@pytest.mark.parametrize("header", [b"{'descr': (", b"\x00(\x00", b"{'descr': '<f4', 'shape': 3}", b"[" * 60])
+def test_a_header_that_numpy_cannot_parse_is_refused_by_name(tmp_path, camera, depth_settings, header):
+    path = tmp_path / "a.npy"
+    path.write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(64))
+    with pytest.raises(InputError, match=r"a\.npy"):
+        read_depth(path, depth_settings(), camera)

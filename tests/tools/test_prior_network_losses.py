@@ -18,16 +18,19 @@ def example(seed: int = 0) -> tuple[Maps, Truth]:
     normal = F.normalize(torch.randn(2, 3, 16, 24, generator=generator), dim=1)
     other = F.normalize(normal + 0.2 * torch.randn(2, 3, 16, 24, generator=generator), dim=1)
     ln_depth = 0.3 * torch.randn(shape, generator=generator)
-    truth = Truth((ln_depth + 0.1 * torch.randn(shape, generator=generator)).exp(), other)
-    return Maps(ln_depth, torch.full(shape, -2.0), normal, torch.full(shape, 1.5)), truth
+    depth = (ln_depth + 0.1 * torch.randn(shape, generator=generator)).exp()
+    truth = Truth(depth, other, 0.8 * depth)
+    return Maps(ln_depth, torch.full(shape, -2.0), normal, torch.full(shape, 1.5), ln_depth - 0.3), truth
 
 
 def test_another_scale_of_a_photo_changes_the_metric_term_alone():
     maps, truth = example()
-    scaled = maps._replace(ln_depth=maps.ln_depth + torch.tensor([0.7, -0.4])[:, None, None, None])
+    factor = torch.tensor([0.7, -0.4])[:, None, None, None]
+    scaled = maps._replace(ln_depth=maps.ln_depth + factor, ln_distance=maps.ln_distance + factor)
     before, after = depth_terms(maps, truth), depth_terms(scaled, truth)
     torch.testing.assert_close(after["depth_likelihood"], before["depth_likelihood"])
     torch.testing.assert_close(after["depth_gradient"], before["depth_gradient"])
+    torch.testing.assert_close(after["depth_distance"], before["depth_distance"])
     assert after["depth_metric"] > 2 * before["depth_metric"]
 
 
@@ -35,6 +38,7 @@ def test_pixels_without_truth_have_no_gradient_and_no_part_in_the_value():
     maps, truth = example()
     truth.depth[:, :, :4] = 0.0
     truth.normal[:, :, :4] = 0.0
+    truth.distance[:, :, :4] = 0.0
     maps = Maps(*(values.clone().requires_grad_() for values in maps))
     losses(maps, truth)["loss"].backward()
     for values in maps:
@@ -51,7 +55,7 @@ def test_pixels_without_truth_have_no_gradient_and_no_part_in_the_value():
 def test_a_batch_without_truth_gives_zero_and_finite_gradients():
     maps, truth = example()
     maps = Maps(*(values.clone().requires_grad_() for values in maps))
-    terms = losses(maps, Truth(torch.zeros_like(truth.depth), torch.zeros_like(truth.normal)))
+    terms = losses(maps, Truth(*(torch.zeros_like(values) for values in truth)))
     terms["loss"].backward()
     assert terms["loss"].item() == 0.0
     assert all(torch.isfinite(values.grad).all() for values in maps)
@@ -92,7 +96,9 @@ def test_each_photo_has_its_own_median_and_a_blank_one_none():
 
 def test_scores_of_a_perfect_photo_but_for_its_scale():
     _, truth = example()
-    maps = Maps(truth.depth.log() + math.log(1.5), torch.zeros_like(truth.depth), truth.normal, truth.depth)
+    maps = Maps(
+        truth.depth.log() + math.log(1.5), torch.zeros_like(truth.depth), truth.normal, truth.depth, truth.depth
+    )
     scores = photo_scores(maps, Batch(torch.zeros(2, 3, 32, 48), torch.eye(3).expand(2, 3, 3), truth), 1)
     assert scores["abs_rel"] == pytest.approx(0.0, abs=1e-5)
     assert scores["metric_abs_rel"] == pytest.approx(0.5, rel=1e-4)
@@ -104,7 +110,9 @@ def test_the_confident_half_is_that_with_the_least_expected_error():
     maps, truth = example()
     wrong = torch.zeros_like(truth.depth)
     wrong[..., 12:] = 0.5 * (-1.0) ** torch.arange(12)
-    maps = Maps(truth.depth.log() + wrong, torch.where(wrong == 0, -3.0, 0.0), truth.normal, maps.ln_kappa)
+    maps = maps._replace(
+        ln_depth=truth.depth.log() + wrong, ln_scale=torch.where(wrong == 0, -3.0, 0.0), normal=truth.normal
+    )
     scores = photo_scores(maps, Batch(torch.zeros(2, 3, 32, 48), torch.eye(3).expand(2, 3, 3), truth), 0)
     assert scores["abs_rel_confident"] < 1e-5
     assert scores["abs_rel"] > 0.2

@@ -11,8 +11,14 @@ from torch.nn import functional as F
 from room2dgs.errors import InputError
 from room2dgs.tools.prior_network.angular import angle_between, expected_angle, negative_log_likelihood
 from room2dgs.tools.prior_network.encoder import FEATURE_WIDTHS, Encoder, imagenet_file, load_imagenet
-from room2dgs.tools.prior_network.network import FullSize, PriorNetwork, facing
-from room2dgs.tools.prior_network.rays import ray_slopes, unit_rays
+from room2dgs.tools.prior_network.network import (
+    LEAST_PLANE_FACING,
+    FullSize,
+    PriorNetwork,
+    facing,
+    ln_depth_of_plane,
+)
+from room2dgs.tools.prior_network.rays import plane_distance, ray_slopes, unit_rays
 
 
 @pytest.fixture(scope="module")
@@ -145,3 +151,21 @@ def test_maps_depend_on_the_field_of_view(network):
         wide, narrow = network(photo(5), camera(40.0)), network(photo(5), camera(160.0))
     assert float((wide.ln_depth - narrow.ln_depth).abs().max()) > 1e-3
     assert float((wide.normal - narrow.normal).abs().max()) > 1e-3
+
+
+def test_depth_and_a_planes_distance_lead_to_each_other():
+    slopes = ray_slopes(camera(70.0), 64, 96, 1)
+    wall = F.normalize(torch.tensor([0.3, -0.2, -0.8]), dim=0)[None, :, None, None].expand(1, 3, 64, 96)
+    points_z = 1.7 / -(wall * torch.cat([slopes, torch.ones_like(slopes[:, :1])], dim=1)).sum(dim=1, keepdim=True)
+    distance = plane_distance(points_z, wall, slopes)
+    torch.testing.assert_close(distance, torch.full_like(distance, 1.7))
+    torch.testing.assert_close(ln_depth_of_plane(wall, distance.log(), slopes), points_z.log())
+
+
+def test_a_plane_seen_along_itself_has_a_finite_depth_and_gradient():
+    slopes = ray_slopes(camera(70.0), 64, 96, 1)
+    side = torch.tensor([-1.0, 0.0, 0.0])[None, :, None, None].expand(1, 3, 64, 96).clone().requires_grad_()
+    depth = ln_depth_of_plane(side, torch.zeros(1, 1, 64, 96), slopes)
+    depth.sum().backward()
+    assert torch.isfinite(depth).all() and torch.isfinite(side.grad).all()
+    assert float(side.grad.abs().max()) <= 1.0 / LEAST_PLANE_FACING

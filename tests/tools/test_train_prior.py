@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from room2dgs.errors import InputError
-from room2dgs.tools.prior_network.checkpoint import load_checkpoint
+from room2dgs.tools.prior_network.checkpoint import load_checkpoint, save_checkpoint
 from room2dgs.tools.prior_network.options import TrainOptions, learning_rate_factor
 from room2dgs.tools.prior_network.training import train
 from room2dgs.tools.train_prior import main
@@ -79,6 +79,26 @@ def test_another_run_starts_from_a_checkpoint_at_another_size(prior_shards, tmp_
     # the moments go on too: one step forgets a tenth
     name = "heads.2.bias"
     assert float((second.tensors["moment2"][name] / first.tensors["moment2"][name]).min()) > 0.9
+
+
+def test_a_run_goes_on_from_a_smaller_network_with_its_weights(prior_shards, tmp_path):
+    path = train(prior_shards, tmp_path / "first", OPTIONS, log=quiet)
+    first = load_checkpoint(path)
+    for part in first.tensors.values():
+        part["heads.2.weight"], part["heads.2.bias"] = part["heads.2.weight"][:6], part["heads.2.bias"][:6]
+        for name in [name for name in part if name.startswith("finer_context.")]:
+            del part[name]
+    save_checkpoint(path, first)
+    with pytest.raises(InputError, match="another network"):
+        load_checkpoint(path)
+    grown = load_checkpoint(path, grow=True)
+    for name, part in grown.tensors.items():
+        torch.testing.assert_close(part["heads.2.weight"][:6], first.tensors[name]["heads.2.weight"], rtol=0, atol=0)
+    assert not any(grown.tensors["moment"]["heads.2.weight"][6:].any(dim=1).flatten())
+    assert grown.tensors["weights"]["heads.2.weight"][6:].any()
+    options = replace(OPTIONS, steps=1, lr=1e-8, warmup=0, decay=0.0)
+    second = load_checkpoint(train(prior_shards, tmp_path / "second", options, tmp_path / "first", log=quiet))
+    assert second.total_steps == first.total_steps + 1
 
 
 def test_a_folder_of_another_run_is_not_trained_on(prior_shards, tmp_path):

@@ -14,7 +14,9 @@ from torch import Tensor
 
 from room2dgs.tools.prior_network.geometric import Seen, random_view, seen_in, view_of
 from room2dgs.tools.prior_network.losses import Truth
+from room2dgs.tools.prior_network.network import OUTPUT_STRIDE
 from room2dgs.tools.prior_network.photographic import photo
+from room2dgs.tools.prior_network.rays import plane_distance, ray_slopes
 from room2dgs.tools.prior_network.shards import Shards
 
 READ_AHEAD = 3
@@ -118,4 +120,5 @@ def _stacked(made: list[tuple[Seen, np.ndarray]]) -> Batch:
     depth = torch.from_numpy(np.stack([seen.depth for seen, _ in made]))[:, None]
     normal = torch.from_numpy(np.stack([seen.normal for seen, _ in made])).permute(0, 3, 1, 2)
     intrinsics = torch.from_numpy(np.stack([seen.intrinsics for seen, _ in made]))
-    return Batch(image, intrinsics, Truth(depth, normal))
+    slopes = ray_slopes(intrinsics, *depth.shape[-2:], OUTPUT_STRIDE)
+    return Batch(image, intrinsics, Truth(depth, normal, plane_distance(depth, normal, slopes)))

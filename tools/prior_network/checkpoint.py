@@ -55,8 +55,13 @@ def save_checkpoint(path: Path, state: Checkpoint) -> None:
     write_tensors(path, KIND, tensors, meta)
 
 
-def load_checkpoint(path: Path) -> Checkpoint:
+def load_checkpoint(path: Path, grow: bool = False) -> Checkpoint:
     """Read a checkpoint, from its file or the folder of its run.
+
+    Args:
+        path: the file or the folder.
+        grow: take that of a smaller network as well, and start what it lacks (parameters, and outputs of those it has)
+            as in a new network, without moments.
 
     Raises:
         InputError: missing, damaged, not a checkpoint of this network.
@@ -67,11 +72,23 @@ def load_checkpoint(path: Path) -> Checkpoint:
     for key, tensor in tensors.items():
         part, _, name = key.partition("/")
         parts[part][name] = tensor
-    wanted = {name: parameter.shape for name, parameter in PriorNetwork().named_parameters()}
-    for part in parts.values():
+    network = PriorNetwork()
+    wanted = {name: parameter.shape for name, parameter in network.named_parameters()}
+    for key, part in parts.items():
+        if grow:
+            _grow(part, network, keep=key in ("weights", "average"))
         if {name: tensor.shape for name, tensor in part.items()} != wanted:
             raise InputError(f"{path} holds another network than this version's; train it again")
     return Checkpoint(tensors=parts, **{key: meta[key] for key in Checkpoint.__annotations__ if key != "tensors"})
+
+
+def _grow(part: dict[str, Tensor], network: PriorNetwork, keep: bool) -> None:
+    """Adds in place what the network has and the part lacks: the network's values if `keep`, else zeros."""
+    for name, parameter in network.named_parameters():
+        new = parameter.detach().clone() if keep else torch.zeros_like(parameter)
+        old = part.get(name, new[:0])
+        if old.shape[1:] == new.shape[1:] and len(old) < len(new):
+            part[name] = torch.cat([old, new[len(old) :]])
 
 
 def average_network(state: Checkpoint) -> PriorNetwork:

@@ -13,7 +13,7 @@ from room2dgs.tools.prior_network.network import Maps
 # likelihoods are weighted by (expected error)^BETA: with 0 the network would learn what it knows already (Seitzer 2022)
 BETA = 0.5
 NORMAL_LIKELIHOOD, NORMAL_ANGLE = 1.0, 1.5
-DEPTH_LIKELIHOOD, DEPTH_METRIC, DEPTH_GRADIENT = 2.0, 0.6, 3.0
+DEPTH_LIKELIHOOD, DEPTH_METRIC, DEPTH_GRADIENT, DEPTH_DISTANCE = 2.0, 0.6, 3.0, 0.6
 GRADIENT_STRIDES = (1, 2, 4, 8)
 
 
@@ -23,10 +23,12 @@ class Truth(NamedTuple):
     Attributes:
         depth: (B, 1, h, w) metres, 0 = invalid.
         normal: (B, 3, h, w) unit, 0 = invalid.
+        distance: (B, 1, h, w) metres from the camera to the plane that touches the surface, 0 = invalid.
     """
 
     depth: Tensor
     normal: Tensor
+    distance: Tensor
 
 
 def losses(maps: Maps, truth: Truth) -> dict[str, Tensor]:
@@ -48,18 +50,27 @@ def normal_terms(maps: Maps, truth: Truth) -> dict[str, Tensor]:
 
 
 def depth_terms(maps: Maps, truth: Truth) -> dict[str, Tensor]:
-    """Likelihood without the photo's scale, the scale, and differences between neighbours."""
+    """Likelihood without the photo's scale, the scale, differences between neighbours, and the planes' distances."""
     valid = truth.depth > 0
     weight = valid.to(maps.ln_depth.dtype)
     error = (maps.ln_depth - torch.where(valid, truth.depth, 1.0).log()) * weight
     scale = maps.ln_scale.exp()
-    aligned = (error - median_offset(error.detach(), valid)).abs()
+    offset = median_offset(error.detach(), valid)
+    aligned = (error - offset).abs()
     likelihood = (aligned / scale + maps.ln_scale) * scale.detach() ** BETA
     return {
         "depth_likelihood": DEPTH_LIKELIHOOD * masked_mean(likelihood, weight),
         "depth_metric": DEPTH_METRIC * masked_mean(error.abs(), weight),
         "depth_gradient": DEPTH_GRADIENT * gradient_term(error, weight),
+        "depth_distance": DEPTH_DISTANCE * distance_term(maps.ln_distance - offset, truth.distance),
     }
+
+
+def distance_term(ln_distance: Tensor, distance: Tensor) -> Tensor:
+    """Mean |error of ln distance|."""
+    valid = distance > 0
+    error = ln_distance - torch.where(valid, distance, 1.0).log()
+    return masked_mean(error.abs(), valid.to(ln_distance.dtype))
 
 
 def median_offset(error: Tensor, valid: Tensor) -> Tensor:

@@ -30,3 +30,18 @@ def unit_rays(slopes: Tensor) -> Tensor:
     """(B, 2, H, W) slopes -> (B, 3, H, W) unit directions, camera frame."""
     rays = torch.cat([slopes, torch.ones_like(slopes[:, :1])], dim=1)
     return rays / rays.norm(dim=1, keepdim=True)
+
+
+def plane_distance(depth: Tensor, normal: Tensor, slopes: Tensor) -> Tensor:
+    """The camera's distance from the plane that touches the surface, metres.
+
+    Args:
+        depth: (B, 1, H, W) z-depth in metres, 0 = invalid.
+        normal: (B, 3, H, W) unit, camera frame, facing the camera; 0 = invalid.
+        slopes: (B, 2, H, W) of the pixels' rays.
+
+    Returns:
+        (B, 1, H, W), 0 = invalid.
+    """
+    rays = torch.cat([slopes, torch.ones_like(slopes[:, :1])], dim=1)
+    return (-(normal * rays).sum(dim=1, keepdim=True) * depth).clamp(min=0.0)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from room2dgs.errors import InputError
+from room2dgs.files import NUMPY_DAMAGE
 
 # file -> (dimensions, type)
 ARRAYS = {"radiance": (4, np.uint8), "depth": (3, np.float16), "normal": (4, np.int8), "focal": (1, np.float32)}
@@ -109,7 +110,7 @@ def _open(path: Path) -> Shard:
         file = path / f"{name}.npy"
         try:
             array = np.load(file, mmap_mode="r")
-        except (OSError, ValueError, EOFError) as error:
+        except NUMPY_DAMAGE as error:
             raise InputError(f"{file} cannot be read; delete the shard {path.name} or make it again") from error
         if array.ndim != dimensions or array.dtype != dtype:
             raise InputError(

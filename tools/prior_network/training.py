@@ -153,7 +153,7 @@ def _begun(data: Path, options: TrainOptions, start_from: Path | None) -> Run:
         load_imagenet(network.encoder, imagenet_file())
         run = _run(network, options)
     else:
-        state = load_checkpoint(start_from)
+        state = load_checkpoint(start_from, grow=True)
         run = _with_state(network, state, options)
         ended = {"options": state.options, "shards": len(state.shards), "steps": state.step, "seconds": state.seconds}
         run.history = [*state.history, ended]
