@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from room2dgs.config import PriorConfig
+from room2dgs.eval.prior_in_run import DepthInRun
 from room2dgs.eval.prior_prediction import Prediction, prediction
 from room2dgs.eval.prior_scores import (
     DepthScore,
@@ -72,6 +73,7 @@ class SceneScore:
         constant_normal: the best one; its mean angle, and that of the normal that just faces the camera.
         depth_ranking, normal_ranking: None where the prior expects no errors.
         milliseconds: "depth", "normal", "depth + normal" (one run) -> median and least of the network alone.
+        in_run: see `depth_in_run`; empty where that was not asked for.
     """
 
     scene: str
@@ -90,6 +92,7 @@ class SceneScore:
     normal_ranking: Ranking | None
     milliseconds: dict[str, dict[str, float]]
     pictures: list[Picture] = field(default_factory=list)
+    in_run: dict[str, DepthInRun] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
         """Everything but the pictures, as plain values."""

@@ -27,6 +27,9 @@ SIMULATED = "simulated maps, made from the ground truth: a study, no network's r
 NOTES = (
     "AbsRel and δ1: each frame's, then their mean; scale: the frame's median ratio; scale + shift: least squares, in "
     "disparity where the prior is one; metric: as the prior says it",
+    "depth in a run, nothing fitted to the truth; aligned: each map to the sparse points; bent: then all maps until "
+    "views, points and normals agree, without what points contradict, as training gets it; pixels: those that are left "
+    "(none: the run leaves all depth out)",
     "normals: angles over the pixels of all frames; constant: the one normal, in the camera frame, of least mean angle "
     "(facing: the one that just faces the camera)",
     "confident half: mean error of the pixels with the least expected error; AUSE: area between the curve of the mean "
@@ -42,6 +45,7 @@ NOTES = (
 def tables(scores: Sequence[SceneScore]) -> list[Table]:
     """Depth, normals, confidence and time, those that there is something to say in."""
     found = [_table("Depth", _depth_columns(scores), [score for score in scores if score.depth])]
+    found.append(_table("Depth in a run", _run_columns(), [score for score in scores if score.in_run]))
     found.append(_table("Normals", _normal_columns(), [score for score in scores if score.constant_deg is not None]))
     for kind, number in (("depth", "{:.3f}"), ("normal", "{:.1f}°")):
         ranked = [score for score in scores if _ranked(score, kind)]
@@ -118,6 +122,15 @@ def _depth_columns(scores: Sequence[SceneScore]) -> Columns:
     return columns | {"pixels with depth": lambda s: _share(s.depth_share)}
 
 
+def _run_columns() -> Columns:
+    columns: Columns = {"scene": lambda s: s.scene}
+    for step in ("aligned", "bent"):
+        columns[f"AbsRel, {step}"] = lambda s, step=step: _number(s.in_run, step, "abs_rel")
+        columns[f"δ1, {step}"] = lambda s, step=step: _number(s.in_run, step, "delta1")
+        columns[f"pixels, {step}"] = lambda s, step=step: _share(s.in_run[step].share if step in s.in_run else None)
+    return columns
+
+
 def _normal_columns() -> Columns:
     columns: Columns = {
         "scene": lambda s: s.scene,
@@ -166,7 +179,8 @@ def _time_columns(scores: Sequence[SceneScore]) -> Columns:
 
 
 def _number(found: dict[str, Any], name: str, key: str) -> str:
-    return f"{getattr(found[name], key):.3f}" if name in found else NOTHING
+    value = getattr(found[name], key) if name in found else float("nan")
+    return f"{value:.3f}" if np.isfinite(value) else NOTHING
 
 
 def _degrees(value: float | None) -> str:

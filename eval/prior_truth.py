@@ -72,7 +72,7 @@ def truth_source(frames: Sequence[Frame], surface: Surface | None) -> str:
         distances = np.concatenate([_mesh_distances(frame, surface) for frame in probed])
         if len(distances) and (distances < AGREE_M).mean() > 0.5:
             return "mesh" if np.median(distances) < EXACT_M else "fused mesh"
-    residuals = [fitted_planes(_depth(frame), frame.camera, 1)[1] for frame in probed]
+    residuals = [fitted_planes(true_depth(frame), frame.camera, 1)[1] for frame in probed]
     known = np.concatenate([residual[np.isfinite(residual)] for residual in residuals])
     return "depth" if len(known) and np.median(known) < EXACT_RESIDUAL else "sensor depth"
 
@@ -86,7 +86,7 @@ def frame_truth(frame: Frame, surface: Surface | None, source: str) -> Truth:
     Raises:
         InputError: the depth map cannot be decoded.
     """
-    depth = _depth(frame)
+    depth = true_depth(frame)
     if source not in ("mesh", "fused mesh") or surface is None:
         return Truth(depth, plane_normals(depth, frame.camera, source))
     hits = surface.seen_by(frame.camera)
@@ -153,7 +153,12 @@ def fitted_planes(depth: np.ndarray, camera: Camera, radius: int) -> tuple[np.nd
     return normal, np.where(known, residual, np.inf)
 
 
-def _depth(frame: Frame) -> np.ndarray:
+def true_depth(frame: Frame) -> np.ndarray:
+    """(H, W) float64 metres, 0 = unknown.
+
+    Raises:
+        InputError: the depth map cannot be decoded.
+    """
     depth = frame.depth()
     if depth is None:
         raise ValueError(f"{frame.name} has no depth")
@@ -162,7 +167,7 @@ def _depth(frame: Frame) -> np.ndarray:
 
 def _mesh_distances(frame: Frame, surface: Surface) -> np.ndarray:
     """(N,) |z-depth of the mesh - depth| where both are known, metres."""
-    depth = _depth(frame)
+    depth = true_depth(frame)
     cast = surface.seen_by(frame.camera).t.reshape(depth.shape)
     both = (depth > 0) & np.isfinite(cast)
     return np.abs(cast[both] - depth[both])

@@ -23,6 +23,7 @@ from room2dgs.scene.selection import evenly_spaced
 
 RADIANCE = "radiance.npy"  # what a folder of made rooms has, and no capture
 ARRAYS = ("radiance", "depth", "normal", "focal")  # as `room2dgs.tools.make_prior_data` writes them
+EXACT = "exact"  # truth of made rooms
 BRIGHTEST, GAMMA = 4.0, 2.2  # of the stored radiance: round(255 (min(L, 4) / 4)^(1 / 2.2))
 
 
@@ -48,7 +49,7 @@ class Views(NamedTuple):
     """The photos of one scene, read one at a time.
 
     Attributes:
-        source: where the true normals come from, see `room2dgs.eval.prior_truth`; "exact" for made rooms.
+        source: where the true normals come from, see `room2dgs.eval.prior_truth`; `EXACT` for made rooms.
     """
 
     name: str
@@ -97,7 +98,7 @@ def _made(path: Path, shards: Sequence[Path], frames: int | None) -> Views:
     places = [(shard, index) for shard, arrays in enumerate(opened) for index in range(len(arrays[0]))]
     chosen = evenly_spaced(places, frames)
     views = (_picture(shards[shard].name, opened[shard], index) for shard, index in chosen)
-    return Views(path.name, "exact", len(chosen), views)
+    return Views(path.name, EXACT, len(chosen), views)
 
 
 def _opened(shard: Path) -> list[np.ndarray]:

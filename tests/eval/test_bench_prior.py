@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import onnx
 import pytest
+import trimesh
 
 from room2dgs import cli
 from room2dgs.eval.surface import Surface
@@ -174,6 +175,43 @@ def test_frames_without_a_map_are_counted(tmp_path, make):
     )
     (scene,) = json.loads((out / "bench_prior.json").read_text())["scenes"]
     assert (scene["frames"], scene["missing"]) == (2, FRAMES - 2)
+
+
+@pytest.fixture
+def small_maps(tmp_path: Path, make) -> list:
+    """Settings of a run on the capture `tmp_path / "room"`, whose depth maps are too small and know the left half."""
+    room, maps = capture(tmp_path / "room", make), tmp_path / "maps"
+    maps.mkdir()
+    for index in range(FRAMES):
+        depth = cv2.imread(str(room / f"depth/{index}.png"), cv2.IMREAD_UNCHANGED) / 1000
+        depth[:, WIDTH // 2 :] = 0
+        np.save(maps / f"{index}.npy", (0.7 * depth).astype(np.float32))
+    points, _ = trimesh.sample.sample_surface(trimesh.load_mesh(room / "gt_mesh.ply"), 3000, seed=0)
+    trimesh.PointCloud(points).export(tmp_path / "points.ply")
+    settings = ["prior/depth=files", "prior/normal=none", f"prior.depth.path={maps}"]
+    return [room, *settings, "points.source=file", f"points.file={tmp_path / 'points.ply'}"]
+
+
+def test_depth_as_a_run_has_it_is_measured_without_a_fit_to_the_truth(tmp_path, small_maps, capsys):
+    out = tmp_path / "out"
+    assert bench(*small_maps, f"out={out}", "in_run=true") == 0
+    (scene,) = json.loads((out / "bench_prior.json").read_text())["scenes"]
+    assert scene["depth"]["metric"]["abs_rel"] == pytest.approx(0.3, abs=0.001)
+    for step in ("aligned", "bent"):
+        assert scene["in_run"][step]["abs_rel"] < 0.02
+        assert scene["in_run"][step]["delta1"] > 0.99
+        assert scene["in_run"][step]["share"] == pytest.approx(0.5, abs=0.02)
+    assert "Depth in a run" in capsys.readouterr().out
+
+
+def test_depth_that_a_run_leaves_out_has_no_score(tmp_path, small_maps):
+    out = tmp_path / "out"
+    assert bench(*small_maps, f"out={out}", "in_run=true", "prior.depth.align=false", "scene.frames=3") == 0
+    (scene,) = json.loads((out / "bench_prior.json").read_text())["scenes"]
+    assert scene["in_run"]["bent"] == {"abs_rel": None, "delta1": None, "share": 0.0}
+    assert "| room | - | - | 0.0 % |" in (out / "bench_prior.md").read_text("utf-8")
+    assert bench(*small_maps, f"out={out}", "scene.frames=3") == 0
+    assert json.loads((out / "bench_prior.json").read_text())["scenes"][0]["in_run"] == {}
 
 
 def test_rooms_made_for_training_are_measured_too(tmp_path, make, network):
