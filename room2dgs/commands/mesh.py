@@ -64,11 +64,7 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
 
 
 def _views(scene: Scene, surfels: Surfels, config: Config) -> Iterator[FusedView]:
-    import numpy as np
-
-    from room2dgs.mesh.views import FusedView, chosen_depth, valid_depth
+    from room2dgs.mesh.views import fused_view
 
     for frame, rendering in rendered(surfels, scene.train, config):
-        valid = valid_depth(rendering, frame.camera, config.mesh)
-        depth = np.where(valid, chosen_depth(rendering, config.mesh), 0).astype(np.float32)
-        yield FusedView(frame.camera, depth, rendering.color.clamp(0, 1).numpy())
+        yield fused_view(rendering, frame.camera, config.mesh)
