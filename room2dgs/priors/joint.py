@@ -58,9 +58,9 @@ POINT_WIDTH = 0.03  # relative depth error of a sparse point
 MISFIT = 0.05  # relative
 SLOPE_WIDTH = 0.3  # sine between the surface and the normal prior's plane
 AXIS_WIDTH = 0.1  # sine
-POINT_WEIGHT, VIEW_WEIGHT, SLOPE_WEIGHT, PLANE_WEIGHT, AXIS_WEIGHT = 3.0, 6.0, 1.0, 2.0, 1.0
+POINT_WEIGHT, VIEW_WEIGHT, SLOPE_WEIGHT, PLANE_WEIGHT, AXIS_WEIGHT = 3.0, 15.0, 4.0, 1.0, 1.0
 # A bend of 6 % from knot to knot, or a factor of 5 %, costs about what an outlier does.
-BENDING_WEIGHT, SIZE_WEIGHT = 8.0, 2.4
+BENDING_WEIGHT, SIZE_WEIGHT = 8.0, 0.3
 LEAST_STIFF = 0.1  # of a map that nobody believes: something must hold it where nothing else does
 # Samples of each kind in a step, for each view and in all.
 SAMPLES_A_VIEW, SAMPLES = 64, (2000, 16000)
