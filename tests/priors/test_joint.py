@@ -118,7 +118,7 @@ def test_what_a_map_does_not_believe_of_itself_bends_easily_and_spoils_no_other(
         y, x = np.mgrid[0 : depth.shape[0], 0 : depth.shape[1]] / depth.shape[1]
         blob = np.exp(-((x - rng.uniform(0.2, 0.8)) ** 2 + (y - rng.uniform(0.15, 0.6)) ** 2) / (2 * 0.12**2))
         noise = cv2.GaussianBlur(rng.normal(size=depth.shape), (0, 0), 1.5)
-        bump = rng.choice([-0.3, 0.3]) + 0.1 * noise / noise.std()
+        bump = rng.choice([-0.6, 0.6]) + 0.1 * noise / noise.std()
         spoilt[name] = (depth * np.exp(blob * bump)).astype(np.float32)
         trust[name] = (1 / (1 + ((0.03 + 0.3 * blob) / 0.1) ** 2)).astype(np.float32)
         wrong[name] = blob > 0.4
