@@ -18,6 +18,8 @@ from room2dgs.scene.read import read_scene
 from room2dgs.scene.scene import Frame
 from room2dgs.scene.sparse import sparse_points
 
+CLOSE_M = 0.05
+
 
 @dataclass(frozen=True)
 class DepthInRun:
@@ -25,11 +27,13 @@ class DepthInRun:
 
     Attributes:
         abs_rel, delta1: each view's, then their mean; NaN if no view has any.
+        within_5cm: share of a view's pixels with depth that are that close to the truth, likewise: what a mesh can get.
         share: of the pixels whose truth is known, those that have depth, over all views.
     """
 
     abs_rel: float
     delta1: float
+    within_5cm: float
     share: float
 
 
@@ -62,7 +66,7 @@ def _steps(settings: DepthPriorConfig) -> dict[str, DepthPriorConfig]:
 
 
 def _score(frames: Sequence[Frame], priors: Mapping[str, Prior]) -> DepthInRun:
-    scores, known, with_depth = [], 0, 0
+    scores, close, known, with_depth = [], [], 0, 0
     for frame in frames:
         truth = true_depth(frame)
         known += np.count_nonzero(truth)
@@ -73,8 +77,14 @@ def _score(frames: Sequence[Frame], priors: Mapping[str, Prior]) -> DepthInRun:
         with_depth += np.count_nonzero(valid)
         if valid.any():
             scores.append(depth_score(depth[valid], truth[valid]))
+            close.append(float((np.abs(depth[valid] - truth[valid]) < CLOSE_M).mean()))
     return DepthInRun(
-        abs_rel=float(np.mean([score.abs_rel for score in scores])) if scores else float("nan"),
-        delta1=float(np.mean([score.delta1 for score in scores])) if scores else float("nan"),
+        abs_rel=_mean([score.abs_rel for score in scores]),
+        delta1=_mean([score.delta1 for score in scores]),
+        within_5cm=_mean(close),
         share=with_depth / max(1, known),
     )
+
+
+def _mean(values: list[float]) -> float:
+    return float(np.mean(values)) if values else float("nan")

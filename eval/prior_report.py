@@ -127,7 +127,8 @@ def _run_columns() -> Columns:
     for step in ("aligned", "bent"):
         columns[f"AbsRel, {step}"] = lambda s, step=step: _number(s.in_run, step, "abs_rel")
         columns[f"δ1, {step}"] = lambda s, step=step: _number(s.in_run, step, "delta1")
-        columns[f"pixels, {step}"] = lambda s, step=step: _share(s.in_run[step].share if step in s.in_run else None)
+        columns[f"< 5 cm, {step}"] = lambda s, step=step: _share(getattr(s.in_run.get(step), "within_5cm", None))
+        columns[f"pixels, {step}"] = lambda s, step=step: _share(getattr(s.in_run.get(step), "share", None))
     return columns
 
 

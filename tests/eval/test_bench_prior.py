@@ -200,6 +200,7 @@ def test_depth_as_a_run_has_it_is_measured_without_a_fit_to_the_truth(tmp_path, 
     for step in ("aligned", "bent"):
         assert scene["in_run"][step]["abs_rel"] < 0.02
         assert scene["in_run"][step]["delta1"] > 0.99
+        assert scene["in_run"][step]["within_5cm"] > 0.95
         assert scene["in_run"][step]["share"] == pytest.approx(0.5, abs=0.02)
     assert "Depth in a run" in capsys.readouterr().out
 
@@ -208,8 +209,14 @@ def test_depth_that_a_run_leaves_out_has_no_score(tmp_path, small_maps):
     out = tmp_path / "out"
     assert bench(*small_maps, f"out={out}", "in_run=true", "prior.depth.align=false", "scene.frames=3") == 0
     (scene,) = json.loads((out / "bench_prior.json").read_text())["scenes"]
-    assert scene["in_run"]["bent"] == {"abs_rel": None, "delta1": None, "share": 0.0}
-    assert "| room | - | - | 0.0 % |" in (out / "bench_prior.md").read_text("utf-8")
+    assert scene["in_run"]["bent"] == {"abs_rel": None, "delta1": None, "within_5cm": None, "share": 0.0}
+    assert "| room | - | - | - | 0.0 % |" in (out / "bench_prior.md").read_text("utf-8")
+    kept = ["prior.depth.align=false", "prior.depth.joint=false", "prior.depth.max_residual=1"]
+    assert bench(*small_maps, f"out={out}", "in_run=true", "scene.frames=3", *kept) == 0
+    (scene,) = json.loads((out / "bench_prior.json").read_text())["scenes"]
+    assert set(scene["in_run"]) == {"aligned"}
+    assert scene["in_run"]["aligned"]["abs_rel"] == pytest.approx(0.3, abs=0.001)
+    assert scene["in_run"]["aligned"]["within_5cm"] < 0.05
     assert bench(*small_maps, f"out={out}", "scene.frames=3") == 0
     assert json.loads((out / "bench_prior.json").read_text())["scenes"][0]["in_run"] == {}
 
