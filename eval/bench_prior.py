@@ -1,4 +1,4 @@
-"""`room2dgs bench prior SCENE...`: how good a prior is where depth is known, before anything is made of it."""
+"""`room2dgs bench prior SCENE...`: how good a prior is where depth is known, and what a run makes of its depth."""
 
 from __future__ import annotations
 

@@ -59,7 +59,8 @@ MISFIT = 0.05  # relative
 SLOPE_WIDTH = 0.3  # sine between the surface and the normal prior's plane
 AXIS_WIDTH = 0.1  # sine
 POINT_WEIGHT, VIEW_WEIGHT, SLOPE_WEIGHT, PLANE_WEIGHT, AXIS_WEIGHT = 3.0, 15.0, 4.0, 1.0, 1.0
-# A bend of 6 % from knot to knot, or a factor of 15 %, costs about what an outlier does.
+# Chosen with the maps of a network (docs/results.md): its normals and what its views share are better than its depth.
+# Bending holds the step from knot to knot, size the factor itself.
 BENDING_WEIGHT, SIZE_WEIGHT = 8.0, 0.3
 LEAST_STIFF = 0.1  # of a map that nobody believes: something must hold it where nothing else does
 # Samples of each kind in a step, for each view and in all.

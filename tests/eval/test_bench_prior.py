@@ -205,6 +205,16 @@ def test_depth_as_a_run_has_it_is_measured_without_a_fit_to_the_truth(tmp_path, 
     assert "Depth in a run" in capsys.readouterr().out
 
 
+def test_bent_depth_is_what_the_bending_made(tmp_path, small_maps):
+    for path in (tmp_path / "maps").glob("*.npy"):
+        np.save(path, np.load(path) * np.exp(0.4 * np.arange(WIDTH, dtype=np.float32) / WIDTH))
+    out = tmp_path / "out"
+    assert bench(*small_maps, f"out={out}", "in_run=true") == 0
+    found = json.loads((out / "bench_prior.json").read_text())["scenes"][0]["in_run"]
+    # no scale and shift takes out what a bending does
+    assert found["bent"]["abs_rel"] < 0.5 * found["aligned"]["abs_rel"]
+
+
 def test_depth_that_a_run_leaves_out_has_no_score(tmp_path, small_maps):
     out = tmp_path / "out"
     assert bench(*small_maps, f"out={out}", "in_run=true", "prior.depth.align=false", "scene.frames=3") == 0
