@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from room2dgs.eval.surface import Surface
-from room2dgs.scene.camera import Camera
+from room2dgs.geometry.camera import Camera
 
 NEAR_M = 0.05  # a point nearer to the camera's plane is not in its image
 TOLERANCE_M = 0.02  # so much nearer may the first hit of a ray be without hiding the point

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from room2dgs.captures.scene import Frame
 from room2dgs.eval.shading import NOTHING, UNKNOWN, Rays, error_color, mesh_color, shade
 from room2dgs.eval.surface import Surface
 from room2dgs.files import whole_file
+from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.views import view_rays
-from room2dgs.scene.camera import Camera
-from room2dgs.scene.scene import Frame
 
 INSIDE_VIEWS = 4  # evenly spaced in the capture
 TILE_WIDTH = 480  # pixels of one picture

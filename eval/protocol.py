@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from room2dgs.eval.geometry import Scores, downsample, nearest_vertices, scores
+from room2dgs.eval.geometry_scores import Scores, downsample, nearest_vertices, scores
 from room2dgs.mesh.io import read_mesh
 
 

@@ -14,11 +14,11 @@ import trimesh
 
 from room2dgs.config import EvalConfig
 from room2dgs.eval import culling
-from room2dgs.eval.geometry import scores
+from room2dgs.eval.geometry_scores import scores
 from room2dgs.eval.protocol import MeshFile, Result, hashes
 from room2dgs.eval.sampling import Samples, sample_by_area
 from room2dgs.eval.surface import Surface
-from room2dgs.scene.camera import Camera
+from room2dgs.geometry.camera import Camera
 
 PROBE_SHARE = 0.1  # this share of the samples is drawn first, to learn which part is observed
 LARGEST_DRAW = 10  # at most so many times the wanted samples are drawn when little is observed

@@ -18,10 +18,10 @@ import numpy as np
 from room2dgs.config import EvalConfig, MeshConfig
 from room2dgs.eval.protocol import MeshFile, Result, by_vertex
 from room2dgs.eval.surface import Surface
+from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.tsdf import integrate
 from room2dgs.mesh.views import FusedView
-from room2dgs.scene.camera import Camera
 
 IMAGE_WIDTH = 640
 VOXEL_M = 0.01

@@ -19,7 +19,7 @@ import trimesh
 from room2dgs.config import EvalConfig
 from room2dgs.eval.protocol import MeshFile, Result, by_vertex
 from room2dgs.eval.surface import Surface
-from room2dgs.scene.camera import Camera
+from room2dgs.geometry.camera import Camera
 
 IMAGE_WIDTH = 640
 RESOLUTION_LEVEL = 2  # rays through every second pixel

@@ -7,11 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from room2dgs.captures.scene import Scene
 from room2dgs.config import EvalConfig
 from room2dgs.errors import InputError
 from room2dgs.eval import pictures
 from room2dgs.eval.error_sites import sentences, where_the_error_sits
-from room2dgs.eval.geometry import threshold_name
+from room2dgs.eval.geometry_scores import threshold_name
 from room2dgs.eval.protocol import MeshFile, Result, load
 from room2dgs.eval.protocol_area import AreaResult, area
 from room2dgs.eval.protocol_manhattan import manhattan
@@ -20,7 +21,6 @@ from room2dgs.eval.report import table, update_metrics
 from room2dgs.eval.surface import Surface
 from room2dgs.eval.upright import up_axis
 from room2dgs.mesh.io import write_mesh
-from room2dgs.scene.scene import Scene
 
 PROTOCOLS: dict[str, Callable[..., Result]] = {"area": area, "neuris": neuris, "manhattan": manhattan}
 HEADLINE = ("f_score", "precision", "recall")

@@ -9,8 +9,8 @@ import open3d as o3d
 import open3d.core as o3c
 import trimesh
 
+from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.views import view_rays
-from room2dgs.scene.camera import Camera
 
 BATCH = 1_000_000  # rays or points at once: bounds the memory
 

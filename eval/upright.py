@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from room2dgs.scene.camera import Camera
+from room2dgs.geometry.camera import Camera
 
 PRIOR = 0.05  # weight of "up is against the mean image y axis", for captures that hardly turn
 SNAP_DEG = 20.0  # surface normals within this angle of the first guess refine it

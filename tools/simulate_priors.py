@@ -24,12 +24,12 @@ import cv2
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from room2dgs.captures.read import read_scene
+from room2dgs.captures.scene import Frame
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
-from room2dgs.priors.geometry import depth_normals, pixel_rays
-from room2dgs.scene.read import read_scene
-from room2dgs.scene.scene import Frame
+from room2dgs.geometry.depth_maps import depth_normals, pixel_rays
 from room2dgs.tools.prior_errors import WorldField, blurred_depth, image_field, turned
 
 CONTENT = {"depth", "normal", "priors.json", "README.txt"}

@@ -11,8 +11,8 @@ from room2dgs.commands.metrics import earlier
 from room2dgs.commands.run_folder import logger
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read
-from room2dgs.commands.study import Job, executed, finished, planned, study_folder, words_of
-from room2dgs.eval.ablation import Run, Study, rows_of
+from room2dgs.study.ablation import Run, Study, rows_of
+from room2dgs.study.jobs import Job, executed, finished, planned, study_folder, words_of
 
 USAGE = "room2dgs ablate scene.path=DIR out=DIR [experiment=full,no_seed,...] [train.seed=0,1,2] [KEY=A,B,...]"
 DEFAULTS = (
@@ -38,7 +38,7 @@ def main(argv: list[str]) -> int:
     config = jobs[0].config
     gt = ground_truth(config)
     scene = read(config)  # told now if missing, not once a row
-    from room2dgs.eval.ablation_report import HTML, MARKDOWN, write_page, write_tables
+    from room2dgs.study.ablation_report import HTML, MARKDOWN, write_page, write_tables
 
     out.mkdir(parents=True, exist_ok=True)
     log = logger(out)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from room2dgs.captures.scene import Scene
 from room2dgs.commands.metrics import record, timed
 from room2dgs.commands.run_folder import (
     CONFIG,
@@ -19,9 +20,8 @@ from room2dgs.commands.run_folder import (
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import Log, read, rendered, trained_surfels, use_threads
 from room2dgs.config import Config, conf_dir, load_config
-from room2dgs.config_overrides import group_choices
+from room2dgs.config.overrides import group_choices
 from room2dgs.errors import InputError
-from room2dgs.scene.scene import Scene
 
 if TYPE_CHECKING:
     from room2dgs.splat.types import Surfels
@@ -121,7 +121,7 @@ def written_out(argv: list[str]) -> list[str]:
 
 
 def _image_part(scene: Scene, surfels: Surfels, config: Config, log: Log) -> dict[str, Any]:
-    from room2dgs.eval.images import image_scores
+    from room2dgs.eval.image_scores import image_scores
 
     if not scene.test:
         log("no view is held out (scene.test_every=0): no image scores")

@@ -17,15 +17,15 @@ from room2dgs.commands.metrics import earlier
 from room2dgs.commands.run_folder import POINTS, PRIOR_MAPS, absolute, logger
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read
-from room2dgs.commands.study import SEED, Job, executed, finished, study_folder
 from room2dgs.config import Config, load_config
-from room2dgs.config_sweep import combinations
+from room2dgs.config.sweep import combinations
 from room2dgs.errors import InputError
-from room2dgs.eval.ablation import Run, rows_of
-from room2dgs.eval.prior_curve import JSON, Curve, Point, Quality, write_tables
-from room2dgs.eval.prior_curve_page import HTML, write_page
 from room2dgs.files import whole_file
-from room2dgs.priors.onnx_maps import read_models
+from room2dgs.priors.network.maps import read_models
+from room2dgs.study.ablation import Run, rows_of
+from room2dgs.study.jobs import SEED, Job, executed, finished, study_folder
+from room2dgs.study.prior_curve import JSON, Curve, Point, Quality, write_tables
+from room2dgs.study.prior_curve_page import HTML, write_page
 from room2dgs.tools.simulate_priors import LIMITS, PriorOptions, simulate_priors
 
 USAGE = (
@@ -205,7 +205,7 @@ def _prepare(prior: Given, config: Config, out: Path, log: Callable[[str], None]
     path, known_by = _quality_path(prior, out), _known_by(prior, config)
     if prior.name == NONE or _read(path).get("known_by") == known_by:
         return
-    from room2dgs.eval.bench_prior import measured_scenes
+    from room2dgs.bench.prior import measured_scenes
 
     frames = QUALITY_FRAMES if config.scene.frames is None else min(QUALITY_FRAMES, config.scene.frames)
     scene = replace(config.scene, frames=frames, stride=1, test_every=0)

@@ -10,7 +10,7 @@ from functools import reduce
 from pathlib import Path
 
 from room2dgs.config import Config, dump_config, load_config
-from room2dgs.config_overrides import PATH_KEYS
+from room2dgs.config.overrides import PATH_KEYS
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 

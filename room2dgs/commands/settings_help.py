@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from room2dgs.config import Config, conf_dir
-from room2dgs.config_keys import leaf_keys
-from room2dgs.config_overrides import group_choices
+from room2dgs.config.keys import leaf_keys
+from room2dgs.config.overrides import group_choices
 
 
 def asked_for_help(argv: list[str]) -> bool:

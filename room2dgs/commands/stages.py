@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from room2dgs.captures.scene import Frame, PointCloud, Scene
 from room2dgs.commands.run_folder import PRIOR_MAPS, PRIORS, SURFELS, required
 from room2dgs.config import Config
-from room2dgs.scene.scene import Frame, PointCloud, Scene
 
 if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be told at once
     from room2dgs.priors import Priors
@@ -24,7 +24,7 @@ def read(config: Config) -> Scene:
     Raises:
         InputError: as `read_scene`.
     """
-    from room2dgs.scene.read import read_scene
+    from room2dgs.captures.read import read_scene
 
     return read_scene(config.scene)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from room2dgs.captures.scene import Scene
 from room2dgs.commands.metrics import record, stale, timed
 from room2dgs.commands.run_folder import POINTS, claimed, logger, new_run
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import Log, read, read_priors, use_threads
 from room2dgs.config import Config
-from room2dgs.scene.scene import Scene
 
 # of the surfels before a run went on
 IMAGE_SCORES = ("psnr_db", "ssim", "test_views")
@@ -34,7 +34,7 @@ def main(argv: list[str]) -> int:
 
 def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str, float]) -> None:
     """Points, priors and training into the run's folder, their figures into its metrics.json."""
-    from room2dgs.scene.sparse import sparse_points
+    from room2dgs.sfm.sparse import sparse_points
     from room2dgs.train import train
 
     use_threads(config)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from room2dgs.losses.homography import (
+from room2dgs.geometry.homography import (
     MIN_FACING,
     MIN_WEIGHT,
     plane_distance,

@@ -6,8 +6,8 @@ import torch
 from torch import Tensor
 
 from room2dgs import _C
+from room2dgs.geometry.depth_points import runs_compiled
 from room2dgs.losses import reference
-from room2dgs.losses.geometry import runs_compiled
 
 
 def rgb_loss(rendered: Tensor, target: Tensor, dssim: float) -> Tensor:

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from room2dgs.losses.geometry import normals_by_differences
+from room2dgs.geometry.depth_points import normals_by_differences
 
 WINDOW = 11
 SIGMA = 1.5

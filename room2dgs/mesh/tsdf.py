@@ -10,8 +10,8 @@ import open3d.core as o3c
 import trimesh
 
 from room2dgs.config import MeshConfig
+from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.views import FusedView
-from room2dgs.scene.camera import Camera
 
 BLOCK = 8  # voxels a block side
 # 10 kB a block. Growth copies the whole table (about 1 s in all for a room at 1 cm), so start with room for it.

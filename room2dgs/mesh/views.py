@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from room2dgs.config import MeshConfig
-from room2dgs.scene.camera import Camera
+from room2dgs.geometry.camera import Camera
 from room2dgs.splat.types import Rendering
 
 

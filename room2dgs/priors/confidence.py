@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from room2dgs.config import OnnxConfig
-from room2dgs.priors.kept_maps import SUFFIX, read_kept
+from room2dgs.priors.network.map_cache import SUFFIX, read_kept
 
 
 def weight_of(error: np.ndarray, settings: OnnxConfig) -> np.ndarray:

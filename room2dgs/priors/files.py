@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 from PIL import Image
 
+from room2dgs.captures.scene import Frame
 from room2dgs.config import DepthPriorConfig, NormalPriorConfig
 from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE
-from room2dgs.priors.kept_maps import SUFFIX, read_kept
-from room2dgs.scene.camera import Camera
-from room2dgs.scene.scene import Frame
+from room2dgs.geometry.camera import Camera
+from room2dgs.priors.network.map_cache import SUFFIX, read_kept
 
 SUFFIXES = (".png", ".npy")
 # relative difference of the aspect ratios of a map and its photo

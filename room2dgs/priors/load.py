@@ -8,21 +8,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from room2dgs.captures.scene import Frame, PointCloud
 from room2dgs.config import OnnxConfig, PriorConfig
 from room2dgs.errors import InputError
-from room2dgs.priors.align import Fit
+from room2dgs.geometry.depth_maps import pixel_rays
+from room2dgs.priors.align.depths import agreeing_depths, aligned_depths
+from room2dgs.priors.align.scale_shift import Fit
 from room2dgs.priors.confidence import read_weight
-from room2dgs.priors.convention import camera_normals
-from room2dgs.priors.depths import agreeing_depths, aligned_depths
 from room2dgs.priors.files import find_map, read_normal
-from room2dgs.priors.geometry import pixel_rays
-from room2dgs.priors.normal_check import usable
-from room2dgs.priors.normal_samples import sample
-from room2dgs.priors.onnx_file import ModelFile
-from room2dgs.priors.onnx_maps import predicted_maps, read_models
+from room2dgs.priors.network.maps import predicted_maps, read_models
+from room2dgs.priors.network.model_file import ModelFile
+from room2dgs.priors.normals.check import usable
+from room2dgs.priors.normals.convention import camera_normals
+from room2dgs.priors.normals.samples import sample
 from room2dgs.priors.prior import Prior
 from room2dgs.priors.simulated import simulated
-from room2dgs.scene.scene import Frame, PointCloud
 
 Log = Callable[[str], None]
 CHECKED_FRAMES = 24

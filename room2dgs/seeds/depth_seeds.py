@@ -13,10 +13,10 @@ import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from room2dgs.priors.geometry import depth_normals
-from room2dgs.priors.overlap import Overlap, overlap
+from room2dgs.captures.scene import Frame
+from room2dgs.geometry.depth_maps import depth_normals
+from room2dgs.priors.joint.overlap import Overlap, overlap
 from room2dgs.priors.prior import Prior
-from room2dgs.scene.scene import Frame
 from room2dgs.seeds.voxelise import cell_centres, cell_keys
 
 AGREES = 0.03  # relative difference of depth within which two views mean the same surface

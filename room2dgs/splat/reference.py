@@ -8,6 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from room2dgs.geometry.spherical_harmonics import sh_color
 from room2dgs.splat.constants import (
     ALPHA_MAX,
     ALPHA_MIN,
@@ -18,7 +19,6 @@ from room2dgs.splat.constants import (
     FILTER_INVERSE_VARIANCE,
     TRANSMITTANCE_MIN,
 )
-from room2dgs.splat.sh import sh_color
 from room2dgs.splat.types import Rendering, Surfels
 
 TILE = 16

@@ -9,9 +9,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from room2dgs.captures.scene import Scene
 from room2dgs.config import Config
 from room2dgs.errors import InputError
-from room2dgs.scene.scene import Scene
 from room2dgs.train.prior_maps import priors_digest
 from room2dgs.train.schedule import has_shares
 

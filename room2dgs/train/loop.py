@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from torch import Tensor
 
+from room2dgs.captures.scene import PointCloud, Scene
 from room2dgs.config import Config
 from room2dgs.files import remove_leftovers
-from room2dgs.scene.scene import PointCloud, Scene
 from room2dgs.torch_threads import one_torch_thread
 from room2dgs.train import checkpoint
 from room2dgs.train.clock import StageClock
@@ -22,7 +22,7 @@ from room2dgs.train.progress import Log, file_log
 from room2dgs.train.report import Report
 from room2dgs.train.schedule import image_fraction, view_index
 from room2dgs.train.step import current_surfels, iterate, mean_psnr_db
-from room2dgs.train.strategy import Strategy, new_strategy
+from room2dgs.train.strategies.strategy import Strategy, new_strategy
 from room2dgs.train.surfel_file import save_surfels
 from room2dgs.train.views import Views
 

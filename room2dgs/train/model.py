@@ -10,10 +10,10 @@ import numpy as np
 from torch import Tensor
 from torch.optim import Adam
 
+from room2dgs.captures.scene import PointCloud, Scene
 from room2dgs.config import Config
-from room2dgs.scene.scene import PointCloud, Scene
-from room2dgs.seeds.decoder import Decoder
-from room2dgs.seeds.decoders import new_decoder, restored_decoder
+from room2dgs.seeds.decoders.decoder import Decoder
+from room2dgs.seeds.decoders.registry import new_decoder, restored_decoder
 from room2dgs.seeds.depth_seeds import agreed_surface, away_from
 from room2dgs.seeds.seeds import joined, seed_points, surface_seeds
 from room2dgs.seeds.spawn import spawn

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from room2dgs.config import MultiviewConfig
-from room2dgs.losses.homography import relative_pose
+from room2dgs.geometry.homography import relative_pose
 from room2dgs.losses.multiview import (
     agreement,
     multiview_geometric,

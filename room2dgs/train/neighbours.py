@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from room2dgs.config import MultiviewConfig
-from room2dgs.scene.camera import Camera
-from room2dgs.scene.pairs import shared_view
+from room2dgs.geometry.camera import Camera
+from room2dgs.sfm.pairs import shared_view
 
 LEAST_SHARED = 0.1  # of `shared_view`: views that see less in common have few pixels to compare
 

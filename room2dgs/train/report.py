@@ -10,7 +10,7 @@ from room2dgs.train.progress import Bar, Log
 from room2dgs.train.scalars import Scalars
 from room2dgs.train.statistics import Means, psnr_db
 from room2dgs.train.step import Step
-from room2dgs.train.strategy import Adjustment
+from room2dgs.train.strategies.strategy import Adjustment
 
 PSNR_EVERY = 10  # iterations; it is for the eye, and reads a whole image
 

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from room2dgs.scene.scene import Frame
+from room2dgs.captures.scene import Frame
 from room2dgs.train.prior_maps import prior_maps
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import trimesh
 
 from room2dgs.config import EvalConfig
 from room2dgs.eval.protocol import MeshFile
-from room2dgs.scene.camera import Camera
+from room2dgs.geometry.camera import Camera
 
 SIZE = (4.0, 3.0, 2.5)  # the room, metres; it stands about the origin, z up
 

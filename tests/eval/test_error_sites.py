@@ -8,7 +8,7 @@ from room2dgs.eval.error_sites import sentences, where_the_error_sits
 from room2dgs.eval.protocol_area import area
 from room2dgs.eval.surface import Surface
 from room2dgs.eval.upright import up_axis
-from room2dgs.scene.camera import Camera
+from room2dgs.geometry.camera import Camera
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from room2dgs.captures.scene import Frame, Scene
 from room2dgs.errors import InputError
 from room2dgs.eval.run import evaluate
 from room2dgs.eval.shading import error_color
 from room2dgs.mesh.io import read_mesh, write_mesh
-from room2dgs.scene.scene import Frame, Scene
 
 
 @pytest.fixture

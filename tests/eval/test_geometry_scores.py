@@ -5,7 +5,7 @@ import open3d as o3d
 import pytest
 import trimesh
 
-from room2dgs.eval.geometry import downsample, nearest_vertices, scores, threshold_name
+from room2dgs.eval.geometry_scores import downsample, nearest_vertices, scores, threshold_name
 from room2dgs.eval.surface import Surface
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import correlate1d
 
-from room2dgs.eval.images import image_scores, psnr, ssim
+from room2dgs.eval.image_scores import image_scores, psnr, ssim
 
 RNG = np.random.default_rng(0)
 PHOTO = RNG.integers(0, 256, (40, 50, 3), dtype=np.uint8)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from room2dgs.config import EvalConfig
 from room2dgs.eval.protocol import MeshFile
 from room2dgs.eval.protocol_area import area
-from room2dgs.scene.camera import Camera
+from room2dgs.geometry.camera import Camera
 
 SHARE = 2e-3  # of 40,000 stratified samples: what their edges may misplace
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from room2dgs.scene.camera import Camera
+from room2dgs.geometry.camera import Camera
 
 
 def rotation(axis, angle):

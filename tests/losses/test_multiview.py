@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from room2dgs.losses.homography import relative_pose, transfer
+from room2dgs.geometry.homography import relative_pose, transfer
 from room2dgs.losses.multiview import (
     agreement,
     correlation,

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from room2dgs.config import MeshConfig
+from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.views import fused_view, valid_depth, view_rays
-from room2dgs.scene.camera import Camera
 
 
 def make_camera(width=40, height=30, focal=30.0, cam_from_world=None) -> Camera:

@@ -8,11 +8,11 @@ import pytest
 
 from room2dgs.config import MeshConfig
 from room2dgs.errors import InputError
+from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.fuse import fuse
 from room2dgs.mesh.tsdf import integrate
 from room2dgs.mesh.views import FusedView, view_rays
-from room2dgs.scene.camera import Camera
 
 VOXEL = 0.02
 

@@ -10,9 +10,9 @@ import numpy as np
 import onnx
 import pytest
 
+from room2dgs.captures.scene import Frame, PointCloud
 from room2dgs.config import load_config
-from room2dgs.scene.camera import Camera
-from room2dgs.scene.scene import Frame, PointCloud
+from room2dgs.geometry.camera import Camera
 
 WIDTH, HEIGHT = 80, 60
 ROOM = np.array([4.0, 5.0, 2.6])  # metres, one corner at the origin

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from room2dgs.errors import InputError
 from room2dgs.priors.confidence import read_weight, weight_of
-from room2dgs.priors.kept_maps import is_kept, is_nothing, keep_map, read_kept
+from room2dgs.priors.network.map_cache import is_kept, is_nothing, keep_map, read_kept
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from room2dgs.captures.scene import PointCloud
 from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
-from room2dgs.scene.scene import PointCloud
 
 
 def load(room, prior_config, folder, points=None, frames=None, **changes):

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from room2dgs.captures.scene import Frame, PointCloud, Scene
 from room2dgs.config import load_config
+from room2dgs.geometry.camera import Camera
 from room2dgs.priors.prior import Prior
-from room2dgs.scene.camera import Camera
-from room2dgs.scene.scene import Frame, PointCloud, Scene
 from room2dgs.seeds.depth_seeds import agreed_surface, away_from
 from room2dgs.train.model import new_model
 

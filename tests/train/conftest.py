@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
+from room2dgs.captures.scene import Frame, PointCloud, Scene
 from room2dgs.config import load_config
-from room2dgs.scene.camera import Camera
-from room2dgs.scene.scene import Frame, PointCloud, Scene
+from room2dgs.geometry.camera import Camera
 from room2dgs.splat import Surfels
 from room2dgs.splat.reference import render
 

@@ -5,9 +5,9 @@ import pytest
 import torch
 
 from room2dgs import splat
+from room2dgs.captures.scene import PointCloud
 from room2dgs.errors import InputError
-from room2dgs.scene.scene import PointCloud
-from room2dgs.seeds.explicit import ExplicitDecoder
+from room2dgs.seeds.decoders.explicit import ExplicitDecoder
 from room2dgs.splat import Surfels
 from room2dgs.train import checkpoint, load_surfels, train
 from room2dgs.train.checkpoint import folder_of

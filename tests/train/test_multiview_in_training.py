@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from room2dgs.errors import InputError
-from room2dgs.scene.camera import Camera
+from room2dgs.geometry.camera import Camera
 from room2dgs.splat.types import Rendering
 from room2dgs.train import checkpoint, load_surfels, train
 from room2dgs.train.multiview import drawn_pixels, multiview_terms

@@ -6,7 +6,7 @@ import torch
 
 from room2dgs.config import MultiviewConfig
 from room2dgs.errors import InputError
-from room2dgs.scene.camera import Camera
+from room2dgs.geometry.camera import Camera
 from room2dgs.train.grey import grey_photo
 from room2dgs.train.kept_depths import KeptDepths
 from room2dgs.train.neighbours import neighbours

@@ -1,0 +1,90 @@
+"""How good the depth is that training gets: maps aligned to the sparse points, then bent together."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from room2dgs.bench.prior_scores import depth_score
+from room2dgs.bench.prior_truth import true_depth
+from room2dgs.captures.read import read_scene
+from room2dgs.captures.scene import Frame
+from room2dgs.config import Config, DepthPriorConfig
+from room2dgs.priors import load_priors
+from room2dgs.priors.prior import Prior
+from room2dgs.sfm.sparse import sparse_points
+
+CLOSE_M = 0.05
+
+
+@dataclass(frozen=True)
+class DepthInRun:
+    """The depth of all views, in metres as it is: nothing is fitted to the truth.
+
+    Attributes:
+        abs_rel, delta1: each view's, then their mean; NaN if no view has any.
+        within_5cm: share of a view's pixels with depth that are that close to the truth, likewise: what a mesh can get.
+        share: of the pixels whose truth is known, those that have depth, over all views.
+    """
+
+    abs_rel: float
+    delta1: float
+    within_5cm: float
+    share: float
+
+
+def depth_in_run(config: Config, log: Callable[[str], None]) -> dict[str, DepthInRun]:
+    """Depth as a run of these settings has it, after each of the two things that are done to it.
+
+    Returns:
+        "aligned", and with prior.depth.joint "bent", which training gets; nothing without a depth prior.
+
+    Raises:
+        InputError: as `read_scene`, `sparse_points` and `load_priors`.
+    """
+    if config.prior.depth.source == "none":
+        return {}
+    scene = read_scene(config.scene)
+    frames = [frame for frame in scene.train if frame.depth_path]
+    found = {}
+    with tempfile.TemporaryDirectory() as scratch:
+        points = sparse_points(scene, config.points, Path(config.points.cache or scratch), log)
+        cache = config.prior.cache or str(Path(scratch) / "maps")
+        for name, depth in _steps(config.prior.depth).items():
+            prior = replace(config.prior, cache=cache, depth=depth)
+            found[name] = _score(frames, load_priors(scene.train, points, prior, log).by_frame)
+    return found
+
+
+def _steps(settings: DepthPriorConfig) -> dict[str, DepthPriorConfig]:
+    steps = {"aligned": replace(settings, joint=False)}
+    return steps | ({"bent": settings} if settings.joint else {})
+
+
+def _score(frames: Sequence[Frame], priors: Mapping[str, Prior]) -> DepthInRun:
+    scores, close, known, with_depth = [], [], 0, 0
+    for frame in frames:
+        truth = true_depth(frame)
+        known += np.count_nonzero(truth)
+        depth = priors[frame.name].depth if frame.name in priors else None
+        if depth is None:
+            continue
+        valid = (truth > 0) & (depth > 0)
+        with_depth += np.count_nonzero(valid)
+        if valid.any():
+            scores.append(depth_score(depth[valid], truth[valid]))
+            close.append(float((np.abs(depth[valid] - truth[valid]) < CLOSE_M).mean()))
+    return DepthInRun(
+        abs_rel=_mean([score.abs_rel for score in scores]),
+        delta1=_mean([score.delta1 for score in scores]),
+        within_5cm=_mean(close),
+        share=with_depth / max(1, known),
+    )
+
+
+def _mean(values: list[float]) -> float:
+    return float(np.mean(values)) if values else float("nan")

@@ -1,0 +1,1 @@
+"""A capture on disk as a Scene of posed frames."""

@@ -1,0 +1,1 @@
+"""Cameras, rotations, depth maps, normals, homographies, spherical harmonics: each once."""

@@ -1,0 +1,1 @@
+"""Depth maps aligned to the sparse points, view by view."""

@@ -1,0 +1,1 @@
+"""All depth maps optimised together until views, points and normals agree."""

@@ -1,0 +1,199 @@
+"""Views, their depth maps and what they see together, thinned out and as tensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+
+from room2dgs.captures.scene import Frame, PointCloud
+from room2dgs.geometry.depth_maps import project, unhidden
+from room2dgs.sfm.pairs import shared_view
+
+PLAIN = 4.0  # grey levels of 255 from one kept pixel to the next
+LEAST_REGION = 0.02  # of the image; a smaller plain piece may have any shape
+SMOOTH = 7  # kept pixels
+COLUMNS = 160  # of the thinned maps
+NEIGHBOURS = 8
+LEAST_SHARED = 0.05
+# Four neighbouring depths that differ more, relatively, lie on two surfaces.
+ONE_SURFACE = 0.1
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """V views.
+
+    Attributes:
+        step: every step-th pixel of a row and of a column is kept, from step // 2 on.
+        depth: (V, h, w) metres, 0 = invalid.
+        normal: (V, h, w, 3) camera frame, facing the camera; 0 = invalid.
+        region: (V, h, w) int32, connected plain pieces of the photos, numbered from 1 in each view; 0 = textured.
+        region_normal: (V, h, w, 3) the normals, smoothed.
+        depth_weight, normal_weight: (V, h, w) in 0..1, how far depth and normal are believed.
+        size: (V, 2) width and height of the views, pixels.
+        focal, principal: (V, 2) pixels.
+        rotation, translation: (V, 3, 3), (V, 3) of cam_from_world.
+        pairs: (P, 2) int64, views that see the same surface, both ways round.
+        point_view: (M,) int64; point_px: (M, 2); point_depth: (M,) sparse points as seen by the views, metres;
+            point_prior: (M,) the depth map there, metres.
+    """
+
+    step: int
+    depth: Tensor
+    normal: Tensor
+    region: Tensor
+    region_normal: Tensor
+    depth_weight: Tensor
+    normal_weight: Tensor
+    size: Tensor
+    focal: Tensor
+    principal: Tensor
+    rotation: Tensor
+    translation: Tensor
+    pairs: Tensor
+    point_view: Tensor
+    point_px: Tensor
+    point_depth: Tensor
+    point_prior: Tensor
+
+    def __len__(self) -> int:
+        return len(self.depth)
+
+    def pixel(self, row: Tensor, column: Tensor) -> Tensor:
+        """(N, 2) pixel of the whole image, centre at +0.5, for kept rows and columns."""
+        return torch.stack([column, row], dim=-1) * self.step + (self.step // 2 + 0.5)
+
+    def rays(self, view: Tensor, pixel: Tensor) -> Tensor:
+        """(N, 3) camera frame, z = 1."""
+        across = (pixel - self.principal[view]) / self.focal[view]
+        return torch.cat([across, torch.ones_like(across[:, :1])], dim=1)
+
+    def seen_by(self, other: Tensor, view: Tensor, in_cam: Tensor) -> tuple[Tensor, Tensor]:
+        """Points of one view's camera frame as another view sees them.
+
+        Returns:
+            (N, 2) pixel, and (N,) z-depth in metres; a depth of 0 or less is behind the camera.
+        """
+        in_world = torch.einsum("nji,nj->ni", self.rotation[view], in_cam - self.translation[view])
+        in_other = torch.einsum("nij,nj->ni", self.rotation[other], in_world) + self.translation[other]
+        z = in_other[:, 2]
+        return in_other[:, :2] / z.clamp(min=1e-3)[:, None] * self.focal[other] + self.principal[other], z
+
+    def depth_at(self, view: Tensor, pixel: Tensor) -> tuple[Tensor, Tensor]:
+        """(N,) bilinear depth, and (N,) bool: valid and on one surface; constant, without a gradient."""
+        rows, columns = self.depth.shape[1:]
+        x, y = ((pixel.detach() - (self.step // 2 + 0.5)) / self.step).unbind(-1)
+        left, top = x.floor().clamp(0, columns - 2), y.floor().clamp(0, rows - 2)
+        a, b = (x - left).clamp(0, 1), (y - top).clamp(0, 1)
+        left, top = left.long(), top.long()
+        corners = torch.stack([self.depth[view, top + i, left + j] for i in (0, 1) for j in (0, 1)])
+        weights = torch.stack([(1 - b) * (1 - a), (1 - b) * a, b * (1 - a), b * a])
+        least = corners.amin(0)
+        return (corners * weights).sum(0), (least > 0) & (least > (1 - ONE_SURFACE) * corners.amax(0))
+
+    def weight_at(self, view: Tensor, pixel: Tensor) -> Tensor:
+        """(N,) trust in the depth at the nearest kept pixel."""
+        rows, columns = self.depth.shape[1:]
+        column, row = ((pixel.detach() - (self.step // 2 + 0.5)) / self.step).round().long().unbind(-1)
+        return self.depth_weight[view, row.clamp(0, rows - 1), column.clamp(0, columns - 1)]
+
+
+def overlap(
+    frames: Sequence[Frame],
+    depths: Mapping[str, np.ndarray],
+    normals: Mapping[str, np.ndarray],
+    points: PointCloud | None = None,
+    depth_weights: Mapping[str, np.ndarray] | None = None,
+    normal_weights: Mapping[str, np.ndarray] | None = None,
+) -> Overlap:
+    """Views that have a depth map.
+
+    Args:
+        frames: each with a map in `depths`.
+        depths: frame name -> (H, W) metres, 0 = invalid.
+        normals: frame name -> (H, W, 3) unit, world frame; frames may have none.
+        points: metres; None: no points.
+        depth_weights, normal_weights: frame name -> (H, W) in 0..1; 1 for frames without and where there is no depth.
+    """
+    cameras = [frame.camera for frame in frames]
+    step = max(1, max(camera.width for camera in cameras) // COLUMNS)
+    kept = [_kept(depths[frame.name], step) for frame in frames]
+    height, width = (max(2, *(part.shape[axis] for part in kept)) for axis in (0, 1))
+    depth, normal = np.zeros((len(frames), height, width)), np.zeros((len(frames), height, width, 3))
+    region, region_normal = np.zeros(depth.shape, dtype=np.int32), np.zeros_like(normal)
+    trust = {"depth": np.ones(depth.shape), "normal": np.ones(depth.shape)}
+    for index, (frame, part) in enumerate(zip(frames, kept, strict=True)):
+        inside = (index, slice(part.shape[0]), slice(part.shape[1]))
+        depth[inside] = part
+        if frame.name in normals:
+            normal[inside] = _kept(normals[frame.name], step) @ frame.camera.cam_from_world[:3, :3].T
+        for kind, weights in (("depth", depth_weights), ("normal", normal_weights)):
+            if weights and frame.name in weights:
+                trust[kind][inside] = _kept(weights[frame.name], step)
+        region[index][inside[1:]] = plain_regions(frame.color(), step)
+        region_normal[index] = cv2.blur(normal[index], (SMOOTH, SMOOTH))
+    region_normal /= np.maximum(np.linalg.norm(region_normal, axis=-1, keepdims=True), 1e-6)
+    K = np.stack([camera.K for camera in cameras])
+    pose = np.stack([camera.cam_from_world for camera in cameras])
+    views = Overlap(
+        step,
+        *map(_float, (depth, normal)),
+        torch.from_numpy(region),
+        *map(_float, (region_normal, trust["depth"], trust["normal"])),
+        *map(_float, ([(camera.width, camera.height) for camera in cameras], K[:, (0, 1), (0, 1)], K[:, :2, 2])),
+        *map(_float, (pose[:, :3, :3], pose[:, :3, 3])),
+        _pairs(frames),
+        *_points(frames, points),
+        torch.zeros(0),
+    )
+    prior, good = views.depth_at(views.point_view, views.point_px)
+    seen = {name: getattr(views, name)[good] for name in ("point_view", "point_px", "point_depth")}
+    return replace(views, **seen, point_prior=prior[good])
+
+
+def plain_regions(color: np.ndarray, step: int) -> np.ndarray:
+    """Connected pieces of a photo without texture or edges, on the kept pixels.
+
+    Args:
+        color: (H, W, 3) uint8.
+
+    Returns:
+        (h, w) int32: 0 = textured or too small, else the number of the piece.
+    """
+    grey = cv2.GaussianBlur(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32), (0, 0), max(0.8, 0.5 * step))
+    slope = np.hypot(cv2.Sobel(grey, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(grey, cv2.CV_32F, 0, 1, scale=1 / 8))
+    plain = _kept(cv2.dilate(slope, np.ones((step, step))), step) * step < PLAIN
+    _, label, stats, _ = cv2.connectedComponentsWithStats(plain.astype(np.uint8), connectivity=4)
+    large = stats[:, cv2.CC_STAT_AREA] >= LEAST_REGION * plain.size
+    return np.where(plain & large[label], label, 0).astype(np.int32)
+
+
+def _kept(values: np.ndarray, step: int) -> np.ndarray:
+    return values[step // 2 :: step, step // 2 :: step]
+
+
+def _float(values) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32))
+
+
+def _pairs(frames: Sequence[Frame]) -> Tensor:
+    shared = shared_view([frame.camera for frame in frames])
+    best = np.argsort(-shared, axis=1, kind="stable")[:, :NEIGHBOURS]
+    found = [(i, int(j)) for i, row in enumerate(best) for j in row if shared[i, j] > LEAST_SHARED]
+    return torch.tensor(found, dtype=torch.int64).reshape(-1, 2)
+
+
+def _points(frames: Sequence[Frame], points: PointCloud | None) -> tuple[Tensor, Tensor, Tensor]:
+    views, pixels, depths = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 2))], [np.zeros(0)]
+    for index, frame in enumerate(frames if points is not None else ()):
+        pixel, z = project(points.xyz, frame.camera)
+        seen = unhidden(pixel, z, cell_px=max(4, frame.camera.width // 24))
+        views.append(np.full(int(seen.sum()), index))
+        pixels.append(pixel[seen] + 0.5)
+        depths.append(z[seen])
+    return torch.from_numpy(np.concatenate(views)), _float(np.concatenate(pixels)), _float(np.concatenate(depths))

@@ -1,0 +1,1 @@
+"""Networks in ONNX that make depth and normal maps."""

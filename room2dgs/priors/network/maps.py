@@ -1,0 +1,175 @@
+"""Every photo's maps by a network, kept on disk: what is there already is not computed again."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from room2dgs.captures.image_files import color_size
+from room2dgs.captures.scene import Frame
+from room2dgs.config import NETWORK_SOURCES, OnnxConfig, PriorConfig
+from room2dgs.errors import InputError
+from room2dgs.geometry.camera import Camera
+from room2dgs.priors.files import resize_depth, resize_normal
+from room2dgs.priors.network.flip import Prediction
+from room2dgs.priors.network.map_cache import SUFFIX, is_kept, is_nothing, keep_map
+from room2dgs.priors.network.model_file import ModelFile, read_model
+from room2dgs.priors.network.network import predictions, same_input
+from room2dgs.priors.network.session import Network, open_network
+from room2dgs.priors.network.shipped import model_path
+
+Log = Callable[[str], None]
+KINDS = ("depth", "normal")
+# Raise it when a map of the same photo by the same network would come out differently.
+FORMAT = 2
+# Settings that change no map.
+_OUTSIDE = ("model", "get", "sha256", "error_scale", "max_error")
+_REPORT_SECONDS = 30.0
+
+
+def read_models(config: PriorConfig) -> dict[str, ModelFile]:
+    """Kind -> model, for the kinds of prior that a network makes.
+
+    Raises:
+        InputError: as `read_model` and `model_path`.
+    """
+    parts = {kind: getattr(config, kind) for kind in KINDS}
+    return {
+        kind: read_model(model_path(part), part.onnx.sha256)
+        for kind, part in parts.items()
+        if part.source in NETWORK_SOURCES
+    }
+
+
+def predicted_maps(
+    frames: Sequence[Frame], kind: str, config: PriorConfig, models: Mapping[str, ModelFile], log: Log
+) -> dict[str, Path]:
+    """Depth or normal maps of some photos by the configured network.
+
+    A map is known by the bytes of the model and of the photo, by the settings that matter, and by its size. It is
+    kept as `keep_map` writes it, at the frame's camera's size, so that `read_depth` and `read_normal` read it. The
+    model is not loaded when all maps are there. Where one model gives both kinds from the same input, a photo that
+    lacks this kind gets both from one look.
+
+    Args:
+        kind: "depth" or "normal".
+        config: `cache` is the folder to keep the maps in.
+        models: what `read_models` gives.
+        log: takes one line at a time.
+
+    Returns:
+        Frame name -> file; without the photos in which the network sees nothing, which are logged.
+
+    Raises:
+        InputError: as `open_network` and `predictions`, the folder cannot be written, or the network sees nothing
+            in any photo.
+    """
+    if not config.cache:
+        raise InputError("prior.cache=DIR is not given; the networks' maps are kept there")
+    model, folder = models[kind], Path(config.cache) / kind
+    paths = _paths(frames, kind, config, model)
+    missing = [frame for frame in frames if not is_kept(paths[frame.name], _shape(frame, kind))]
+    if missing:
+        log(
+            f"{kind} prior: {model.path.name} on {len(missing)} photos; {len(frames) - len(missing)} of its maps "
+            f"are in {folder}"
+        )
+        _fill(missing, _same_look(kind, config, models), config, model, log)
+    else:
+        log(f"{kind} prior: all {len(frames)} maps of {model.path.name} are in {folder}")
+    empty = [name for name, path in paths.items() if is_nothing(path)]
+    if len(empty) == len(frames):
+        raise InputError(
+            f"{model.path} gives no valid pixel for any of {len(frames)} photos; check what its maker says of white, "
+            f"mean and std, prior.{kind}.onnx.*"
+        )
+    if empty:
+        log(f"{kind} prior: the network sees nothing in {len(empty)} of {len(frames)} photos: {', '.join(empty[:5])}")
+    return {name: path for name, path in paths.items() if name not in empty}
+
+
+def _same_look(kind: str, config: PriorConfig, models: Mapping[str, ModelFile]) -> list[str]:
+    """This kind first, then the other if the same look at a photo gives it."""
+    settings = getattr(config, kind).onnx
+    return [kind] + [
+        other
+        for other, model in models.items()
+        if other != kind and model.digest == models[kind].digest and same_input(getattr(config, other).onnx, settings)
+    ]
+
+
+def _fill(frames: Sequence[Frame], kinds: Sequence[str], config: PriorConfig, model: ModelFile, log: Log) -> None:
+    """Make the maps of some photos; the first kind is missing for all of them."""
+    networks: list[Network] = []
+    for kind in kinds:
+        session = networks[0].session if networks else None
+        settings = getattr(config, kind).onnx
+        networks.append(open_network(model.path, kind, settings, config.threads, config.provider, session))
+    paths = {kind: _paths(frames, kind, config, model) for kind in kinds}
+    start = reported = time.monotonic()
+    for count, frame in enumerate(frames):
+        if time.monotonic() - reported > _REPORT_SECONDS:
+            reported = time.monotonic()
+            log(f"{kinds[0]} prior: {count} of {len(frames)} photos, {(reported - start) / count:.1f} s each")
+        for kind, found in zip(kinds, predictions(networks, *_photo(frame)), strict=True):
+            path = paths[kind][frame.name]
+            if is_kept(path, _shape(frame, kind)):
+                continue
+            try:
+                keep_map(path, *at_camera(found, frame.camera))
+            except OSError as error:
+                raise InputError(
+                    f"{path.parent} cannot be written ({error.strerror}); choose another prior.cache=DIR"
+                ) from error
+    seconds = time.monotonic() - start
+    log(
+        f"{' and '.join(kinds)} prior: {len(frames)} photos in {seconds:.1f} s, "
+        f"{1000 * seconds / len(frames):.0f} ms each"
+    )
+
+
+def at_camera(found: Prediction, camera: Camera) -> Prediction:
+    """A map at the size that the run works at."""
+    values, valid, error = found
+    if values.ndim == 3:
+        values, valid = resize_normal(values, valid, camera)
+    else:
+        valid = valid & (values != 0)
+        values, valid = resize_depth(np.where(valid, values, 0.0), valid, camera)
+    if error is not None:
+        error = cv2.resize(error, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR)
+    return Prediction(values, valid, error)
+
+
+def _photo(frame: Frame) -> tuple[np.ndarray, Camera]:
+    """The photo at its full size, whatever size the run works at, and its camera."""
+    camera = frame.camera.resized(*color_size(frame.color_path))
+    return replace(frame, camera=camera).color(), camera
+
+
+def _paths(frames: Sequence[Frame], kind: str, config: PriorConfig, model: ModelFile) -> dict[str, Path]:
+    folder, settings = Path(config.cache or "") / kind, getattr(config, kind).onnx
+    return {frame.name: folder / f"{frame.name}-{_key(frame, kind, model, settings)}{SUFFIX}" for frame in frames}
+
+
+def _shape(frame: Frame, kind: str) -> tuple[int, ...]:
+    size = (frame.camera.height, frame.camera.width)
+    return (*size, 3) if kind == "normal" else size
+
+
+def _key(frame: Frame, kind: str, model: ModelFile, settings: OnnxConfig) -> str:
+    """Sixteen hex digits that stand for all that a map depends on."""
+    matters = {name: value for name, value in dataclasses.asdict(settings).items() if name not in _OUTSIDE}
+    sees_focal = settings.intrinsics or settings.canonical_focal_px is not None
+    K = frame.camera.K.tolist() if sees_focal else None
+    photo = hashlib.sha256(frame.color_path.read_bytes()).hexdigest()
+    known = [FORMAT, kind, model.digest, matters, photo, _shape(frame, kind), K]
+    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:16]

@@ -1,0 +1,1 @@
+"""Conventions of normal maps, checked and brought to the house."""

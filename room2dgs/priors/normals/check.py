@@ -1,0 +1,89 @@
+"""Normal maps put to the test before they are used: their convention, and whether they say anything at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from room2dgs.config import NormalPriorConfig
+from room2dgs.errors import InputError
+from room2dgs.priors.joint.planar_points import planar_normals
+from room2dgs.priors.normals.convention import camera_normals, judge
+from room2dgs.priors.normals.samples import Sample
+
+Log = Callable[[str], None]
+# Views of the same points agree less than this, mean cosine: noise, which has at most 0.25, or nearly so.
+MIN_AGREEMENT = 0.4
+# Mean cosine with the planes of the sparse points, above what normals that just face the camera have.
+MIN_GAIN = 0.05
+MIN_PLANAR = 200
+
+
+def usable(
+    samples: Sequence[Sample], xyz: np.ndarray, settings: NormalPriorConfig, made_of: str | None, log: Log
+) -> bool:
+    """Whether normals are to be used; what was found is logged.
+
+    Args:
+        samples: of some views.
+        xyz: (M, 3) the sparse points that the samples' `point` counts.
+        settings: with `check` off, doubtful normals are used all the same.
+        made_of: the folder or the network, for messages.
+
+    Returns:
+        False for normals that say nothing.
+
+    Raises:
+        InputError: another convention fits clearly better.
+    """
+    verdict = judge(samples, settings)
+    found = [f"{verdict.score.away:.0%} of the pixels face away from the camera"]
+    if verdict.score.cosine is not None:
+        found.append(f"mean cosine with the depth prior's normals {verdict.score.cosine:.2f}")
+    if verdict.score.agreement is not None:
+        found.append(f"between views of the same points {verdict.score.agreement:.2f}")
+    planes, facing = _with_planes(samples, planar_normals(xyz), settings)
+    if planes is not None:
+        found.append(f"with planes of the sparse points {planes:.2f} ({facing:.2f} if all just faced the camera)")
+    log(f"normal prior: {', '.join(found)}")
+    used = "used all the same" if not settings.check else "left out; prior.normal.check=false uses them all the same"
+    if verdict.agreement is not None and verdict.agreement < MIN_AGREEMENT:
+        log(
+            f"WARNING: the normals say nothing, views of the same points do not agree (mean cosine "
+            f"{verdict.agreement:.2f} in the best convention, noise has 0.25 at most): {used}"
+        )
+        return not settings.check
+    if verdict.better and settings.check:
+        raise InputError(
+            f"{made_of} has its normals in another convention ({', '.join(found)}); {verdict.better} fits best, "
+            "or prior.normal.check=false uses them as they are"
+        )
+    if verdict.better:
+        log(f"WARNING: the normals' convention looks wrong, {verdict.better} fits best; used all the same")
+    elif verdict.score.cosine is not None and verdict.score.cosine < 0.5:
+        log("WARNING: depth and normal priors do not agree; one of them or both are poor")
+    elif planes is not None and planes < facing + MIN_GAIN:
+        log("WARNING: the normals fit the sparse points no better than if all just faced the camera: they are poor")
+    return True
+
+
+def _with_planes(
+    samples: Sequence[Sample], planes: np.ndarray, settings: NormalPriorConfig
+) -> tuple[float | None, float]:
+    """Mean cosine of the normals, and of vectors towards the camera, with the points' planes; None: too few."""
+    cosines, facing = [np.zeros(0)], [np.zeros(0)]
+    for sample in samples:
+        seen = sample.point >= 0
+        plane = planes[sample.point[seen]] @ sample.camera.cam_from_world[:3, :3].T
+        rays = sample.rays[seen] / np.linalg.norm(sample.rays[seen], axis=-1, keepdims=True)
+        towards = -(plane * rays).sum(axis=-1)
+        normal = camera_normals(sample.raw[seen], settings, sample.camera)
+        known = plane.any(axis=-1)
+        # a plane has two sides, and the seen one faces the camera
+        cosines.append((np.sign(towards) * (normal * plane).sum(axis=-1))[known])
+        facing.append(np.abs(towards)[known])
+    cosine = np.concatenate(cosines)
+    if len(cosine) < MIN_PLANAR:
+        return None, 0.0
+    return float(cosine.mean()), float(np.concatenate(facing).mean())

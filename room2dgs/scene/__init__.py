@@ -1,1 +1,0 @@
-"""Captures on disk to a typed `Scene`: cameras, frames, sparse points."""

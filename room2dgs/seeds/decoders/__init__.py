@@ -1,0 +1,1 @@
+"""What turns a seed's learnable tensors into surfels."""

@@ -1,0 +1,1 @@
+"""Which photos to match, and the sparse points that they give."""

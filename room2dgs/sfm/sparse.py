@@ -1,0 +1,79 @@
+"""The sparse points of a scene: triangulated once and cached, or from a file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pycolmap
+
+from room2dgs.captures.point_files import load_points, read_ply, save_points
+from room2dgs.captures.scene import PointCloud, Scene
+from room2dgs.config import PointsConfig
+from room2dgs.errors import InputError
+
+# Raised when sfm.py or pairs.py gives other points for the same input.
+RECIPE = 1
+# Fewer have no neighbourhood to take normals from.
+MIN_POINTS = 16
+
+
+def sparse_points(scene: Scene, config: PointsConfig, cache: Path, log: Callable[[str], None] = print) -> PointCloud:
+    """The scene's sparse points.
+
+    `source=sfm` triangulates them from the training views alone, so that nothing of a held-out view is
+    used; the result is kept in `cache` under a hash of photos, poses, intrinsics and settings, and a second
+    call with the same ones loads it. `source=file` reads `config.file`.
+
+    Args:
+        cache: folder for the result, made if needed.
+        log: takes one line at a time.
+
+    Returns:
+        At least `MIN_POINTS`; metres, world frame.
+
+    Raises:
+        InputError: too few points, photos that disagree with their poses, or an unusable file.
+    """
+    if config.source == "file":
+        points = read_ply(Path(config.file or ""))
+        if len(points) < MIN_POINTS:
+            raise InputError(
+                f"{config.file} holds {len(points)} points, at least {MIN_POINTS} are needed; give another file"
+            )
+        log(f"points: {len(points)} from {config.file}")
+        return points
+    path = cache / f"points-{_key(scene, config)}.safetensors"
+    points = load_points(path)
+    if points is not None:
+        log(f"points: {len(points)} from {path.name}")
+        return points
+    from room2dgs.sfm.triangulation import triangulate
+
+    cache.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".sfm-", dir=cache) as work:
+        points = triangulate(scene.train, config, Path(work), log)
+    if len(points) < MIN_POINTS:
+        raise InputError(
+            f"{scene.path} gives {len(points)} points from {len(scene.train)} photos, at least "
+            f"{MIN_POINTS} are needed; add sharp overlapping photos, lower points.min_track, or give "
+            "points.source=file points.file=PATH"
+        )
+    log(f"points: {len(points)} triangulated, seen by {points.track_length.mean():.1f} views on average")
+    save_points(path, points)
+    return points
+
+
+def _key(scene: Scene, config: PointsConfig) -> str:
+    """Hash of everything that the points depend on."""
+    settings = {name: value for name, value in vars(config).items() if name not in ("source", "file", "cache")}
+    digest = hashlib.sha256(json.dumps([RECIPE, pycolmap.__version__, settings], sort_keys=True).encode())
+    for frame in scene.train:
+        camera = frame.camera
+        digest.update(f"{frame.name} {camera.width}x{camera.height}".encode())
+        digest.update(camera.K.tobytes() + camera.cam_from_world.tobytes())
+        digest.update(hashlib.sha256(frame.color_path.read_bytes()).digest())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,1 @@
+"""Densification and pruning."""

@@ -1,0 +1,44 @@
+"""Births and deaths of seeds, with all that belongs to them: parameters and Adam's moments."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from room2dgs.config import SeedsConfig
+from room2dgs.seeds.decoders.registry import restored_decoder
+from room2dgs.train.model import Model
+from room2dgs.train.optimiser import adam_state, load_adam_state, make_adam
+
+
+def resize(model: Model, config: SeedsConfig, keep: Tensor, rows: dict[str, Tensor] | None = None) -> None:
+    """Keep some seeds, in their order, and add new ones behind them, in place.
+
+    Survivors keep their values and Adam's moments bit by bit; the moments of newborns are zero. The count of steps,
+    and what belongs to all seeds together, stay. Every parameter is a new leaf.
+
+    Args:
+        keep: (K,) int64, rising: the survivors' rows.
+        rows: of newborns, as `Decoder.newborn` gives them; None: there are none.
+    """
+    rows = rows or {}
+    per_seed = set(model.decoder.per_seed)
+
+    def moved(value: Tensor, new: Tensor | None) -> Tensor:
+        kept = value.detach()[keep]
+        return kept if new is None else torch.cat([kept, new.to(kept.dtype)])
+
+    fixed = {name: moved(value, rows.get(name)) for name, value in model.decoder.fixed().items()}
+    parameters = {
+        name: moved(value, rows.get(name)) if name in per_seed else value.detach()
+        for name, value in model.decoder.parameters().items()
+    }
+    state = {}
+    for key, value in adam_state(model.adam).items():
+        moment, _, name = key.partition("/")
+        of_seeds = moment != "step" and name in per_seed
+        state[key] = moved(value, torch.zeros_like(rows[name]) if name in rows else None) if of_seeds else value
+
+    model.decoder = restored_decoder(config, fixed, parameters)
+    model.adam = make_adam(model.decoder.parameters())
+    load_adam_state(model.adam, state)

@@ -1,0 +1,140 @@
+"""Densification of plain 2DGS (as 3DGS has it): the baseline without a seed's guidance, under the same trainer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from room2dgs.config import Config
+from room2dgs.geometry.rotations import tangents
+from room2dgs.seeds.decoders.activations import opacity_logit_of
+from room2dgs.seeds.decoders.registry import scale_activation
+from room2dgs.splat.types import Surfels
+from room2dgs.train.model import Model
+from room2dgs.train.schedule import EXTENT_MIN_M, at_iteration
+from room2dgs.train.step import Step
+from room2dgs.train.strategies.edit_seeds import resize
+from room2dgs.train.strategies.screen_gradients import ScreenGradients
+from room2dgs.train.strategies.strategy import Adjustment, window_of
+
+CHILDREN = 2  # of a split surfel
+SHRINK = 0.8 * CHILDREN  # of their scales
+RESET_OPACITY = 0.01
+
+
+class PlainStrategy:
+    """Every seed is one surfel; one that the images pull at is cloned if small and split if large.
+
+    Faint surfels are pruned at each adjustment, and oversized ones too once opacities have been reset. A clone is
+    the same surfel again with no momentum, which is what parts the two. A newborn of a split keeps its parent's
+    seed: the seed only holds the offset's origin here.
+
+    Args:
+        config: of the run; seeds.per_seed is 1 and the decoder explicit.
+        extent_m: `Scene.extent`, the unit of the size limits.
+    """
+
+    def __init__(self, config: Config, extent_m: float) -> None:
+        self._config = config
+        self._extent_m = max(extent_m, EXTENT_MIN_M)
+        self._window = window_of(config.strategy, config.train.iterations)
+        self._reset_every = at_iteration(config.strategy.reset_every, config.train.iterations)
+        self._gradients: ScreenGradients | None = None
+
+    def before_backward(self, iteration: int) -> bool:
+        return self._window.gathers(iteration)
+
+    def after_backward(self, step: Step) -> None:
+        if self._gradients is None:
+            self._gradients = ScreenGradients(len(step.opacities))
+        height, width = step.color.shape[:2]
+        self._gradients.add(step.center_gradients, width, height)
+
+    def after_step(self, model: Model) -> Adjustment | None:
+        adjustment = None
+        if self._gradients is not None and self._window.due(model.iteration):
+            adjustment = self._adjust(model)
+            self._gradients = ScreenGradients(model.surfel_count)
+        if self._resets(model.iteration):
+            _reset_opacities(model)
+            adjustment = replace(adjustment or Adjustment(), reset=True)
+        return adjustment
+
+    def state(self) -> dict[str, Tensor]:
+        return {} if self._gradients is None else self._gradients.state()
+
+    def load(self, state: dict[str, Tensor]) -> None:
+        if state:
+            self._gradients = ScreenGradients.of(state)
+
+    def _resets(self, done: int) -> bool:
+        every = self._reset_every
+        return every > 0 and done % every == 0 and self._window.first <= done < self._window.last
+
+    def _adjust(self, model: Model) -> Adjustment:
+        strategy = self._config.strategy
+        surfels = Surfels(*(values.detach() for values in model.surfels(0)))
+        size = surfels.scales.amax(dim=1)
+        faint = surfels.opacities < strategy.prune_opacity
+        was_reset = 0 < self._reset_every < model.iteration
+        large = ~faint & (size > strategy.prune_size * self._extent_m) if was_reset else torch.zeros_like(faint)
+        pruned = faint | large
+        if pruned.all():
+            return Adjustment()
+
+        means = self._gradients.means()
+        pulled = (means >= strategy.grow_gradient) & ~pruned
+        pulled = self._within_cap(pulled, means, len(means) - int(pruned.sum()))
+        to_split = pulled & (size > strategy.split_size * self._extent_m)
+        clones, parents = (pulled & ~to_split).nonzero()[:, 0], to_split.nonzero()[:, 0]
+        rows = {
+            name: torch.cat([cloned, split])
+            for (name, cloned), split in zip(
+                _rows(model, clones).items(), self._children(model, surfels, parents).values(), strict=True
+            )
+        }
+        resize(model, self._config.seeds, (~(pruned | to_split)).nonzero()[:, 0], rows)
+        return Adjustment(
+            born={"cloned": len(clones), "split": len(parents)},
+            pruned={"faint": int(faint.sum()), "large": int(large.sum())},
+        )
+
+    def _within_cap(self, pulled: Tensor, means: Tensor, survivors: int) -> Tensor:
+        """The largest gradients first; a clone adds one surfel, and so does a split."""
+        cap = self._config.strategy.max_surfels
+        room = int(pulled.sum()) if cap is None else max(0, cap - survivors)
+        if room >= int(pulled.sum()):
+            return pulled
+        order = torch.sort(torch.where(pulled, means, -1.0), descending=True, stable=True).indices
+        chosen = torch.zeros_like(pulled)
+        chosen[order[:room]] = True
+        return chosen
+
+    def _children(self, model: Model, surfels: Surfels, parents: Tensor) -> dict[str, Tensor]:
+        """Rows of two smaller surfels for each parent, drawn from its Gaussian, in its plane."""
+        parents = parents.repeat_interleave(CHILDREN)
+        rows = _rows(model, parents)
+        draws = np.random.default_rng([self._config.train.seed % 2**63, model.iteration, 0x9117])
+        steps = torch.from_numpy(draws.standard_normal((len(parents), 2), dtype=np.float32))
+        in_plane = (steps * surfels.scales[parents]).unsqueeze(2) * tangents(surfels.rotations[parents])
+        rows["offsets"] += in_plane.sum(dim=1, keepdim=True)
+        rows["raw_scales"] = scale_activation(self._config.seeds).raw_of(surfels.scales[parents, None] / SHRINK)
+        return rows
+
+
+def _rows(model: Model, index: Tensor) -> dict[str, Tensor]:
+    """Copies of some seeds' tensors, by name."""
+    return {name: value.detach()[index] for name, value in (model.decoder.fixed() | model.decoder.parameters()).items()}
+
+
+def _reset_opacities(model: Model) -> None:
+    """No surfel more opaque than 0.01; those must earn it anew, with no momentum."""
+    logits = model.decoder.parameters()["opacity_logits"]
+    with torch.no_grad():
+        logits.clamp_(max=opacity_logit_of(torch.tensor(RESET_OPACITY)).item())
+    for name in ("exp_avg", "exp_avg_sq"):
+        if name in model.adam.state[logits]:
+            model.adam.state[logits][name].zero_()

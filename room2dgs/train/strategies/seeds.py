@@ -1,0 +1,141 @@
+"""The paper's seed-guided optimisation: gradient-guided growth and contribution-based pruning (Sec. III-B)."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from room2dgs.config import Config
+from room2dgs.geometry.rotations import normals
+from room2dgs.seeds.grow import Growth, Parents, grow
+from room2dgs.seeds.hierarchy import level_edge
+from room2dgs.seeds.prune import transparent, unseen
+from room2dgs.seeds.spawn import Y00, spawn
+from room2dgs.splat.types import Surfels
+from room2dgs.train.model import Model
+from room2dgs.train.step import Step
+from room2dgs.train.strategies.edit_seeds import resize
+from room2dgs.train.strategies.screen_gradients import ScreenGradients
+from room2dgs.train.strategies.strategy import Adjustment, window_of
+
+
+class SeedStrategy:
+    """Seeds are pruned by opacity and by being out of all sight, and born in cells of a voxel hierarchy.
+
+    Args:
+        config: of the run.
+        views: number of training views.
+    """
+
+    def __init__(self, config: Config, views: int) -> None:
+        self._config = config
+        self._views = views
+        self._window = window_of(config.strategy, config.train.iterations)
+        self._gradients: ScreenGradients | None = None
+        self._opacities = torch.zeros(0)  # (N,) summed over the iterations
+        self._gathered = 0  # iterations
+        self._unseen = torch.zeros(0)  # (S,) iterations in a row, up to the last adjustment
+
+    def before_backward(self, iteration: int) -> bool:
+        return self._window.gathers(iteration)
+
+    def after_backward(self, step: Step) -> None:
+        if self._gradients is None:
+            self._start(len(step.opacities))
+        height, width = step.color.shape[:2]
+        self._gradients.add(step.center_gradients, width, height)
+        self._opacities += step.opacities
+        self._gathered += 1
+
+    def after_step(self, model: Model) -> Adjustment | None:
+        if self._gradients is None or not self._window.due(model.iteration):
+            return None
+        keep, pruned = self._survivors(model.seeds)
+        growth = self._growth(model, keep)
+        settings = self._config.seeds
+        rows = None
+        if len(growth):
+            draw = np.random.SeedSequence([self._config.train.seed % 2**63, model.iteration]).generate_state(1)[0]
+            spawned = spawn(growth.seeds, settings.per_seed, settings.opacity, int(draw))
+            rows = model.decoder.newborn(spawned, _inherited(model, growth, settings.per_seed))
+        if len(growth) or len(keep) < model.seeds:
+            resize(model, settings, keep, rows)
+        self._unseen = torch.cat([self._unseen[keep], torch.zeros(len(growth))])
+        self._start(model.surfel_count)
+        levels = self._config.strategy.levels
+        edges = [level_edge(settings.voxel_m, level, levels) for level in range(levels)]
+        born = {f"{100 * edge:g} cm": int((growth.level == level).sum()) for level, edge in enumerate(edges)}
+        return Adjustment(born, pruned)
+
+    def state(self) -> dict[str, Tensor]:
+        if self._gradients is None:
+            return {}
+        gathered = torch.tensor(self._gathered)
+        mine = {"opacity_sums": self._opacities, "unseen": self._unseen, "gathered": gathered}
+        return self._gradients.state() | mine
+
+    def load(self, state: dict[str, Tensor]) -> None:
+        if state:
+            self._gradients = ScreenGradients.of(state)
+            self._opacities, self._unseen = state["opacity_sums"].clone(), state["unseen"].clone()
+            self._gathered = int(state["gathered"])
+
+    def _start(self, surfels: int) -> None:
+        self._gradients = ScreenGradients(surfels)
+        self._opacities = torch.zeros(surfels)
+        self._gathered = 0
+
+    def _survivors(self, seeds: int) -> tuple[Tensor, dict[str, int]]:
+        """Rows to keep, and how many go for which reason; one seed at least stays."""
+        if len(self._unseen) != seeds:
+            self._unseen = torch.zeros(seeds)
+        seen = self._gradients.visits.view(seeds, -1).amax(dim=1) > 0
+        self._unseen = torch.where(seen, 0.0, self._unseen + self._gathered)
+        opacities = (self._opacities / self._gathered).view(seeds, -1).numpy()
+        faint = transparent(opacities, self._config.strategy.prune_opacity)
+        hidden = unseen(self._unseen.numpy(), self._views) & ~faint
+        keep = np.flatnonzero(~(faint | hidden))
+        if len(keep) == 0:
+            return torch.arange(seeds), {"transparent": 0, "unseen": 0}
+        return torch.from_numpy(keep), {"transparent": int(faint.sum()), "unseen": int(hidden.sum())}
+
+    def _growth(self, model: Model, keep: Tensor) -> Growth:
+        """Newborns among the survivors; their parents' indices are those before the pruning."""
+        settings, strategy = self._config.seeds, self._config.strategy
+        surfels = Surfels(*(values.detach() for values in model.surfels(0)))
+        seeds = model.decoder.fixed()["positions"]
+        alive = torch.zeros(len(seeds), dtype=torch.bool)
+        alive[keep] = True
+        of_living = alive.repeat_interleave(settings.per_seed)
+        parents = Parents(
+            seeds=seeds[keep].numpy().astype(np.float64),
+            centres=surfels.centers.numpy().astype(np.float64),
+            normals=normals(surfels.rotations).numpy(),
+            scales=surfels.scales.prod(dim=1).sqrt().numpy(),
+            rgb=(0.5 + Y00 * surfels.sh[:, 0]).clamp(0, 1).numpy(),
+            gradients=self._gradients.means().numpy(),
+            known=(of_living & (self._gradients.visits >= strategy.min_visits)).numpy(),
+        )
+        draws = np.random.default_rng([self._config.train.seed % 2**63, model.iteration, 0x6120])
+        growth = grow(
+            parents,
+            settings.voxel_m,
+            strategy.levels,
+            strategy.grow_gradient,
+            settings.max_scale_m,
+            settings.per_seed,
+            draws if strategy.random_survival else None,
+        )
+        if strategy.max_surfels is None:
+            return growth
+        return growth.largest(max(0, strategy.max_surfels // settings.per_seed - len(keep)))
+
+
+def _inherited(model: Model, growth: Growth, per_seed: int) -> Tensor | None:
+    """(B, F) the largest of the parents' features, element by element (Scaffold-GS), where there are features."""
+    features = model.decoder.parameters().get("features")
+    if features is None:
+        return None
+    values = features.detach().numpy()[growth.family.order // per_seed]
+    return torch.from_numpy(np.maximum.reduceat(values, growth.family.first, axis=0))

@@ -1,0 +1,161 @@
+"""Every bad capture is refused with one sentence that names the file."""
+
+from __future__ import annotations
+
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+
+from room2dgs.captures.read import read_scene
+from room2dgs.errors import InputError
+
+
+@pytest.fixture
+def refused(scene_config):
+    """`refused(*words, **changes)`: reading fails, and the one-line message has all the words."""
+
+    def check(*words: str, **changes) -> None:
+        with pytest.raises(InputError) as caught:
+            read_scene(scene_config(**changes))
+        message = str(caught.value)
+        assert "\n" not in message and not message.endswith(".")
+        for word in words:
+            assert word in message
+
+    return check
+
+
+def test_a_folder_that_is_not_there(refused, tmp_path):
+    refused("nowhere", "color/<i>.jpg", path=str(tmp_path / "nowhere"))
+
+
+def test_a_file_instead_of_a_folder(refused, capture):
+    refused("0.jpg", "not a folder", path=str(capture / "color" / "0.jpg"))
+
+
+@pytest.mark.parametrize("folder", ["color", "pose", "intrinsic"])
+def test_a_missing_folder(refused, capture, folder):
+    shutil.rmtree(capture / folder)
+    refused(f"{folder} is missing", "intrinsic/intrinsic_color.txt")
+
+
+def test_no_photos_with_numbers_for_names(refused, capture):
+    for path in (capture / "color").iterdir():
+        path.rename(path.with_name(f"frame-{path.name}"))
+    refused("color", "no photos", "<number>.jpg")
+
+
+def test_the_same_frame_twice(refused, capture):
+    shutil.copy(capture / "color" / "5.jpg", capture / "color" / "005.jpg")
+    refused("5.jpg", "005.jpg", "same frame")
+
+
+def test_a_missing_intrinsics_file(refused, capture):
+    (capture / "intrinsic" / "intrinsic_color.txt").unlink()
+    refused("intrinsic_color.txt is missing")
+
+
+def test_a_missing_pose(refused, capture):
+    (capture / "pose" / "10.txt").unlink()
+    refused("10.txt is missing")
+
+
+def test_a_malformed_pose(refused, capture):
+    (capture / "pose" / "10.txt").write_text("1 2 3")
+    refused("10.txt", "3 numbers")
+
+
+def test_a_pose_with_scale(refused, capture):
+    pose = np.loadtxt(capture / "pose" / "20.txt")
+    pose[:3, :3] *= 1000.0
+    np.savetxt(capture / "pose" / "20.txt", pose)
+    refused("20.txt", "not a rigid pose")
+
+
+def text(path):
+    path.write_text("no image")
+
+
+def empty(path):
+    path.write_bytes(b"")
+
+
+def half(path):
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+
+
+def without_its_end(path):
+    path.write_bytes(path.read_bytes()[:-200])
+
+
+@pytest.mark.parametrize("spoil", [text, empty, half, without_its_end])
+@pytest.mark.parametrize("name", ["color/15.jpg", "depth/15.png"])
+def test_an_image_that_is_not_whole(refused, capture, name, spoil):
+    spoil(capture / name)
+    refused(name, "cannot be decoded")
+
+
+def test_a_truncated_png_photo(refused, capture, corner_views):
+    path = capture / "color" / "15.png"
+    (capture / "color" / "15.jpg").unlink()
+    cv2.imwrite(str(path), corner_views[3][1])
+    half(path)
+    refused("15.png", "cannot be decoded")
+
+
+def test_a_photo_of_another_size(refused, capture):
+    cv2.imwrite(str(capture / "color" / "25.jpg"), np.zeros((200, 320, 3), np.uint8))
+    refused("25.jpg", "320x200", "320x240")
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0, 1.5])
+def test_intrinsics_of_another_image_size(refused, capture, factor):
+    K = np.loadtxt(capture / "intrinsic" / "intrinsic_color.txt")
+    K[:2] *= factor
+    np.savetxt(capture / "intrinsic" / "intrinsic_color.txt", K)
+    refused("intrinsic_color.txt", "320x240")
+
+
+def test_intrinsics_of_the_turned_photo(refused, capture):
+    K = np.loadtxt(capture / "intrinsic" / "intrinsic_color.txt")
+    K[:2, 2] = K[1::-1, 2]
+    np.savetxt(capture / "intrinsic" / "intrinsic_color.txt", K)
+    refused("intrinsic_color.txt", "320x240")
+
+
+def test_depth_of_another_shape(refused, capture):
+    cv2.imwrite(str(capture / "depth" / "5.png"), np.zeros((240, 240), np.uint16))
+    refused("5.png", "240x240")
+
+
+def test_depth_of_eight_bits(refused, capture):
+    cv2.imwrite(str(capture / "depth" / "5.png"), np.zeros((240, 320), np.uint8))
+    refused("5.png", "16-bit")
+
+
+def test_depth_of_another_camera(refused, capture):
+    K = np.loadtxt(capture / "intrinsic" / "intrinsic_depth.txt")
+    K[0, 0] *= 1.3
+    np.savetxt(capture / "intrinsic" / "intrinsic_depth.txt", K)
+    refused("intrinsic_depth.txt", "register")
+
+
+def test_fewer_than_three_usable_views(refused, capture):
+    for i in range(2, 8):
+        (capture / "pose" / f"{5 * i}.txt").write_text("-inf " * 16)
+    refused("2 usable views", "6 dropped", "10.txt")
+
+
+def test_a_stride_that_leaves_too_few(refused):
+    refused("2 usable views", "scene.stride", stride=4)
+
+
+def test_a_hold_out_that_leaves_too_few(refused):
+    refused("scene.test_every=1", "0 of the 8", test_every=1)
+
+
+def test_a_given_ground_truth_that_is_missing(refused, tmp_path):
+    refused("absent.ply is missing", gt_mesh=str(tmp_path / "absent.ply"))

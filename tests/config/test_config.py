@@ -1,0 +1,115 @@
+"""Overrides, refusals and what a run's config.yaml brings back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from omegaconf import OmegaConf
+
+from room2dgs.config import Config, conf_dir, dump_config, load_config
+from room2dgs.config.keys import leaf_keys
+from room2dgs.config.overrides import PATH_KEYS, group_choices
+from room2dgs.errors import InputError
+
+GIVEN = ["scene.path=room", "out=here"]
+
+
+def test_defaults_need_only_scene_and_out():
+    config = load_config(GIVEN)
+    assert (config.scene.path, config.out, config.resume) == ("room", "here", False)
+
+
+def test_every_yaml_key_is_in_the_schema_and_the_other_way_round():
+    config = OmegaConf.structured(load_config(GIVEN))
+    names = {key.name for key in leaf_keys(Config)}
+    assert {name for name in names if OmegaConf.select(config, name, default="absent") == "absent"} == set()
+    for group in group_choices(conf_dir()):
+        if group != "experiment":
+            assert any(name.startswith(group.replace("/", ".") + ".") for name in names)
+
+
+def test_override_reaches_its_field():
+    config = load_config([*GIVEN, "train.rates.scale=0.25", "loss.distortion={enabled:true,weight:2,start:5}"])
+    assert config.train.rates.scale == 0.25
+    assert (config.loss.distortion.enabled, config.loss.distortion.weight) == (True, 2.0)
+    levels = load_config([*GIVEN, "train.resolutions=[{fraction:0.5,until:10}]"]).train.resolutions
+    assert (levels[0].fraction, levels[0].until) == (0.5, 10)
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("train.iteration=3", "did you mean train.iterations"),
+        ("train.iterations=many", "train.iterations wants a whole number"),
+        ("train.iterations=2.5", "train.iterations wants a whole number"),
+        ("train.iterations=null", "train.iterations wants a whole number"),
+        ("train.iterations=0", "a value of 1 or more"),
+        ("eval.protocols=area", "eval.protocols wants a list such as [a,b]"),
+        ("eval.protocols=[]", "choose from area, neuris, manhattan"),
+        ("eval.protocols=[chamfer]", "choose from area, neuris, manhattan"),
+        ("mesh.depth=mean", "choose from median, expected"),
+        ("mesh.voxel_m=nan", "mesh.voxel_m=nan is impossible"),
+        ("eval.threshold_m=inf", "eval.threshold_m=inf is impossible"),
+        ("render.background=[0,0]", "three numbers from 0 to 1"),
+        ("train.rates.center=-1", "train.rates.center=-1"),
+        ("train.resolutions=[{fraction:0.5,until:9},{fraction:1,until:9}]", "rising `until`"),
+        ("train.resolutions=[{fraction:0.5}]", "until is not given"),
+        ("points.source=file", "points.file=PATH"),
+        ("loss=none_such", "choose from rgb_geometry"),
+        ("experiment=none_such", "experiment=none_such is not known"),
+        ("scene.path=", "scene.path is empty"),
+        ("+train.extra=1", "+train.extra is no setting"),
+        ("~loss", "settings are written KEY=VALUE"),
+        ("hydra.run.dir=x", "hydra.run.dir is no setting"),
+    ],
+)
+def test_wrong_override_is_one_sentence_that_names_it(override, said):
+    with pytest.raises(InputError) as caught:
+        load_config([*GIVEN, override])
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("given_key", "missing"), [("scene.path=room", "out"), ("out=here", "scene.path")])
+def test_what_is_not_given_is_named(given_key, missing):
+    with pytest.raises(InputError, match=f"^{missing} is not given; add {missing}=DIR$"):
+        load_config([given_key])
+
+
+# "${" would be an interpolation, "null" is no text
+FOLDER_NAMES = st.text(
+    st.characters(exclude_categories=["Cs", "Cc", "Zl", "Zp"], exclude_characters="$"), min_size=1
+).filter(lambda name: name.strip() == name and name.lower() != "null" and name[0] not in "'\"")
+
+
+@settings(max_examples=12, deadline=None)
+@given(name=FOLDER_NAMES, key=st.sampled_from(PATH_KEYS))
+def test_any_folder_name_arrives_as_it_was_typed(name, key):
+    config = load_config([*GIVEN, f"{key}={name}"])
+    assert OmegaConf.select(OmegaConf.structured(config), key) == name
+
+
+def test_dump_is_read_back_equal(tmp_path):
+    config = load_config([*GIVEN, "train.resolutions=[{fraction:0.5,until:10}]", "scene.frames=7"])
+    (tmp_path / "config.yaml").write_text(dump_config(config))
+    assert load_config([], tmp_path / "config.yaml") == config
+
+
+def test_only_named_keys_change_on_top_of_an_earlier_run(tmp_path):
+    earlier = load_config([*GIVEN, "train.iterations=42", "mesh.voxel_m=0.5", "mesh.min_alpha=0.25"])
+    (tmp_path / "config.yaml").write_text(dump_config(earlier))
+    config = load_config(["mesh.voxel_m=0.03", "out=there"], tmp_path / "config.yaml")
+    assert config == replace(earlier, out="there", mesh=replace(earlier.mesh, voxel_m=0.03))
+    whole_group = load_config(["mesh=bounded"], tmp_path / "config.yaml")
+    assert whole_group == replace(earlier, mesh=load_config(GIVEN).mesh)
+
+
+@pytest.mark.parametrize("text", ["a: [", "colour: red", "train: 3", "\x00", "- a"])
+def test_a_damaged_config_file_is_named(tmp_path, text):
+    path = tmp_path / "config.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"config\.yaml is not the configuration of a run"):
+        load_config([], path)

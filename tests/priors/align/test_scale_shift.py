@@ -1,0 +1,97 @@
+"""Scale and shift are found in spite of hidden and wrong points, and not invented where points cannot tell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from room2dgs.priors.align.scale_shift import MIN_POINTS, Fit, aligned_depth, fit_scale_shift, residual
+
+
+def points(seed: int, count: int = 200, low: float = 1.0, high: float = 5.0) -> tuple[np.random.Generator, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return rng, rng.uniform(low, high, count)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.05, 20.0), st.floats(-0.4, 0.4))
+def test_known_scale_and_shift_are_found_among_30_percent_outliers(seed, scale, shift):
+    rng, depth = points(seed)
+    prior = (depth - shift) / scale
+    outliers = rng.random(len(depth)) < 0.3
+    # hidden points lie behind what the prior sees
+    seen = depth * np.where(outliers, rng.uniform(1.2, 3.0, len(depth)), rng.normal(1.0, 0.003, len(depth)))
+    fit = fit_scale_shift(prior, seen)
+    assert fit.scale == pytest.approx(scale, rel=0.01)
+    assert np.abs((fit.scale * prior + fit.shift) / depth - 1.0).max() < 0.01
+
+
+def test_outliers_in_disparity():
+    rng, depth = points(1)
+    disparity = 1.0 / depth
+    prior = (disparity - 0.03) / 0.004
+    seen = np.where(rng.random(len(depth)) < 0.3, disparity / rng.uniform(1.3, 3.0, len(depth)), disparity)
+    fit = fit_scale_shift(prior, seen)
+    assert (fit.scale, fit.shift) == (pytest.approx(0.004, rel=0.01), pytest.approx(0.03, rel=0.01))
+
+
+def test_exact_points_are_fitted_exactly():
+    _, depth = points(2, count=MIN_POINTS)
+    fit = fit_scale_shift((depth - 0.25) / 1.7, depth)
+    assert (fit.scale, fit.shift) == (pytest.approx(1.7, rel=1e-9), pytest.approx(0.25, rel=1e-8))
+    assert fit.residual < 1e-9
+    assert fit.points == MIN_POINTS
+
+
+def test_points_at_one_depth_tell_a_scale_and_no_shift():
+    rng, depth = points(3, low=2.0, high=2.02)
+    prior = depth / 1.3 * rng.normal(1.0, 0.02, len(depth))
+    fit = fit_scale_shift(prior, depth)
+    assert fit.shift == 0.0
+    assert fit.scale == pytest.approx(1.3, rel=0.01)
+
+
+def test_a_constant_map_is_no_division_by_zero():
+    _, depth = points(4)
+    fit = fit_scale_shift(np.full_like(depth, 3.0), depth)
+    assert fit.shift == 0.0
+    assert fit.residual > 0.15
+
+
+def test_noise_has_a_residual_that_gives_it_away():
+    rng, depth = points(5)
+    assert fit_scale_shift(rng.uniform(0.5, 6.0, len(depth)), depth).residual > 0.15
+
+
+def test_a_reversed_map_does_not_get_a_negative_scale():
+    _, depth = points(6)
+    fit = fit_scale_shift(1.0 / depth, depth)
+    assert fit.scale > 0
+    assert fit.residual > 0.15
+
+
+def test_too_few_points_give_nothing():
+    _, depth = points(7, count=MIN_POINTS - 1)
+    assert fit_scale_shift(depth, depth) is None
+
+
+def test_the_same_points_give_the_same_bits():
+    rng, depth = points(8)
+    prior = depth * rng.normal(1.0, 0.05, len(depth))
+    assert fit_scale_shift(prior, depth) == fit_scale_shift(prior, depth)
+
+
+def test_disparity_turns_into_depth_and_what_lies_beyond_is_invalid():
+    values = np.array([[1.0, 0.5, 0.0, 9.0]], np.float32)
+    valid = np.array([[True, True, True, False]])
+    depth = aligned_depth(values, valid, Fit(0.5, 0.0, 0.0, 20), disparity=True, max_depth_m=100.0)
+    np.testing.assert_allclose(depth, [[2.0, 4.0, 0.0, 0.0]])
+    behind = aligned_depth(values, valid, Fit(1.0, -0.75, 0.0, 20), disparity=False, max_depth_m=100.0)
+    np.testing.assert_allclose(behind, [[0.25, 0.0, 0.0, 0.0]])
+
+
+def test_residual_is_the_median_of_all_points():
+    assert residual(np.array([1.0, 1.0, 1.0]), np.array([1.0, 2.0, 4.0]), 1.0, 0.0) == pytest.approx(0.5)
+    assert np.isnan(residual(np.zeros(0), np.zeros(0), 1.0, 0.0))

@@ -1,0 +1,214 @@
+"""Triangulated points of a corner that the test drew, their cache, and point files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+from room2dgs.captures.read import read_scene
+from room2dgs.captures.scene import PointCloud
+from room2dgs.errors import InputError
+from room2dgs.geometry.camera import Camera
+from room2dgs.sfm.sparse import sparse_points
+from room2dgs.sfm.triangulation import epipolar_error
+
+
+def quiet(line: str) -> None:
+    """Takes a log line and drops it."""
+
+
+def equal(first, second) -> bool:
+    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in vars(first))
+
+
+@pytest.fixture(scope="session")
+def shared_cache(tmp_path_factory) -> Path:
+    """Filled by the first test that asks for the untouched capture's points."""
+    return tmp_path_factory.mktemp("shared") / "cache"
+
+
+def test_points_lie_on_the_planes_that_were_drawn(scene_config, points_config, shared_cache):
+    points = sparse_points(read_scene(scene_config()), points_config, shared_cache, quiet)
+    distance = np.abs(points.xyz).min(axis=1)
+    assert len(points) > 300
+    assert np.median(distance) < 0.003 and np.quantile(distance, 0.95) < 0.02
+    assert (np.abs(points.xyz).argmin(axis=1)[:, None] == np.arange(3)).mean(axis=0).min() > 0.05  # on all three
+    assert points.track_length.min() >= points_config.min_track
+    assert points.track_length.max() <= 6
+    assert points.rgb.std() > 10
+
+
+def test_points_have_the_colour_of_the_photo(scene_config, points_config, shared_cache):
+    scene = read_scene(scene_config())
+    points = sparse_points(scene, points_config, shared_cache, quiet)
+    frame = scene.train[2]
+    in_camera = points.xyz @ frame.camera.cam_from_world[:3, :3].T + frame.camera.cam_from_world[:3, 3]
+    pixel = (in_camera @ frame.camera.K.T)[:, :2] / in_camera[:, 2:]
+    inside = ((pixel > 1) & (pixel < (frame.camera.width - 1, frame.camera.height - 1))).all(axis=1)
+    column, row = pixel[inside].astype(int).T
+    difference = np.abs(frame.color()[row, column].astype(int) - points.rgb[inside])
+    assert np.median(difference) < 12
+
+
+def test_a_second_call_loads_the_first_ones_result(scene_config, points_config, tmp_path):
+    scene = read_scene(scene_config())
+    first, second = [], []
+    made = sparse_points(scene, points_config, tmp_path / "cache", first.append)
+    files = list((tmp_path / "cache").iterdir())
+    assert [path.suffix for path in files] == [".safetensors"]  # no database, no images left
+    loaded = sparse_points(scene, points_config, tmp_path / "cache", second.append)
+    assert equal(made, loaded)
+    assert any("matching" in line for line in first) and not any("matching" in line for line in second)
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"\xff" * 99])
+def test_a_damaged_cache_is_made_again_with_the_same_bits(scene_config, points_config, shared_cache, damage):
+    scene = read_scene(scene_config())
+    made = sparse_points(scene, points_config, shared_cache, quiet)
+    (path,) = shared_cache.iterdir()
+    path.write_bytes(damage(path.read_bytes()))
+    log = []
+    assert equal(made, sparse_points(scene, points_config, shared_cache, log.append))
+    assert any("matching" in line for line in log)
+
+
+def test_another_photo_pose_or_setting_is_not_served_from_the_cache(
+    capture, scene_config, points_config, tmp_path, monkeypatch
+):
+    cloud = PointCloud(np.zeros((20, 3)), np.zeros((20, 3), np.uint8), np.full(20, 3, np.int32))
+    monkeypatch.setattr("room2dgs.sfm.triangulation.triangulate", lambda *_: cloud)
+
+    def count() -> int:
+        sparse_points(read_scene(scene_config()), points_config, tmp_path / "cache", quiet)
+        return len(list((tmp_path / "cache").iterdir()))
+
+    assert count() == 1
+    points_config = replace(points_config, min_track=4)
+    assert count() == 2
+    photo = capture / "color" / "0.jpg"
+    cv2.imwrite(str(photo), cv2.imread(str(photo)), [cv2.IMWRITE_JPEG_QUALITY, 80])
+    assert count() == 3
+    pose = np.loadtxt(capture / "pose" / "0.txt")
+    pose[0, 3] += 0.001
+    np.savetxt(capture / "pose" / "0.txt", pose)
+    assert count() == 4
+
+
+def test_held_out_photos_leave_no_trace(scene_config, points_config, shared_cache, tmp_path):
+    scene = read_scene(scene_config())
+    with_it = sparse_points(scene, points_config, shared_cache, quiet)
+    for frame in scene.test:
+        cv2.imwrite(str(frame.color_path), np.zeros((240, 320, 3), np.uint8))
+    log = []
+    blackened = read_scene(scene_config())
+    # in the shared cache under the same key, and the same when made afresh
+    assert equal(with_it, sparse_points(blackened, points_config, shared_cache, log.append))
+    assert not any("matching" in line for line in log)
+    assert equal(with_it, sparse_points(blackened, points_config, tmp_path, quiet))
+
+
+def test_points_come_from_photos_at_the_working_size(scene_config, points_config, tmp_path):
+    points = sparse_points(read_scene(scene_config(image_width=240)), points_config, tmp_path, quiet)
+    distance = np.abs(points.xyz).min(axis=1)
+    assert len(points) > 100 and np.median(distance) < 0.005
+
+
+@pytest.mark.parametrize("wrong", [np.linalg.inv, lambda pose: pose @ np.diag([1.0, -1.0, -1.0, 1.0])])
+def test_poses_of_another_convention_stop_the_run(capture, scene_config, points_config, tmp_path, wrong):
+    for path in (capture / "pose").iterdir():
+        np.savetxt(path, wrong(np.loadtxt(path)))
+    with pytest.raises(InputError, match=r"color and its poses do not belong together.*camera-to-world"):
+        sparse_points(read_scene(scene_config()), points_config, tmp_path / "cache", quiet)
+    assert list((tmp_path / "cache").iterdir()) == []
+
+
+def test_a_camera_that_only_turned_gives_no_points_and_a_sentence(capture, scene_config, points_config, tmp_path):
+    for path in (capture / "pose").iterdir():
+        pose = np.loadtxt(path)
+        pose[:3, 3] = 1.0
+        np.savetxt(path, pose)
+    with pytest.raises(InputError, match="capture gives 0 points"):
+        sparse_points(read_scene(scene_config()), points_config, tmp_path / "cache", quiet)
+
+
+def test_photos_without_texture_give_no_points_and_a_sentence(capture, scene_config, points_config, tmp_path):
+    for path in (capture / "color").iterdir():
+        cv2.imwrite(str(path), np.full((240, 320, 3), 200, np.uint8))
+    with pytest.raises(InputError, match=r"capture gives 0 points.*points\.source=file"):
+        sparse_points(read_scene(scene_config()), points_config, tmp_path / "cache", quiet)
+    assert list((tmp_path / "cache").iterdir()) == []
+
+
+def test_epipolar_error_is_zero_for_projections_and_pixels_off_the_line():
+    K = np.array([[260.0, 0, 160], [0, 260.0, 120], [0, 0, 1]])
+    first = Camera(K, 320, 240, np.eye(4))
+    moved = np.eye(4)
+    moved[0, 3] = -0.2  # to the right: epipolar lines are rows
+    second = Camera(K, 320, 240, moved)
+    points = np.random.default_rng(0).uniform((-0.5, -0.5, 1.0), (0.5, 0.5, 3.0), (50, 3))
+    first_px = (points @ K.T)[:, :2] / points[:, 2:]
+    second_px = ((points + moved[:3, 3]) @ K.T)[:, :2] / points[:, 2:]
+    np.testing.assert_allclose(epipolar_error(first, second, first_px, second_px), 0.0, atol=1e-9)
+    # Sampson splits a shift of 3 px between both images
+    off = epipolar_error(first, second, first_px, second_px + np.array([0.0, 3.0]))
+    np.testing.assert_allclose(off, 3.0 / np.sqrt(2.0), rtol=1e-9)
+
+
+def write_ply(path: Path, xyz: np.ndarray, rgb: np.ndarray | None = None) -> Path:
+    trimesh.PointCloud(xyz, colors=rgb).export(path)
+    return path
+
+
+def test_a_point_file_is_read_with_its_colours(scene_config, points_config, tmp_path):
+    xyz = np.random.default_rng(0).normal(size=(40, 3)).astype(np.float32).astype(np.float64)
+    rgb = np.random.default_rng(1).integers(0, 256, (40, 3), dtype=np.uint8)
+    config = replace(points_config, source="file", file=str(write_ply(tmp_path / "points.ply", xyz, rgb)))
+    points = sparse_points(read_scene(scene_config()), config, tmp_path / "cache", quiet)
+    np.testing.assert_allclose(points.xyz, xyz, atol=1e-6)
+    np.testing.assert_array_equal(points.rgb, rgb)
+    np.testing.assert_array_equal(points.track_length, 0)
+
+
+def test_a_point_file_may_lack_colours_and_have_holes(scene_config, points_config, tmp_path):
+    xyz = np.arange(60.0).reshape(20, 3)
+    xyz[3, 1], xyz[7, 2] = np.nan, np.inf
+    path = tmp_path / "points.ply"
+    header = "ply\nformat ascii 1.0\nelement vertex 20\nproperty float x\nproperty float y\nproperty float z\n"
+    path.write_text(header + "end_header\n" + "\n".join(" ".join(map(str, point)) for point in xyz) + "\n")
+    config = replace(points_config, source="file", file=str(path))
+    points = sparse_points(read_scene(scene_config()), config, tmp_path, quiet)
+    np.testing.assert_array_equal(points.xyz, np.delete(xyz, [3, 7], axis=0))
+    np.testing.assert_array_equal(points.rgb, 128)
+
+
+def test_the_vertices_of_a_mesh_serve_too(scene_config, points_config, tmp_path):
+    path = tmp_path / "mesh.ply"
+    trimesh.creation.box((1.0, 2.0, 3.0)).subdivide().export(path)
+    config = replace(points_config, source="file", file=str(path))
+    points = sparse_points(read_scene(scene_config()), config, tmp_path, quiet)
+    assert len(points) == 26 and np.abs(points.xyz).max() == pytest.approx(1.5)
+
+
+def test_a_handful_of_points_is_refused(scene_config, points_config, tmp_path):
+    write_ply(tmp_path / "few.ply", np.eye(3))
+    config = replace(points_config, source="file", file=str(tmp_path / "few.ply"))
+    with pytest.raises(InputError, match=r"few\.ply holds 3 points"):
+        sparse_points(read_scene(scene_config()), config, tmp_path, quiet)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no ply", b"ply\nformat ascii 1.0\nend_header\n", "nan"])
+def test_an_unusable_point_file_is_refused_by_name(scene_config, points_config, tmp_path, content):
+    path = tmp_path / "given.ply"
+    if content == "nan":
+        write_ply(path, np.full((5, 3), np.nan))
+    elif content is not None:
+        path.write_bytes(content)
+    config = replace(points_config, source="file", file=str(path))
+    with pytest.raises(InputError, match=r"given\.ply") as caught:
+        sparse_points(read_scene(scene_config()), config, tmp_path, quiet)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,122 @@
+"""Births and deaths move a seed with all that belongs to it."""
+
+import copy
+
+import pytest
+import torch
+
+from room2dgs.seeds.decoders.registry import new_decoder
+from room2dgs.seeds.spawn import Spawned
+from room2dgs.train.model import Model
+from room2dgs.train.optimiser import adam_state, make_adam, set_rates
+from room2dgs.train.strategies.edit_seeds import resize
+
+SEEDS, PER_SEED, BORN = 5, 2, 2
+KEEP = torch.tensor([0, 3, 4])
+
+
+def spawned(seeds: int, first: float) -> Spawned:
+    """Every number differs, so that rows cannot be mistaken for each other."""
+
+    def counted(*shape):
+        return first + torch.arange(float(torch.Size(shape).numel())).reshape(shape) / 100
+
+    return Spawned(
+        positions=counted(seeds, 3),
+        offsets=counted(seeds, PER_SEED, 3),
+        rotations=counted(seeds, PER_SEED, 4),
+        scales=counted(seeds, PER_SEED, 2) + 0.1,
+        opacities=0.1 + counted(seeds, PER_SEED) / 1000,
+        sh_dc=counted(seeds, PER_SEED, 3),
+    )
+
+
+@pytest.fixture(params=["explicit", "shared"])
+def trained(request, configure):
+    """(model after three uneven steps, its settings)."""
+    degree = 1 if request.param == "explicit" else 0
+    config = configure(f"seeds.decoder={request.param}", f"render.sh_degree={degree}").seeds
+    decoder = new_decoder(spawned(SEEDS, 0.0), config, degree, 0)
+    model = Model(decoder, make_adam(decoder.parameters()), 3)
+    set_rates(model.adam, dict.fromkeys(decoder.parameters(), 0.01))
+    for step in range(3):
+        for number, value in enumerate(decoder.parameters().values()):
+            value.grad = torch.linspace(-1, 1, value.numel()).reshape(value.shape) * (1 + step) + number
+        model.adam.step()
+    return model, config
+
+
+def all_tensors(model):
+    return {
+        name: value.detach().clone() for name, value in (model.decoder.fixed() | model.decoder.parameters()).items()
+    }
+
+
+def test_survivors_keep_values_and_moments_and_newborns_have_none(trained):
+    model, config = trained
+    before, moments, per_seed = all_tensors(model), adam_state(model.adam), set(model.decoder.per_seed)
+    moments = {key: value.clone() for key, value in moments.items()}
+    rows = model.decoder.newborn(spawned(BORN, 7.0), None)
+    resize(model, config, KEEP, rows)
+
+    after, kept = all_tensors(model), len(KEEP)
+    assert model.seeds == kept + BORN and model.surfel_count == (kept + BORN) * PER_SEED
+    assert after.keys() == before.keys()
+    for name in after:
+        if name in per_seed or name in model.decoder.fixed():
+            assert torch.equal(after[name][:kept], before[name][KEEP])
+            assert torch.equal(after[name][kept:], rows[name])
+        else:
+            assert torch.equal(after[name], before[name])
+    now = adam_state(model.adam)
+    assert now.keys() == moments.keys() and len(moments) == 3 * len(model.decoder.parameters())
+    for key, value in now.items():
+        moment, name = key.split("/")
+        if moment == "step":
+            assert value == 3
+        elif name in per_seed:
+            assert torch.equal(value[:kept], moments[key][KEEP]) and moments[key].abs().min() > 0
+            assert (value[kept:] == 0).all() and len(value) == kept + BORN
+        else:
+            assert torch.equal(value, moments[key])
+
+
+def test_parameters_are_new_leaves_in_groups_of_the_same_names(trained):
+    model, config = trained
+    names = [group["name"] for group in model.adam.param_groups]
+    old = model.decoder.parameters()
+    resize(model, config, KEEP, model.decoder.newborn(spawned(BORN, 7.0), None))
+    new = model.decoder.parameters()
+    assert [group["name"] for group in model.adam.param_groups] == names == list(new)
+    for group in model.adam.param_groups:
+        (value,) = group["params"]
+        assert value is new[group["name"]] and value is not old[group["name"]]
+        assert value.is_leaf and value.requires_grad and value.grad is None
+    # it goes on from there
+    sum(value.sum() for value in model.surfels(0)).backward()
+    set_rates(model.adam, dict.fromkeys(new, 0.01))
+    before = all_tensors(model)
+    model.adam.step()
+    assert all(value == 4 for key, value in adam_state(model.adam).items() if key.startswith("step/opacity"))
+    assert any(not torch.equal(before[name], value) for name, value in all_tensors(model).items())
+
+
+def test_deaths_alone(trained):
+    model, config = trained
+    before = all_tensors(model)
+    resize(model, config, KEEP)
+    assert model.seeds == len(KEEP)
+    assert torch.equal(model.decoder.fixed()["positions"], before["positions"][KEEP])
+
+
+def test_keeping_all_changes_no_step_that_follows(trained):
+    model, config = trained
+    twin = copy.deepcopy(model)
+    resize(model, config, torch.arange(SEEDS))
+    for one in (model, twin):
+        set_rates(one.adam, dict.fromkeys(one.decoder.parameters(), 0.01))
+        for name, value in one.decoder.parameters().items():
+            value.grad = torch.linspace(-2, 3, value.numel()).reshape(value.shape) * len(name)
+        one.adam.step()
+    ends = all_tensors(model), all_tensors(twin)
+    assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[1])
