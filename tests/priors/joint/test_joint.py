@@ -13,8 +13,8 @@ import torch
 from room2dgs.captures.scene import Frame, PointCloud
 from room2dgs.geometry.depth_maps import pixel_rays
 from room2dgs.priors import load_priors
-from room2dgs.priors.joint.optimise import STAGES, joint_depths
 from room2dgs.priors.joint import optimise as joint
+from room2dgs.priors.joint.optimise import STAGES, joint_depths
 from room2dgs.priors.joint.overlap import overlap, plain_regions
 from room2dgs.priors.joint.room_axes import room_axes
 from room2dgs.priors.joint.terms import of_axes, of_planes
