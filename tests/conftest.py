@@ -75,7 +75,7 @@ def camera() -> Camera:
     return Camera(np.array([[40.0, 0, 20.3], [0, 47.0, 21.1], [0, 0, 1]]), 45, 38, pose)
 
 
-WIDTH, HEIGHT, FOCAL = 320, 240, 260.0
+CORNER_WIDTH, CORNER_HEIGHT, CORNER_FOCAL = 320, 240, 260.0
 CAPTURE_FRAMES = 8
 TEXELS_PER_M = 200
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 97, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, 0x111111]  # full-size chroma
@@ -92,24 +92,26 @@ def look_at(eye: np.ndarray, target: np.ndarray) -> np.ndarray:
     return pose
 
 
-def disk_intrinsics(width: int = WIDTH, height: int = HEIGHT) -> np.ndarray:
+def disk_intrinsics(width: int = CORNER_WIDTH, height: int = CORNER_HEIGHT) -> np.ndarray:
     """(3, 3) K that counts pixel centres at integers, as ScanNet does."""
-    scale = width / WIDTH
-    return np.array([[FOCAL * scale, 0, (width - 1) / 2], [0, FOCAL * scale, (height - 1) / 2], [0, 0, 1.0]])
+    scale = width / CORNER_WIDTH
+    return np.array(
+        [[CORNER_FOCAL * scale, 0, (width - 1) / 2], [0, CORNER_FOCAL * scale, (height - 1) / 2], [0, 0, 1.0]]
+    )
 
 
 def draw_corner(world_from_cam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """((H, W, 3) uint8 photo, (H, W) uint16 z-depth in mm) by casting a ray through every pixel's centre."""
     K = disk_intrinsics()
-    x, y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
-    rays = np.stack([(x - K[0, 2]) / FOCAL, (y - K[1, 2]) / FOCAL, np.ones_like(x, float)], axis=-1)
+    x, y = np.meshgrid(np.arange(CORNER_WIDTH), np.arange(CORNER_HEIGHT))
+    rays = np.stack([(x - K[0, 2]) / CORNER_FOCAL, (y - K[1, 2]) / CORNER_FOCAL, np.ones_like(x, float)], axis=-1)
     rays = rays @ world_from_cam[:3, :3].T
     eye = world_from_cam[:3, 3]
     depths = np.where(rays < -1e-6, -eye / np.minimum(rays, -1e-6), np.inf)
     plane = depths.argmin(axis=-1)
     depth = depths.min(axis=-1)
     points = eye + depth[..., None] * rays
-    photo = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    photo = np.zeros((CORNER_HEIGHT, CORNER_WIDTH, 3), np.uint8)
     for axis in range(3):
         texture = _texture(axis)
         u, v = (points[..., other].astype(np.float32) * TEXELS_PER_M for other in range(3) if other != axis)
