@@ -13,7 +13,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from room2dgs.config.checks import check
 from room2dgs.config.keys import Key, leaf_keys
-from room2dgs.config.overrides import checked_overrides, group_choices, override_keys
+from room2dgs.config.overrides import RENAMED, checked_overrides, group_choices, override_keys
 from room2dgs.config.schema import Config
 from room2dgs.errors import InputError
 
@@ -65,6 +65,9 @@ def _on_top_of(earlier: Path, composed: DictConfig, chosen: list[str]) -> DictCo
         raise InputError("experiment= starts a new run; on an earlier one set single values instead")
     try:
         raw = OmegaConf.load(earlier)
+        for old, new in RENAMED.items():
+            if OmegaConf.select(raw, old) is not None:
+                raise InputError(f"{earlier} is of an earlier version: {old} is now {new}; rename it there")
         OmegaConf.merge(OmegaConf.structured(Config), raw)
     except (OSError, UnicodeDecodeError, yaml.YAMLError, OmegaConfBaseException) as error:
         raise InputError(f"{earlier} is not the configuration of a run; choose another out=DIR") from error

@@ -24,6 +24,13 @@ PATH_KEYS = (
     "eval.pred",
 )
 
+# Keys of earlier versions, also as they stand in an earlier run's config.yaml -> what they are called now.
+RENAMED = {
+    "prior.depth.square": "prior.depth.manhattan",
+    "prior.depth.max_misfit": "prior.depth.max_outlier_ratio",
+    "loss.normal_doubt": "loss.normal_reweighting",
+}
+
 
 def group_choices(conf: Path) -> dict[str, list[str]]:
     """Config group ("prior", "prior/depth") -> the names that it can be set to, from the files below `conf`.
@@ -56,6 +63,8 @@ def checked_overrides(overrides: Iterable[str], keys: Iterable[str], groups: dic
         key, equals, value = override.partition("=")
         if not equals or not key:
             raise InputError(f"{override!r} is not understood; settings are written KEY=VALUE")
+        if new_name(key):
+            raise InputError(f"{key} is now {new_name(key)}")
         if key in groups and key not in PATH_KEYS:
             if value not in groups[key]:
                 raise InputError(f"{override} is not known; {_choose(key, value, groups[key])}")
@@ -67,6 +76,14 @@ def checked_overrides(overrides: Iterable[str], keys: Iterable[str], groups: dic
             raise InputError(f"{key} is no setting; {hint}")
         result.append(f"{key}={_quoted(value)}" if key in PATH_KEYS else override)
     return result
+
+
+def new_name(key: str) -> str | None:
+    """What a key of an earlier version is called now; None for any other."""
+    for old, new in RENAMED.items():
+        if key == old or key.startswith(old + "."):
+            return new + key.removeprefix(old)
+    return None
 
 
 def override_keys(overrides: Iterable[str]) -> list[str]:

@@ -77,9 +77,9 @@ class DepthPriorConfig:
     unit_m: float | None = MISSING  # metres of one stored unit (null: 0.001 for PNG, 1 for .npy)
     meaning: str = MISSING  # metric_depth | relative_depth | relative_inverse_depth
     align: bool = MISSING  # robust scale and shift of each map to the sparse points
-    joint: bool = MISSING  # then bend all maps smoothly until views, points and normals agree
-    square: bool = MISSING  # and plain walls and floors that nearly face one of the room's axes face it
-    max_misfit: float = MISSING  # bent maps of which more sparse points, as a share, are 5 % off are all left out
+    joint: bool = MISSING  # joint depth optimisation: smooth log-scale grids make views, points and normals agree
+    manhattan: bool = MISSING  # and textureless walls and floors that nearly face one of the room's axes face it
+    max_outlier_ratio: float = MISSING  # leave all maps out if more of the points, as a share, are 5 % off them
     max_residual: float = MISSING  # maps with a larger median relative residual are left out
     onnx: OnnxConfig = field(default_factory=OnnxConfig)
 
@@ -161,7 +161,7 @@ class MultiviewConfig:
 
 
 @dataclass
-class NormalDoubtConfig:
+class NormalReweightingConfig:
     """Normals that disagree with what is rendered lose weight as training goes on; a time below 1 is a share of it."""
 
     enabled: bool = MISSING
@@ -179,7 +179,7 @@ class LossConfig:
     normal_consistency: TermConfig = field(default_factory=TermConfig)
     depth_prior: TermConfig = field(default_factory=TermConfig)  # acts on views that have a depth prior
     normal_prior: TermConfig = field(default_factory=TermConfig)  # acts on views that have a normal prior
-    normal_doubt: NormalDoubtConfig = field(default_factory=NormalDoubtConfig)
+    normal_reweighting: NormalReweightingConfig = field(default_factory=NormalReweightingConfig)
     multiview_geometric: TermConfig = field(default_factory=TermConfig)  # acts on views that have a neighbour
     multiview_photometric: TermConfig = field(default_factory=TermConfig)  # likewise
     multiview: MultiviewConfig = field(default_factory=MultiviewConfig)
@@ -225,7 +225,7 @@ class TrainConfig:
 
 @dataclass
 class StrategyConfig:
-    """Births and deaths of seeds; times below 1 are shares of train.iterations."""
+    """Densification and pruning; times below 1 are shares of train.iterations."""
 
     name: str = MISSING  # fixed | seeds (the paper's growth and pruning) | plain (2DGS's densification)
     start: float = MISSING  # of the adjustments
@@ -234,7 +234,7 @@ class StrategyConfig:
     grow_gradient: float = MISSING  # mean screen-space gradient that calls for growth (theta_g)
     min_visits: int = MISSING  # seeds: surfels seen in fewer iterations since the last adjustment have no say
     levels: int = MISSING  # seeds: of the hierarchy; each is 4 times finer, the last has cells of seeds.voxel_m
-    random_survival: bool = MISSING  # seeds: of newborns, half of the coarsest level's, 3/4 of the next, ...
+    random_survival: bool = MISSING  # seeds: of new seeds, half of the coarsest level's, 3/4 of the next, ...
     prune_opacity: float = MISSING  # less opaque ones go (theta_alpha)
     max_surfels: int | None = MISSING  # growth ends there, by falling gradient (null: never)
     split_size: float = MISSING  # plain: larger surfels split, others are cloned; a share of the scene's extent

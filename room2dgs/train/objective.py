@@ -48,7 +48,7 @@ def loss_terms(rendering: Rendering, target: Tensor, view: View, config: Config,
     """
     weights = _weights(view, config, iteration)
     terms = {"rgb": Term(1.0, rgb_loss(rendering.color, target, config.loss.dssim))}
-    doubted_deg = doubt_deg(iteration, config.loss.normal_doubt, config.train.iterations)
+    doubted_deg = doubt_deg(iteration, config.loss.normal_reweighting, config.train.iterations)
     functions = SURFACE_TERMS | {
         "depth_prior": _depth_prior,
         "normal_prior": lambda rendering, view: _normal_prior(rendering, view, doubted_deg),

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from room2dgs.config import Config, NormalDoubtConfig, RatesConfig, RenderConfig, ResolutionConfig, TermConfig
+from room2dgs.config import Config, NormalReweightingConfig, RatesConfig, RenderConfig, ResolutionConfig, TermConfig
 
 REST_SHARE = 1 / 20  # of the colour's rate, for SH above degree 0 (2DGS)
 EXTENT_MIN_M = 0.1  # cameras that only turn have no extent, and nothing would move
@@ -76,7 +76,7 @@ def term_weight(iteration: int, term: TermConfig, iterations: int) -> float:
     return term.weight * min(1.0, (since + 1) / (ramp + 1))
 
 
-def doubt_deg(iteration: int, doubt: NormalDoubtConfig, iterations: int) -> float | None:
+def doubt_deg(iteration: int, doubt: NormalReweightingConfig, iterations: int) -> float | None:
     """The angle at which a prior normal's weight is a quarter; None: no normal is doubted (yet).
 
     It narrows exponentially from the first doubted iteration to the last one of the run.
@@ -93,7 +93,7 @@ def has_shares(config: Config) -> bool:
     times = [time for term in terms for time in (term.start, term.end, term.ramp)]
     if config.strategy.name != "fixed":
         times += [config.strategy.start, config.strategy.stop, config.strategy.reset_every]
-    return config.loss.normal_doubt.enabled or any(time is not None and 0 < time < 1 for time in times)
+    return config.loss.normal_reweighting.enabled or any(time is not None and 0 < time < 1 for time in times)
 
 
 def multiview_acts(iteration: int, config: Config) -> bool:

@@ -64,6 +64,9 @@ def test_override_reaches_its_field():
         ("+train.extra=1", "+train.extra is no setting"),
         ("~loss", "settings are written KEY=VALUE"),
         ("hydra.run.dir=x", "hydra.run.dir is no setting"),
+        ("prior.depth.square=false", "prior.depth.square is now prior.depth.manhattan"),
+        ("prior.depth.max_misfit=1", "prior.depth.max_misfit is now prior.depth.max_outlier_ratio"),
+        ("loss.normal_doubt.start=0.5", "loss.normal_doubt.start is now loss.normal_reweighting.start"),
     ],
 )
 def test_wrong_override_is_one_sentence_that_names_it(override, said):
@@ -112,4 +115,11 @@ def test_a_damaged_config_file_is_named(tmp_path, text):
     path = tmp_path / "config.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=r"config\.yaml is not the configuration of a run"):
+        load_config([], path)
+
+
+def test_the_config_file_of_an_earlier_version_is_refused_with_the_new_name(tmp_path):
+    path = tmp_path / "config.yaml"
+    path.write_text(dump_config(load_config(GIVEN)).replace("manhattan:", "square:"))
+    with pytest.raises(InputError, match=r"prior\.depth\.square is now prior\.depth\.manhattan; rename it there$"):
         load_config([], path)

@@ -193,7 +193,7 @@ def test_terms_count_each_pixel_by_its_weight(capture, configure):
 
 
 def test_normals_that_disagree_with_the_rendering_lose_weight_from_its_time_on(capture, configure):
-    frame, doubted = capture[0].train[0], ["loss.normal_doubt={enabled:true,start:0.5,first_deg:60,last_deg:20}"]
+    frame, doubted = capture[0].train[0], ["loss.normal_reweighting={enabled:true,start:0.5,first_deg:60,last_deg:20}"]
 
     def normal_term(iteration, *settings, tilt=1.0, **weights):
         view = load_view(frame, 1.0, wall_prior(**weights))
@@ -217,7 +217,7 @@ def test_a_run_that_doubts_is_resumed_to_the_same_bits_and_only_at_its_length(
 ):
     scene, points = capture
     priors = {frame.name: wall_prior(tilt=0.6) for frame in scene.train}
-    settings = [*START, "loss.normal_prior.weight=100", "loss.normal_doubt={enabled:true,start:2}"]
+    settings = [*START, "loss.normal_prior.weight=100", "loss.normal_reweighting={enabled:true,start:2}"]
     whole = train(scene, points, configure(*settings), tmp_path / "whole", log, priors).surfels_path.read_bytes()
     iterate = loop.iterate
 

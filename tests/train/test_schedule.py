@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from room2dgs.config import NormalDoubtConfig, RatesConfig, RenderConfig, ResolutionConfig, TermConfig
+from room2dgs.config import NormalReweightingConfig, RatesConfig, RenderConfig, ResolutionConfig, TermConfig
 from room2dgs.errors import InputError
 from room2dgs.train.schedule import (
     active_sh_degree,
@@ -122,7 +122,7 @@ def test_order_differs_between_epochs_and_seeds():
 
 
 def test_doubt_narrows_from_its_start_to_the_last_iteration():
-    doubt = NormalDoubtConfig(enabled=True, start=0.4, first_deg=80.0, last_deg=20.0)
+    doubt = NormalReweightingConfig(enabled=True, start=0.4, first_deg=80.0, last_deg=20.0)
     assert [doubt_deg(i, doubt, 101) for i in (0, 39)] == [None, None]
     assert [doubt_deg(i, doubt, 101) for i in (40, 70, 100)] == pytest.approx([80, 40, 20])
     assert doubt_deg(100, replace(doubt, enabled=False), 101) is None

@@ -80,7 +80,7 @@ def agreeing_depths(
     Args:
         weights: of the depths' and of the normals' pixels, as `joint_depths` has them.
     """
-    bent = joint_depths(frames, depths, normals, points, settings.square, *weights)
+    bent = joint_depths(frames, depths, normals, points, settings.manhattan, *weights)
     (views_before, views_after), (points_before, points_after) = bent.between_views, bent.at_points
     found = []
     if not np.isnan(views_after):
@@ -88,10 +88,10 @@ def agreeing_depths(
     if not np.isnan(points_after):
         found.append(f"from the sparse points by {points_after:.1%} ({points_before:.1%})")
     log(f"depth prior bent until views agree: {', '.join(found) or 'no two of them overlap'}")
-    if bent.misfit > settings.max_misfit:
+    if bent.misfit > settings.max_outlier_ratio:
         log(
             f"WARNING: depth prior left out: {bent.misfit:.0%} of the sparse points are more than 5% off all the same; "
-            "a better network would help, or prior.depth.max_misfit=1 uses it as it is"
+            "a better network would help, or prior.depth.max_outlier_ratio=1 uses it as it is"
         )
         return {}
     return _uncontradicted(frames, bent.depths, points, log)

@@ -276,6 +276,6 @@ def test_maps_on_which_all_views_agree_but_the_points_do_not_are_left_out(ring, 
     lines: list[str] = []
     folder = {"depth__path": tmp_path, "depth__max_residual": 1.0}
     assert not load_priors(frames, wrong, prior_config("prior/depth=files", **folder), lines.append).by_frame
-    assert any("depth prior left out" in line and "prior.depth.max_misfit" in line for line in lines)
-    trusted = prior_config("prior/depth=files", **folder, depth__max_misfit=1.0)
+    assert any("depth prior left out" in line and "prior.depth.max_outlier_ratio" in line for line in lines)
+    trusted = prior_config("prior/depth=files", **folder, depth__max_outlier_ratio=1.0)
     assert len(load_priors(frames, wrong, trusted, lines.append).by_frame) == len(frames)
