@@ -10,6 +10,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 # The pinned versions exist for Python 3.11 and newer; 3.10 takes what pip finds.
 PINS := $(shell $(PYTHON) -c 'import sys; print("-c constraints.txt" if sys.version_info >= (3, 11) else "")')
+PIP := $(BIN)/python -m pip --disable-pip-version-check
 SOURCES := $(shell find room2dgs -name '*.cpp' -o -name '*.h' -o -name '*.cu') CMakeLists.txt pyproject.toml constraints.txt
 ROOM_OPTIONS ?=
 DEMO_OPTIONS ?=
@@ -22,8 +23,9 @@ install: $(READY)
 $(READY): $(SOURCES)
 	@$(PYTHON) room2dgs/system_libraries.py
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install -q --disable-pip-version-check $(PINS) scikit-build-core nanobind cmake ninja
-	$(BIN)/pip install -q --disable-pip-version-check $(PINS) --no-build-isolation -e '.[dev]'
+	$(BIN)/python tools/requirements.py dev > $(VENV)/requirements.txt
+	$(PIP) install -q $(PINS) -r $(VENV)/requirements.txt
+	$(PIP) install -q --no-build-isolation --no-deps -e .
 	$(BIN)/room2dgs doctor
 	@touch $(READY)
 
