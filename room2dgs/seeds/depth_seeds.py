@@ -1,7 +1,7 @@
 """Seeds where structure from motion is blind: the depth prior's surface, where several views agree on it.
 
-Blank walls have no sparse points and growth cannot reach them. The aligned depth maps do, and what they say is
-believed where other views say the same and none looks through it.
+Blank walls have no sparse points and growth cannot reach them. The aligned depth maps cover them, and a depth is used
+where those of other views agree with it and few are occluded by it.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from room2dgs.priors.joint.overlap import Overlap, overlap
 from room2dgs.priors.prior import Prior
 from room2dgs.seeds.voxelise import cell_centres, cell_keys
 
-AGREES = 0.03  # relative difference of depth within which two views mean the same surface
+AGREES = 0.03  # relative difference of depth within which two views see the same surface
 LEAST_AGREEING = 2  # other views
-# Of the other views that look there, so many may look through the point.
-MAX_THROUGH = 0.34
+# Occlusion violations: of the other views with a depth there, this share may have a surface behind the point.
+MAX_VIOLATIONS = 0.34
 # A cell with fewer pixels, over all views, is noise.
 LEAST_PIXELS = 5
 # Means of neighbouring cells nearer than this share of a cell are one piece of surface, cut by the cells' border.
@@ -65,7 +65,7 @@ def agreed_surface(frames: Sequence[Frame], priors: Mapping[str, Prior], voxel_m
         return Surface(*np.zeros((4, 0, 3)))
     depths = {frame.name: priors[frame.name].depth for frame in frames}
     views = overlap(frames, depths, {})
-    parts = [_believed(views, index, frame, depths[frame.name]) for index, frame in enumerate(frames)]
+    parts = [_agreed_pixels(views, index, frame, depths[frame.name]) for index, frame in enumerate(frames)]
     xyz, normals, rgb = (np.concatenate(values) for values in zip(*parts, strict=True))
     return _in_cells(xyz, normals, rgb, voxel_m)
 
@@ -77,15 +77,17 @@ def away_from(surface: Surface, xyz: np.ndarray, voxel_m: float) -> Surface:
     return Surface(*(values[free] for values in surface))
 
 
-def _believed(views: Overlap, index: int, frame: Frame, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """World points, normals and colours of one view's kept pixels on which other views agree."""
-    kept = (slice(views.step // 2, None, views.step),) * 2
-    normal = depth_normals(depth, frame.camera, NORMAL_STEP)[kept]
-    row, column = np.nonzero((depth[kept] > 0) & normal.any(axis=-1))
+def _agreed_pixels(
+    views: Overlap, index: int, frame: Frame, depth: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """World points, normals and colours of one view's pixels on which other views agree; every `step`-th pixel is tried."""
+    grid = (slice(views.step // 2, None, views.step),) * 2
+    normal = depth_normals(depth, frame.camera, NORMAL_STEP)[grid]
+    row, column = np.nonzero((depth[grid] > 0) & normal.any(axis=-1))
     row, column = torch.from_numpy(row), torch.from_numpy(column)
     view = torch.full_like(row, index)
     in_cam = views.rays(view, views.pixel(row, column)) * views.depth[view, row, column][:, None]
-    agreeing, looking, through = (torch.zeros(len(row)) for _ in range(3))
+    agreeing, covering, violating = (torch.zeros(len(row)) for _ in range(3))
     for beside in views.pairs[views.pairs[:, 0] == index, 1]:
         other = torch.full_like(row, int(beside))
         pixel, z = views.seen_by(other, view, in_cam)
@@ -93,14 +95,14 @@ def _believed(views: Overlap, index: int, frame: Frame, depth: np.ndarray) -> tu
         known, good = views.depth_at(other, pixel)
         good &= inside
         ratio = z / known.clamp(min=1e-6)
-        looking += good
+        covering += good
         agreeing += good & ((ratio - 1).abs() < AGREES)
-        through += good & (ratio < 1 - AGREES)
-    believed = ((agreeing >= LEAST_AGREEING) & (through <= MAX_THROUGH * looking)).numpy()
+        violating += good & (ratio < 1 - AGREES)
+    agreed = ((agreeing >= LEAST_AGREEING) & (violating <= MAX_VIOLATIONS * covering)).numpy()
     camera = frame.camera
-    xyz = (in_cam.numpy()[believed] - camera.cam_from_world[:3, 3]) @ camera.cam_from_world[:3, :3]
-    picked = (row.numpy()[believed], column.numpy()[believed])
-    return xyz, normal[picked] @ camera.cam_from_world[:3, :3], frame.color()[kept][picked] / 255.0
+    xyz = (in_cam.numpy()[agreed] - camera.cam_from_world[:3, 3]) @ camera.cam_from_world[:3, :3]
+    picked = (row.numpy()[agreed], column.numpy()[agreed])
+    return xyz, normal[picked] @ camera.cam_from_world[:3, :3], frame.color()[grid][picked] / 255.0
 
 
 def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, voxel_m: float) -> Surface:
@@ -114,16 +116,16 @@ def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, voxel_m: fl
     length = np.linalg.norm(normal, axis=1)
     # normals that cancel are no surface; a slanted one is cut by cells into slivers, of which the fuller stays
     good = (count >= LEAST_PIXELS) & (length > 0.5)
-    good &= ~_beaten(place, np.where(good, count, 0), LEAST_APART * voxel_m)
+    good &= ~_suppressed(place, np.where(good, count, 0), LEAST_APART * voxel_m)
     return Surface(cell_centres(keys, voxel_m)[good], place[good], normal[good] / length[good, None], color[good])
 
 
-def _beaten(place: np.ndarray, count: np.ndarray, radius_m: float) -> np.ndarray:
-    """(S,) bool: has a neighbour within the radius with more pixels (as many and a lower index), itself unbeaten."""
-    beaten = count == 0
+def _suppressed(place: np.ndarray, count: np.ndarray, radius_m: float) -> np.ndarray:
+    """(S,) bool: has a neighbour within the radius with more pixels (as many and a lower index), itself not suppressed."""
+    suppressed = count == 0
     neighbours = cKDTree(place).query_ball_point(place, radius_m) if len(place) else []
     for index in np.lexsort((np.arange(len(place)), -count)):
-        if not beaten[index]:
+        if not suppressed[index]:
             for other in neighbours[index]:
-                beaten[other] |= other != index
-    return beaten
+                suppressed[other] |= other != index
+    return suppressed

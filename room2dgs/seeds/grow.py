@@ -1,4 +1,4 @@
-"""Gradient-guided growth (the paper's Sec. III-B): new seeds where the images still pull at the surfels."""
+"""Gradient-guided growth (the paper's Sec. III-B): new seeds where the surfels' screen-space gradients are large."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Parents(NamedTuple):
         scales: (N,) metres, one a disc.
         rgb: (N, 3) 0..1.
         gradients: (N,) mean norm of the screen-space gradient, in 2DGS's units.
-        known: (N,) bool: seen often enough for the mean to say something.
+        known: (N,) bool: seen often enough for the mean to be usable.
     """
 
     seeds: np.ndarray
@@ -74,10 +74,10 @@ def grow(
     """New seeds in cells without a seed whose surfels' mean gradient exceeds the level's threshold.
 
     Coarse to fine, the threshold doubles from level to level (Scaffold-GS): empty space near surfels fills with
-    little cause, fine cells need much. A seed born at one level occupies its cell at all later ones, so no cell
+    little cause, fine cells need much. A seed added at one level occupies its cell at all later ones, so no cell
     of a level is given a seed when it has one.
 
-    A newborn sits at the centre of its cell; its surfels start at the mean of the cell's surfels, facing as they
+    A new seed sits at the centre of its cell; its surfels start at the mean of the cell's surfels, facing as they
     do. Its patch is no wider than the cell, `max_spacing_m`, or what a seed with discs like its parents' covers.
 
     Args:
@@ -90,7 +90,7 @@ def grow(
     usable = np.flatnonzero(parents.known & in_grid(parents.centres, voxel_m))
     keys = cell_keys(parents.centres[usable], voxel_m)
     occupied = cell_keys(parents.seeds, voxel_m)
-    born = []
+    added = []
     for level in range(levels):
         cells = cells_of(coarser(keys, level, levels))
         gradient = cells.mean(parents.gradients[usable])
@@ -101,16 +101,16 @@ def grow(
         cells = cells.only(chosen)
         family = cells._replace(order=usable[cells.order])
         edge = level_edge(voxel_m, level, levels)
-        seeds = _newborn(parents, family, edge, voxel_m / 4, min(edge, max_spacing_m), per_seed)
+        seeds = _new_seeds(parents, family, edge, voxel_m / 4, min(edge, max_spacing_m), per_seed)
         occupied = np.concatenate([occupied, cell_keys(seeds.positions, voxel_m)])
-        born.append(Growth(seeds, np.full(len(gradient[chosen]), level), gradient[chosen], family))
-    return _joined(born)
+        added.append(Growth(seeds, np.full(len(gradient[chosen]), level), gradient[chosen], family))
+    return _joined(added)
 
 
-def _newborn(parents: Parents, family: Cells, edge: float, low_m: float, high_m: float, per_seed: int) -> Seeds:
+def _new_seeds(parents: Parents, family: Cells, edge: float, low_m: float, high_m: float, per_seed: int) -> Seeds:
     scales = family.mean(parents.scales)
     return Seeds(
-        # as they will be stored, so that a seed's cell is the same at every later look
+        # as they will be stored, so that a seed's cell is the same at every later growth
         positions=cell_centres(family.keys, edge).astype(np.float32).astype(np.float64),
         surface=family.mean(parents.centres),
         normals=_mean_axes(parents.normals, family),

@@ -1,4 +1,4 @@
-"""What the points around a seed say about the surface there: its normal and how far apart things are."""
+"""Normal and spacing of the surface around a seed, from the points near it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def local_normals(points: np.ndarray, at: np.ndarray, neighbours: int, towards: 
 
     Args:
         points: (M, 3) metres; repeated points count once.
-        at: (S, 3) where to look, metres.
+        at: (S, 3) places to estimate normals at, metres.
         neighbours: nearest points to use (fewer if there are fewer).
         towards: (3,) a place in front of the surfaces, such as the mean camera centre.
 

@@ -1,4 +1,4 @@
-"""Contribution-based pruning (the paper's Sec. III-B): seeds that no image would miss."""
+"""Contribution-based pruning (the paper's Sec. III-B): seeds that contribute to no image."""
 
 from __future__ import annotations
 

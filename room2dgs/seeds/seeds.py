@@ -1,4 +1,4 @@
-"""Seeds with what the point cloud says about the surface around them."""
+"""Seeds, with normal, spacing and colour of the surface around them."""
 
 from __future__ import annotations
 

@@ -22,7 +22,8 @@ from room2dgs.train.progress import Log, file_log
 from room2dgs.train.report import Report
 from room2dgs.train.schedule import image_fraction, view_index
 from room2dgs.train.step import current_surfels, iterate, mean_psnr_db
-from room2dgs.train.strategies.strategy import Strategy, new_strategy
+from room2dgs.train.strategies.base import Strategy
+from room2dgs.train.strategies.registry import new_strategy
 from room2dgs.train.surfel_file import save_surfels
 from room2dgs.train.views import Views
 
@@ -85,7 +86,7 @@ def train(
     out = Path(out)
     log = log or file_log(out)
     identity = fingerprint(config, scene, priors)
-    strategy = new_strategy(config, scene.extent, len(scene.train))
+    strategy = new_strategy(config, scene)
     neighbour_views = NeighbourViews(Views(scene.train, priors), config)
     model, clock = _start(scene, points, priors, config, out, identity, strategy, neighbour_views, log)
     with Report(out, config.train, model.iteration, log) as report:

@@ -10,7 +10,7 @@ from room2dgs.train.progress import Bar, Log
 from room2dgs.train.scalars import Scalars
 from room2dgs.train.statistics import Means, psnr_db
 from room2dgs.train.step import Step
-from room2dgs.train.strategies.strategy import Adjustment
+from room2dgs.train.strategies.base import Adjustment
 
 PSNR_EVERY = 10  # iterations; it is for the eye, and reads a whole image
 
@@ -56,12 +56,12 @@ class Report:
         self._bar.update(done, self._figures)
 
     def adjusted(self, done: int, adjustment: Adjustment, seeds: int) -> None:
-        """After births and deaths of seeds."""
-        self._log(f"iteration {done}/{self._config.iterations}: {adjustment.line() or 'nothing born'}; {seeds} seeds")
+        """After densification and pruning."""
+        self._log(f"iteration {done}/{self._config.iterations}: {adjustment.line()}; {seeds} seeds")
         self._scalars.add(adjustment.scalars() | {"seeds/count": float(seeds)}, done)
 
     def test(self, done: int, psnr: float) -> None:
-        """After a look at the held-out views."""
+        """After the held-out views were rendered."""
         self.test_psnr_db = psnr
         self._log(f"iteration {done}/{self._config.iterations}: held-out PSNR {psnr:.2f} dB")
         self._scalars.add({"test/psnr_db": psnr}, done)

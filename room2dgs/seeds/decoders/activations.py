@@ -12,6 +12,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from room2dgs.config import SeedsConfig
+
 SCALE_MIN_M, SCALE_MAX_M = 1e-5, 10.0  # thinner than any pixel's footprint; wider than any wall piece
 OPACITY_LOGIT_MAX = 12.0  # sigmoid(12) = 1 - 6e-6: still below 1 in float32, with a gradient left
 LINEAR_ABOVE = 40.0  # softplus(40) - 40 = 4e-18
@@ -48,6 +50,14 @@ class ScaleActivation:
 
 
 EXP = ScaleActivation()
+
+
+def scale_activation(config: SeedsConfig) -> ScaleActivation:
+    """What a raw scale means under these settings."""
+    if config.scale_activation == "exp":
+        return EXP
+    # up to the largest first scale both activations take steps of like size
+    return ScaleActivation(config.scale_activation, config.max_scale_m)
 
 
 def opacity_of(logit: Tensor) -> Tensor:

@@ -12,8 +12,8 @@ from room2dgs.seeds.spawn import Spawned
 class Decoder(Protocol):
     """Seeds with learnable surfels.
 
-    Seeds are born and die row by row: the parameters named by `per_seed` and all of `fixed()` have one
-    row a seed, so that a birth or a death is one gather for a tensor and its optimiser state alike.
+    Seeds are added and pruned row by row: the parameters named by `per_seed` and all of `fixed()` have one
+    row a seed, so that either is one gather for a tensor and its optimiser state alike.
     """
 
     @property
@@ -29,13 +29,13 @@ class Decoder(Protocol):
         """Tensors that are not learnt but belong to the state, by name; one row a seed."""
         ...
 
-    def newborn(self, spawned: Spawned, features: Tensor | None = None) -> dict[str, Tensor]:
+    def rows_of(self, spawned: Spawned, features: Tensor | None = None) -> dict[str, Tensor]:
         """Rows for new seeds, by name: of every `per_seed` parameter and every `fixed()` tensor; detached.
 
         Args:
             spawned: the first surfels of B seeds, k each as this decoder has.
             features: (B, F) what the seeds start from, such as their parents' features (None: zeros);
-                decoders without a parameter "features" do not look at it.
+                decoders without a parameter "features" ignore it.
         """
         ...
 

@@ -52,7 +52,7 @@ class ExplicitDecoder:
     def fixed(self) -> dict[str, Tensor]:
         return {"positions": self.positions}
 
-    def newborn(self, spawned: Spawned, features: Tensor | None = None) -> dict[str, Tensor]:
+    def rows_of(self, spawned: Spawned, features: Tensor | None = None) -> dict[str, Tensor]:
         rest = 0 if self.sh_rest is None else self.sh_rest.shape[2]
         return _rows(spawned, rest, self.activation)
 

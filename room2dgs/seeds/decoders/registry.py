@@ -1,15 +1,44 @@
-"""The decoder that the settings name, new or from its tensors."""
+"""The decoders by the name that the settings give, new or from their tensors."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
 
 from torch import Tensor
 
 from room2dgs.config import SeedsConfig
-from room2dgs.seeds.decoders.activations import ScaleActivation
+from room2dgs.seeds.decoders.activations import scale_activation
 from room2dgs.seeds.decoders.decoder import Decoder
 from room2dgs.seeds.decoders.explicit import ExplicitDecoder, explicit_decoder
 from room2dgs.seeds.decoders.shared import SharedDecoder, shared_decoder
 from room2dgs.seeds.spawn import Spawned
+
+
+class DecoderKind(NamedTuple):
+    """How a decoder is made.
+
+    Attributes:
+        new: from spawned surfels, settings, SH degree and random seed; the surfels are its first ones.
+        restored: from the tensors of `fixed()` and `parameters()` by name, which it keeps, and `activation`.
+    """
+
+    new: Callable[[Spawned, SeedsConfig, int, int], Decoder]
+    restored: Callable[..., Decoder]
+
+
+DECODERS: dict[str, DecoderKind] = {
+    "explicit": DecoderKind(
+        lambda spawned, config, sh_degree, seed: explicit_decoder(spawned, sh_degree, scale_activation(config)),
+        ExplicitDecoder,
+    ),
+    "shared": DecoderKind(
+        lambda spawned, config, sh_degree, seed: shared_decoder(
+            spawned, config.feature_size, seed, scale_activation(config)
+        ),
+        SharedDecoder,
+    ),
+}
 
 
 def new_decoder(spawned: Spawned, config: SeedsConfig, sh_degree: int, seed: int) -> Decoder:
@@ -21,10 +50,7 @@ def new_decoder(spawned: Spawned, config: SeedsConfig, sh_degree: int, seed: int
         sh_degree: 0..3; 0 for the shared decoder.
         seed: the same number gives the same bits.
     """
-    activation = scale_activation(config)
-    if config.decoder == "shared":
-        return shared_decoder(spawned, config.feature_size, seed, activation)
-    return explicit_decoder(spawned, sh_degree, activation)
+    return DECODERS[config.decoder].new(spawned, config, sh_degree, seed)
 
 
 def restored_decoder(config: SeedsConfig, fixed: dict[str, Tensor], parameters: dict[str, Tensor]) -> Decoder:
@@ -34,13 +60,4 @@ def restored_decoder(config: SeedsConfig, fixed: dict[str, Tensor], parameters: 
         config: the settings that the decoder was made with.
     """
     leaves = {name: value.detach() for name, value in parameters.items()}
-    made = SharedDecoder if config.decoder == "shared" else ExplicitDecoder
-    return made(**fixed, **leaves, activation=scale_activation(config))
-
-
-def scale_activation(config: SeedsConfig) -> ScaleActivation:
-    """What a raw scale means under these settings."""
-    if config.scale_activation == "exp":
-        return ScaleActivation("exp")
-    # up to the largest first scale both activations take steps of like size
-    return ScaleActivation(config.scale_activation, config.max_scale_m)
+    return DECODERS[config.decoder].restored(**fixed, **leaves, activation=scale_activation(config))

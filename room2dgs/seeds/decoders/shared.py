@@ -23,7 +23,7 @@ from room2dgs.seeds.spawn import Spawned
 HIDDEN = 32
 FEATURE_STD = 0.1
 OPACITY_GAIN = 10.0  # opacities learn ten times as fast as scales, as they do where surfels store their own
-WIDTHS = (1, 2, 4, 3)  # what the network says of a surfel: opacity, scale factors, quaternion, colour
+WIDTHS = (1, 2, 4, 3)  # outputs of the network for a surfel: opacity, scale factors, quaternion, colour
 FACTOR_MIN, FACTOR_MAX = 0.1, 3.0  # of a surfel's scale to its seed's
 FACTOR_ONE = math.log((1.0 - FACTOR_MIN) / (FACTOR_MAX - 1.0))  # where the factor is 1
 
@@ -77,8 +77,8 @@ class SharedDecoder:
     def fixed(self) -> dict[str, Tensor]:
         return {"positions": self.positions}
 
-    def newborn(self, spawned: Spawned, features: Tensor | None = None) -> dict[str, Tensor]:
-        """See `Decoder.newborn`; opacities are what the network says of `features`, not the spawned ones."""
+    def rows_of(self, spawned: Spawned, features: Tensor | None = None) -> dict[str, Tensor]:
+        """See `Decoder.rows_of`; opacities are what the network makes of `features`, not the spawned ones."""
         rows = _rows(spawned, self.activation)
         if features is None:
             features = self.features.new_zeros(len(spawned.positions), self.features.shape[1])
@@ -113,7 +113,7 @@ class SharedDecoder:
 def shared_decoder(spawned: Spawned, feature_size: int, seed: int, activation: ScaleActivation = EXP) -> SharedDecoder:
     """A decoder whose surfels are the spawned ones, if those of a seed differ in their offsets alone.
 
-    The last layer starts at zero but for the opacities; the random features tell the seeds apart.
+    The last layer starts at zero but for the opacities; the random features make the seeds differ.
 
     Args:
         spawned: k surfels for each of S seeds; opacities may differ between the k, not between seeds.

@@ -1,4 +1,4 @@
-"""Births and deaths of seeds, with all that belongs to them: parameters and Adam's moments."""
+"""Adding and removing seeds, with all that belongs to them: parameters and Adam's moments."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from room2dgs.train.model import Model
 from room2dgs.train.optimiser import adam_state, load_adam_state, make_adam
 
 
-def resize(model: Model, config: SeedsConfig, keep: Tensor, rows: dict[str, Tensor] | None = None) -> None:
+def edit_seeds(model: Model, config: SeedsConfig, keep: Tensor, rows: dict[str, Tensor] | None = None) -> None:
     """Keep some seeds, in their order, and add new ones behind them, in place.
 
-    Survivors keep their values and Adam's moments bit by bit; the moments of newborns are zero. The count of steps,
+    Survivors keep their values and Adam's moments bit by bit; the moments of new seeds are zero. The count of steps,
     and what belongs to all seeds together, stay. Every parameter is a new leaf.
 
     Args:
         keep: (K,) int64, rising: the survivors' rows.
-        rows: of newborns, as `Decoder.newborn` gives them; None: there are none.
+        rows: of new seeds, as `Decoder.rows_of` gives them; None: there are none.
     """
     rows = rows or {}
     per_seed = set(model.decoder.per_seed)
 
     def moved(value: Tensor, new: Tensor | None) -> Tensor:
-        kept = value.detach()[keep]
-        return kept if new is None else torch.cat([kept, new.to(kept.dtype)])
+        old = value.detach()[keep]
+        return old if new is None else torch.cat([old, new.to(old.dtype)])
 
     fixed = {name: moved(value, rows.get(name)) for name, value in model.decoder.fixed().items()}
     parameters = {

@@ -10,26 +10,25 @@ from torch import Tensor
 
 from room2dgs.config import Config
 from room2dgs.geometry.rotations import tangents
-from room2dgs.seeds.decoders.activations import opacity_logit_of
-from room2dgs.seeds.decoders.registry import scale_activation
+from room2dgs.seeds.decoders.activations import opacity_logit_of, scale_activation
 from room2dgs.splat.types import Surfels
 from room2dgs.train.model import Model
 from room2dgs.train.schedule import EXTENT_MIN_M, at_iteration
 from room2dgs.train.step import Step
-from room2dgs.train.strategies.edit_seeds import resize
+from room2dgs.train.strategies.base import Adjustment, Strategy, window_of
+from room2dgs.train.strategies.edit_seeds import edit_seeds
 from room2dgs.train.strategies.screen_gradients import ScreenGradients
-from room2dgs.train.strategies.strategy import Adjustment, window_of
 
 CHILDREN = 2  # of a split surfel
 SHRINK = 0.8 * CHILDREN  # of their scales
 RESET_OPACITY = 0.01
 
 
-class PlainStrategy:
-    """Every seed is one surfel; one that the images pull at is cloned if small and split if large.
+class PlainStrategy(Strategy):
+    """Every seed is one surfel; one with a large screen-space gradient is cloned if small and split if large.
 
     Faint surfels are pruned at each adjustment, and oversized ones too once opacities have been reset. A clone is
-    the same surfel again with no momentum, which is what parts the two. A newborn of a split keeps its parent's
+    the same surfel again with no momentum, which is what parts the two. A child of a split keeps its parent's
     seed: the seed only holds the offset's origin here.
 
     Args:
@@ -86,30 +85,30 @@ class PlainStrategy:
             return Adjustment()
 
         means = self._gradients.means()
-        pulled = (means >= strategy.grow_gradient) & ~pruned
-        pulled = self._within_cap(pulled, means, len(means) - int(pruned.sum()))
-        to_split = pulled & (size > strategy.split_size * self._extent_m)
-        clones, parents = (pulled & ~to_split).nonzero()[:, 0], to_split.nonzero()[:, 0]
+        growing = (means >= strategy.grow_gradient) & ~pruned
+        growing = self._within_cap(growing, means, len(means) - int(pruned.sum()))
+        to_split = growing & (size > strategy.split_size * self._extent_m)
+        clones, parents = (growing & ~to_split).nonzero()[:, 0], to_split.nonzero()[:, 0]
         rows = {
             name: torch.cat([cloned, split])
             for (name, cloned), split in zip(
                 _rows(model, clones).items(), self._children(model, surfels, parents).values(), strict=True
             )
         }
-        resize(model, self._config.seeds, (~(pruned | to_split)).nonzero()[:, 0], rows)
+        edit_seeds(model, self._config.seeds, (~(pruned | to_split)).nonzero()[:, 0], rows)
         return Adjustment(
-            born={"cloned": len(clones), "split": len(parents)},
+            added={"cloned": len(clones), "split": len(parents)},
             pruned={"faint": int(faint.sum()), "large": int(large.sum())},
         )
 
-    def _within_cap(self, pulled: Tensor, means: Tensor, survivors: int) -> Tensor:
+    def _within_cap(self, growing: Tensor, means: Tensor, survivors: int) -> Tensor:
         """The largest gradients first; a clone adds one surfel, and so does a split."""
         cap = self._config.strategy.max_surfels
-        room = int(pulled.sum()) if cap is None else max(0, cap - survivors)
-        if room >= int(pulled.sum()):
-            return pulled
-        order = torch.sort(torch.where(pulled, means, -1.0), descending=True, stable=True).indices
-        chosen = torch.zeros_like(pulled)
+        room = int(growing.sum()) if cap is None else max(0, cap - survivors)
+        if room >= int(growing.sum()):
+            return growing
+        order = torch.sort(torch.where(growing, means, -1.0), descending=True, stable=True).indices
+        chosen = torch.zeros_like(growing)
         chosen[order[:room]] = True
         return chosen
 

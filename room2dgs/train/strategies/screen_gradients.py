@@ -1,4 +1,4 @@
-"""How strongly the images pull at each surfel: sums of screen-space gradients between two adjustments."""
+"""Sums of each surfel's screen-space gradients between two adjustments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class ScreenGradients:
 
     In 2DGS's units, so that its thresholds keep their meaning: a pixel gradient times half the image's size is the
     gradient by normalised device coordinates. A surfel has been seen where its gradient is not zero: it reached a
-    pixel that the loss looks at.
+    pixel that the loss compares.
 
     Attributes:
         sums: (N,) float32.

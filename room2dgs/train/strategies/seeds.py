@@ -15,13 +15,13 @@ from room2dgs.seeds.spawn import Y00, spawn
 from room2dgs.splat.types import Surfels
 from room2dgs.train.model import Model
 from room2dgs.train.step import Step
-from room2dgs.train.strategies.edit_seeds import resize
+from room2dgs.train.strategies.base import Adjustment, Strategy, window_of
+from room2dgs.train.strategies.edit_seeds import edit_seeds
 from room2dgs.train.strategies.screen_gradients import ScreenGradients
-from room2dgs.train.strategies.strategy import Adjustment, window_of
 
 
-class SeedStrategy:
-    """Seeds are pruned by opacity and by being out of all sight, and born in cells of a voxel hierarchy.
+class SeedStrategy(Strategy):
+    """Seeds are pruned if transparent or seen by no view, and added in cells of a voxel hierarchy.
 
     Args:
         config: of the run.
@@ -58,15 +58,15 @@ class SeedStrategy:
         if len(growth):
             draw = np.random.SeedSequence([self._config.train.seed % 2**63, model.iteration]).generate_state(1)[0]
             spawned = spawn(growth.seeds, settings.per_seed, settings.opacity, int(draw))
-            rows = model.decoder.newborn(spawned, _inherited(model, growth, settings.per_seed))
+            rows = model.decoder.rows_of(spawned, _inherited(model, growth, settings.per_seed))
         if len(growth) or len(keep) < model.seeds:
-            resize(model, settings, keep, rows)
+            edit_seeds(model, settings, keep, rows)
         self._unseen = torch.cat([self._unseen[keep], torch.zeros(len(growth))])
         self._start(model.surfel_count)
         levels = self._config.strategy.levels
         edges = [level_edge(settings.voxel_m, level, levels) for level in range(levels)]
-        born = {f"{100 * edge:g} cm": int((growth.level == level).sum()) for level, edge in enumerate(edges)}
-        return Adjustment(born, pruned)
+        added = {f"{100 * edge:g} cm": int((growth.level == level).sum()) for level, edge in enumerate(edges)}
+        return Adjustment(added, pruned)
 
     def state(self) -> dict[str, Tensor]:
         if self._gradients is None:
@@ -87,7 +87,7 @@ class SeedStrategy:
         self._gathered = 0
 
     def _survivors(self, seeds: int) -> tuple[Tensor, dict[str, int]]:
-        """Rows to keep, and how many go for which reason; one seed at least stays."""
+        """Rows to keep, and how many are pruned for which reason; one seed at least stays."""
         if len(self._unseen) != seeds:
             self._unseen = torch.zeros(seeds)
         seen = self._gradients.visits.view(seeds, -1).amax(dim=1) > 0
@@ -101,13 +101,13 @@ class SeedStrategy:
         return torch.from_numpy(keep), {"transparent": int(faint.sum()), "unseen": int(hidden.sum())}
 
     def _growth(self, model: Model, keep: Tensor) -> Growth:
-        """Newborns among the survivors; their parents' indices are those before the pruning."""
+        """New seeds from the survivors' gradients; their parents' indices are those before the pruning."""
         settings, strategy = self._config.seeds, self._config.strategy
         surfels = Surfels(*(values.detach() for values in model.surfels(0)))
         seeds = model.decoder.fixed()["positions"]
-        alive = torch.zeros(len(seeds), dtype=torch.bool)
-        alive[keep] = True
-        of_living = alive.repeat_interleave(settings.per_seed)
+        kept = torch.zeros(len(seeds), dtype=torch.bool)
+        kept[keep] = True
+        of_kept = kept.repeat_interleave(settings.per_seed)
         parents = Parents(
             seeds=seeds[keep].numpy().astype(np.float64),
             centres=surfels.centers.numpy().astype(np.float64),
@@ -115,7 +115,7 @@ class SeedStrategy:
             scales=surfels.scales.prod(dim=1).sqrt().numpy(),
             rgb=(0.5 + Y00 * surfels.sh[:, 0]).clamp(0, 1).numpy(),
             gradients=self._gradients.means().numpy(),
-            known=(of_living & (self._gradients.visits >= strategy.min_visits)).numpy(),
+            known=(of_kept & (self._gradients.visits >= strategy.min_visits)).numpy(),
         )
         draws = np.random.default_rng([self._config.train.seed % 2**63, model.iteration, 0x6120])
         growth = grow(

@@ -102,10 +102,10 @@ def test_one_row_a_seed_in_what_is_per_seed_and_fixed(kind, activation):
 
 
 @every_kind
-def test_newborns_come_behind_and_leave_the_old_surfels_as_they_were(kind, activation):
+def test_new_seeds_come_behind_and_leave_the_old_surfels_as_they_were(kind, activation):
     decoder = scrambled(a_decoder(kind, activation))
-    births = spawned(2, random=9)
-    rows = decoder.newborn(births)
+    added = spawned(2, random=9)
+    rows = decoder.rows_of(added)
     assert set(rows) == {*decoder.per_seed, *decoder.fixed()}
     assert not any(row.requires_grad for row in rows.values())
 
@@ -117,10 +117,10 @@ def test_newborns_come_behind_and_leave_the_old_surfels_as_they_were(kind, activ
     before, after = Surfels(*decoder.surfels(0)), Surfels(*larger.surfels(0))
     for old, now in zip(before, after, strict=True):
         torch.testing.assert_close(now[: len(old)], old, rtol=1e-6, atol=1e-6)
-    assert torch.equal(after.centers[12:], (births.positions[:, None] + births.offsets).reshape(-1, 3))
+    assert torch.equal(after.centers[12:], (added.positions[:, None] + added.offsets).reshape(-1, 3))
     if kind == "explicit":
-        torch.testing.assert_close(after.scales[12:], births.scales.reshape(-1, 2), rtol=4e-6, atol=0)
-        torch.testing.assert_close(after.opacities[12:], births.opacities.reshape(-1), rtol=1e-5, atol=0)
+        torch.testing.assert_close(after.scales[12:], added.scales.reshape(-1, 2), rtol=4e-6, atol=0)
+        torch.testing.assert_close(after.opacities[12:], added.opacities.reshape(-1), rtol=1e-5, atol=0)
 
 
 @every_kind

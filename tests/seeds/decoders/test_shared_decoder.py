@@ -53,12 +53,12 @@ def test_a_surfel_that_all_but_vanished_keeps_a_gradient_to_come_back_by():
     assert (decoder.out_bias.grad[:SURFELS] > 0.01).all()
 
 
-def test_newborns_take_the_features_they_are_given():
+def test_new_seeds_take_the_features_they_are_given():
     decoder = shared_decoder(alike(), 8, 0)
     parents = decoder.features[:2]
-    rows = decoder.newborn(alike(2), parents)
+    rows = decoder.rows_of(alike(2), parents)
     assert torch.equal(rows["features"], parents) and not rows["features"].requires_grad
-    assert torch.equal(decoder.newborn(alike(2))["features"], torch.zeros(2, 8))
+    assert torch.equal(decoder.rows_of(alike(2))["features"], torch.zeros(2, 8))
 
 
 def test_seeded_bits():

@@ -1,4 +1,4 @@
-"""Births and deaths move a seed with all that belongs to it."""
+"""Adding and removing seeds moves all that belongs to them."""
 
 import copy
 
@@ -9,9 +9,9 @@ from room2dgs.seeds.decoders.registry import new_decoder
 from room2dgs.seeds.spawn import Spawned
 from room2dgs.train.model import Model
 from room2dgs.train.optimiser import adam_state, make_adam, set_rates
-from room2dgs.train.strategies.edit_seeds import resize
+from room2dgs.train.strategies.edit_seeds import edit_seeds
 
-SEEDS, PER_SEED, BORN = 5, 2, 2
+SEEDS, PER_SEED, ADDED = 5, 2, 2
 KEEP = torch.tensor([0, 3, 4])
 
 
@@ -52,15 +52,15 @@ def all_tensors(model):
     }
 
 
-def test_survivors_keep_values_and_moments_and_newborns_have_none(trained):
+def test_survivors_keep_values_and_moments_and_new_seeds_have_none(trained):
     model, config = trained
     before, moments, per_seed = all_tensors(model), adam_state(model.adam), set(model.decoder.per_seed)
     moments = {key: value.clone() for key, value in moments.items()}
-    rows = model.decoder.newborn(spawned(BORN, 7.0), None)
-    resize(model, config, KEEP, rows)
+    rows = model.decoder.rows_of(spawned(ADDED, 7.0), None)
+    edit_seeds(model, config, KEEP, rows)
 
     after, kept = all_tensors(model), len(KEEP)
-    assert model.seeds == kept + BORN and model.surfel_count == (kept + BORN) * PER_SEED
+    assert model.seeds == kept + ADDED and model.surfel_count == (kept + ADDED) * PER_SEED
     assert after.keys() == before.keys()
     for name in after:
         if name in per_seed or name in model.decoder.fixed():
@@ -76,7 +76,7 @@ def test_survivors_keep_values_and_moments_and_newborns_have_none(trained):
             assert value == 3
         elif name in per_seed:
             assert torch.equal(value[:kept], moments[key][KEEP]) and moments[key].abs().min() > 0
-            assert (value[kept:] == 0).all() and len(value) == kept + BORN
+            assert (value[kept:] == 0).all() and len(value) == kept + ADDED
         else:
             assert torch.equal(value, moments[key])
 
@@ -85,7 +85,7 @@ def test_parameters_are_new_leaves_in_groups_of_the_same_names(trained):
     model, config = trained
     names = [group["name"] for group in model.adam.param_groups]
     old = model.decoder.parameters()
-    resize(model, config, KEEP, model.decoder.newborn(spawned(BORN, 7.0), None))
+    edit_seeds(model, config, KEEP, model.decoder.rows_of(spawned(ADDED, 7.0), None))
     new = model.decoder.parameters()
     assert [group["name"] for group in model.adam.param_groups] == names == list(new)
     for group in model.adam.param_groups:
@@ -101,10 +101,10 @@ def test_parameters_are_new_leaves_in_groups_of_the_same_names(trained):
     assert any(not torch.equal(before[name], value) for name, value in all_tensors(model).items())
 
 
-def test_deaths_alone(trained):
+def test_removal_alone(trained):
     model, config = trained
     before = all_tensors(model)
-    resize(model, config, KEEP)
+    edit_seeds(model, config, KEEP)
     assert model.seeds == len(KEEP)
     assert torch.equal(model.decoder.fixed()["positions"], before["positions"][KEEP])
 
@@ -112,7 +112,7 @@ def test_deaths_alone(trained):
 def test_keeping_all_changes_no_step_that_follows(trained):
     model, config = trained
     twin = copy.deepcopy(model)
-    resize(model, config, torch.arange(SEEDS))
+    edit_seeds(model, config, torch.arange(SEEDS))
     for one in (model, twin):
         set_rates(one.adam, dict.fromkeys(one.decoder.parameters(), 0.01))
         for name, value in one.decoder.parameters().items():

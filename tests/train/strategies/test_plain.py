@@ -55,13 +55,13 @@ def plain(configure):
     return build
 
 
-def test_small_ones_are_cloned_and_large_ones_split_where_the_images_pull(plain):
+def test_small_ones_are_cloned_and_large_ones_split_where_gradients_are_large(plain):
     config = plain()
     model = model_of([SMALL, SMALL, LARGE, LARGE], [0.5, 0.5, 0.5, 0.6], config)
     old = model.surfels(0)
     moments = adam_state(model.adam)["exp_avg/offsets"].clone()
     adjustment = adjusted(model, [3e-4, 1e-4, 1e-4, 3e-4], config)
-    assert adjustment.born == {"cloned": 1, "split": 1} and sum(adjustment.pruned.values()) == 0
+    assert adjustment.added == {"cloned": 1, "split": 1} and sum(adjustment.pruned.values()) == 0
     new = model.surfels(0)
     # survivors 0, 1, 2; the clone of 0; two children of 3
     assert len(new.centers) == 6
@@ -94,7 +94,7 @@ def test_faint_ones_go_and_oversized_ones_only_after_a_reset(plain):
         positions = model.decoder.fixed()["positions"]
         adjustment = adjusted(model, [0.0, 1.0, 0.0], config)
         assert torch.equal(model.decoder.fixed()["positions"], positions[left])
-        assert adjustment.born == {"cloned": 0, "split": 0}
+        assert adjustment.added == {"cloned": 0, "split": 0}
         assert adjustment.pruned == {"faint": 1, "large": 2 - len(left)}
 
 

@@ -1,4 +1,4 @@
-"""Whole runs in which seeds are born and die."""
+"""Whole runs with densification and pruning."""
 
 import re
 
@@ -40,9 +40,9 @@ def test_a_run_killed_between_and_at_adjustments_resumes_to_the_same_bits(
 ):
     settings = KINDS[kind]
     whole = train(*capture, configure(*settings), tmp_path / "whole", log)
-    told = adjustments(log)
-    assert {3, 6, 9} <= set(told) and all(iteration <= 9 for iteration in told)
-    assert len({count for _, count in told.values()}) > 1 and whole.seeds == told[9][1]
+    found = adjustments(log)
+    assert {3, 6, 9} <= set(found) and all(iteration <= 9 for iteration in found)
+    assert len({count for _, count in found.values()}) > 1 and whole.seeds == found[9][1]
     save = checkpoint.save
     for killed_after in (2, 3, 8):
         out = tmp_path / str(killed_after)
@@ -65,7 +65,7 @@ def test_a_run_killed_between_and_at_adjustments_resumes_to_the_same_bits(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_births_and_deaths_are_the_same_on_any_number_of_threads(capture, configure, log, tmp_path, kind):
+def test_added_and_pruned_seeds_are_the_same_on_any_number_of_threads(capture, configure, log, tmp_path, kind):
     before = torch.get_num_threads()
     files = []
     try:
@@ -93,14 +93,14 @@ def test_a_cap_is_never_exceeded_and_reached(capture, configure, log, tmp_path, 
     assert cap - 2 < capped.surfels <= cap
 
 
-def test_without_a_cause_nothing_is_born_and_watching_changes_no_bit(capture, configure, log, tmp_path):
+def test_without_a_cause_nothing_is_added_and_watching_changes_no_bit(capture, configure, log, tmp_path):
     fixed = train(*capture, configure("seeds.voxel_m=0.05", *OFTEN, "strategy=fixed"), tmp_path / "fixed", log)
     settings = [*SEEDS, *OFTEN, "strategy.grow_gradient=1e6", "strategy.prune_opacity=0", "strategy.stop=7"]
     watched = train(*capture, configure(*settings), tmp_path / "watched", log)
     assert watched.seeds == fixed.seeds
     pairs = zip(load_surfels(fixed.surfels_path), load_surfels(watched.surfels_path), strict=True)
     assert all(torch.equal(a, b) for a, b in pairs)
-    assert adjustments(log)[3] == ("nothing born", fixed.seeds)
+    assert adjustments(log)[3] == ("nothing added, nothing pruned", fixed.seeds)
 
 
 def test_what_no_view_sees_goes_after_two_epochs(capture, configure, log, tmp_path):
@@ -111,8 +111,12 @@ def test_what_no_view_sees_goes_after_two_epochs(capture, configure, log, tmp_pa
     more = PointCloud(xyz, rgb, np.full(len(xyz), 5, np.int32))
     settings = [*SEEDS, *OFTEN, "strategy.every=4", "strategy.stop=12", "strategy.grow_gradient=1e6"]
     result = train(scene, more, configure(*settings), tmp_path, log)
-    told = adjustments(log)  # four training views
-    assert told[4][0] == "nothing born" and told[8][0].startswith("pruned ") and "(unseen)" in told[8][0]
+    found = adjustments(log)  # four training views
+    assert (
+        found[4][0] == "nothing added, nothing pruned"
+        and found[8][0].startswith("pruned ")
+        and "(unseen)" in found[8][0]
+    )
     centres = load_surfels(result.surfels_path).centers
     assert (centres[:, 2] > -3).all()
 
@@ -135,14 +139,14 @@ def test_opacities_come_down_at_a_reset_and_carry_no_momentum(capture, configure
     assert (state.adam["exp_avg/offsets"] != 0).any()
 
 
-def test_growth_is_told_to_tensorboard(capture, configure, log, tmp_path):
+def test_growth_goes_to_tensorboard(capture, configure, log, tmp_path):
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     train(*capture, configure(*KINDS["seeds"], "train.tensorboard=true"), tmp_path, log)
     events = EventAccumulator(str(tmp_path / "tensorboard"))
     events.Reload()
     tags = set(events.Tags()["scalars"])
-    assert {"seeds/count", "seeds/born 80 cm", "seeds/born 5 cm", "seeds/pruned transparent"} <= tags
+    assert {"seeds/count", "seeds/added 80 cm", "seeds/added 5 cm", "seeds/pruned transparent"} <= tags
     assert [event.step for event in events.Scalars("seeds/count")] == [3, 6, 9]
 
 

@@ -1,7 +1,7 @@
 import pytest
 
 from room2dgs.errors import InputError
-from room2dgs.train.strategies.strategy import Adjustment, window_of
+from room2dgs.train.strategies.base import Adjustment, window_of
 
 
 @pytest.mark.parametrize(
@@ -28,10 +28,10 @@ def test_a_window_that_ends_before_it_begins_has_no_adjustment(configure):
 
 
 def test_the_line_tells_what_happened_and_nothing_else():
-    told = Adjustment(born={"32 cm": 0, "2 cm": 41}, pruned={"transparent": 3, "unseen": 0})
-    assert told.line() == "born 41 (2 cm); pruned 3 (transparent)"
-    assert told.scalars()["seeds/born 32 cm"] == 0.0
-    assert Adjustment(reset=True).line() == "opacities reset" and Adjustment().line() == ""
+    done = Adjustment(added={"32 cm": 0, "2 cm": 41}, pruned={"transparent": 3, "unseen": 0})
+    assert done.line() == "added 41 (2 cm); pruned 3 (transparent)"
+    assert done.scalars()["seeds/added 32 cm"] == 0.0
+    assert Adjustment(reset=True).line() == "opacities reset" and Adjustment().line() == "nothing added, nothing pruned"
 
 
 def test_plain_densification_wants_single_explicit_surfels(configure):
