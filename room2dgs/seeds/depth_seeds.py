@@ -1,7 +1,7 @@
 """Seeds where structure from motion is blind: the depth prior's surface, where several views agree on it.
 
 Blank walls have no sparse points and growth cannot reach them. The aligned depth maps cover them, and a depth is used
-where those of other views agree with it and few are occluded by it.
+where those of other views agree with it and few see a surface behind it.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def away_from(surface: Surface, xyz: np.ndarray, voxel_m: float) -> Surface:
 def _agreed_pixels(
     views: Overlap, index: int, frame: Frame, depth: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """World points, normals and colours of one view's pixels on which other views agree; every `step`-th pixel is tried."""
+    """World points, normals and colours of those pixels of one view on which other views agree."""
     grid = (slice(views.step // 2, None, views.step),) * 2
     normal = depth_normals(depth, frame.camera, NORMAL_STEP)[grid]
     row, column = np.nonzero((depth[grid] > 0) & normal.any(axis=-1))
@@ -121,7 +121,7 @@ def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, voxel_m: fl
 
 
 def _suppressed(place: np.ndarray, count: np.ndarray, radius_m: float) -> np.ndarray:
-    """(S,) bool: has a neighbour within the radius with more pixels (as many and a lower index), itself not suppressed."""
+    """(S,) bool: has a neighbour within the radius with more pixels (as many and a lower index) that stays."""
     suppressed = count == 0
     neighbours = cKDTree(place).query_ball_point(place, radius_m) if len(place) else []
     for index in np.lexsort((np.arange(len(place)), -count)):
