@@ -13,9 +13,9 @@ from room2dgs.bench.prior_scores import depth_score
 from room2dgs.bench.prior_truth import true_depth
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame
+from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config, DepthPriorConfig
 from room2dgs.priors import load_priors
-from room2dgs.priors.prior import Prior
 from room2dgs.sfm.sparse import sparse_points
 
 CLOSE_M = 0.05
@@ -65,7 +65,7 @@ def _steps(settings: DepthPriorConfig) -> dict[str, DepthPriorConfig]:
     return steps | ({"bent": settings} if settings.joint else {})
 
 
-def _score(frames: Sequence[Frame], priors: Mapping[str, Prior]) -> DepthInRun:
+def _score(frames: Sequence[Frame], priors: Mapping[str, ViewMaps]) -> DepthInRun:
     scores, close, known, with_depth = [], [], 0, 0
     for frame in frames:
         truth = true_depth(frame)

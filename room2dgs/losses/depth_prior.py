@@ -23,7 +23,7 @@ def depth_prior_loss(
     align: bool = True,
     gradient_weight: float = 0.5,
     scales: int = 4,
-    weight: Tensor | None = None,
+    confidence: Tensor | None = None,
 ) -> Tensor:
     """L_d = mean w r^2 + gradient_weight * sum over scales of (mean w |d_x r| + mean w |d_y r|) (eq. 10).
 
@@ -33,7 +33,7 @@ def depth_prior_loss(
     unit of either map changes the value. s, t and m are held constant in the gradient. The gradient term is that of
     MiDaS: neighbours of r taken at strides 1, 2, 4, ..., each mean over the pairs whose two pixels are compared.
 
-    w is how far the prior is to be believed; a pair of neighbours has the smaller of its two. Means are over numbers
+    w is the prior's confidence; a pair of neighbours has the smaller of its two. Means are over numbers
     of pixels and not over weights: a map that doubts itself everywhere has little to say. s and t are fitted with the
     same weights.
 
@@ -47,7 +47,7 @@ def depth_prior_loss(
         valid: (H, W) bool; leave out `edge_band` of the prior.
         space: "depth" or "disparity" (inverse depth): what the prior is.
         align: fit s and t by least squares; False takes a prior that is metric already as it is (s = 1, t = 0).
-        weight: (H, W) w in 0..1, no gradient; None: 1 everywhere.
+        confidence: (H, W) w in 0..1, no gradient; None: 1 everywhere.
 
     Returns:
         scalar, differentiable once with respect to `depth`.
@@ -57,8 +57,8 @@ def depth_prior_loss(
     """
     if space not in ("depth", "disparity"):
         raise ValueError(f"space={space!r} is not known; choose depth or disparity")
-    if any(other.shape != depth.shape for other in (alpha, prior, valid, weight) if other is not None):
-        raise ValueError("depth, alpha, prior, valid and weight differ in size")
+    if any(other.shape != depth.shape for other in (alpha, prior, valid, confidence) if other is not None):
+        raise ValueError("depth, alpha, prior, valid and confidence differ in size")
     compared = valid & (prior > 0) & torch.isfinite(prior) & (alpha.detach() >= MIN_ALPHA) & (depth.detach() > 0)
     count = int(torch.count_nonzero(compared))
     # A depth of 1 in place of the others keeps infinities and NaN out of the gradients.
@@ -68,7 +68,7 @@ def depth_prior_loss(
     if space == "disparity":
         rendered = rendered.reciprocal()
     prior = torch.where(compared, prior, 0.0).to(depth.dtype)
-    weight = torch.where(compared, 1.0 if weight is None else weight, 0.0).to(depth.dtype)
+    weight = torch.where(compared, 1.0 if confidence is None else confidence, 0.0).to(depth.dtype)
     scale, shift = scale_and_shift(prior, rendered, weight) if align else (1.0, 0.0)
     unit = scale * float(prior.sum()) / count + shift
     residual = (rendered - (scale * prior + shift)) * (compared.to(depth.dtype) / unit)

@@ -37,19 +37,19 @@ def normal_prior_loss(
     *,
     l1: float = 0.01,
     cosine: float = 0.01,
-    weight: Tensor | None = None,
+    confidence: Tensor | None = None,
 ) -> Tensor:
     """L_n = l1 * mean w |n - n_p|_1 + cosine * mean w (1 - n . n_p) (eq. 11-12; l1, cosine from the supplement).
 
-    n is the rendered normal made unit, n_p the prior; |.|_1 sums the three axes; w is how far the prior is to be
-    believed. Means are over the number of pixels that are `valid` and have alpha >= 0.5; without one the loss is 0.
+    n is the rendered normal made unit, n_p the prior; |.|_1 sums the three axes; w is the prior's confidence.
+    Means are over the number of pixels that are `valid` and have alpha >= 0.5; without one the loss is 0.
 
     Args:
         normal: (H, W, 3) rendered, alpha-weighted, world frame, facing the camera; not normalised.
         alpha: (H, W) rendered coverage; no gradient.
         prior: (H, W, 3) unit, world frame, facing the camera; no gradient.
         valid: (H, W) bool.
-        weight: (H, W) w in 0..1, no gradient; None: 1 everywhere.
+        confidence: (H, W) w in 0..1, no gradient; None: 1 everywhere.
 
     Returns:
         scalar, differentiable with respect to `normal`.
@@ -57,13 +57,13 @@ def normal_prior_loss(
     Raises:
         ValueError: maps of different sizes.
     """
-    maps = [alpha, valid] if weight is None else [alpha, valid, weight]
+    maps = [alpha, valid] if confidence is None else [alpha, valid, confidence]
     if normal.shape != prior.shape or any(other.shape != normal.shape[:2] for other in maps):
-        raise ValueError("normal, alpha, prior, valid and weight differ in size")
+        raise ValueError("normal, alpha, prior, valid and confidence differ in size")
     compared = valid & (alpha.detach() >= MIN_ALPHA)
     share = compared.to(normal.dtype) / max(1, int(torch.count_nonzero(compared)))
-    if weight is not None:
-        share = share * torch.where(compared, weight, 0.0)
+    if confidence is not None:
+        share = share * torch.where(compared, confidence, 0.0)
     # Axis by axis: torch sums over an innermost axis of three very slowly.
     rendered = torch.where(compared, normal.permute(2, 0, 1).contiguous(), 0.0)
     wanted = torch.where(compared, prior.permute(2, 0, 1).contiguous(), 0.0)

@@ -9,19 +9,19 @@ from typing import NamedTuple
 import numpy as np
 
 from room2dgs.captures.scene import Frame, PointCloud
+from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import OnnxConfig, PriorConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.depth_maps import pixel_rays
 from room2dgs.priors.align.depths import agreeing_depths, aligned_depths
 from room2dgs.priors.align.scale_shift import Fit
-from room2dgs.priors.confidence import read_weight
+from room2dgs.priors.confidence import read_confidence
 from room2dgs.priors.files import find_map, read_normal
 from room2dgs.priors.network.maps import predicted_maps, read_models
 from room2dgs.priors.network.model_file import ModelFile
 from room2dgs.priors.normals.check import usable
 from room2dgs.priors.normals.convention import camera_normals
 from room2dgs.priors.normals.samples import sample
-from room2dgs.priors.prior import Prior
 from room2dgs.priors.simulated import simulated
 
 Log = Callable[[str], None]
@@ -32,13 +32,13 @@ class Priors(NamedTuple):
     """What `load_priors` found.
 
     Attributes:
-        by_frame: frame name -> Prior, for the frames that have one.
+        by_frame: frame name -> maps, for the frames that have one.
         fits: frame name -> its depth's alignment, for every frame with a depth map, left out or not.
         label: "simulated" if any map says so, else the sources: "room_prior", "files", "files+onnx", or "none".
         networks: "depth" and "normal" -> digest of the model that made the maps (`ModelFile.digest`).
     """
 
-    by_frame: dict[str, Prior]
+    by_frame: dict[str, ViewMaps[np.ndarray]]
     fits: dict[str, Fit]
     label: str
     networks: dict[str, str]
@@ -58,19 +58,19 @@ def load_priors(frames: Sequence[Frame], points: PointCloud, config: PriorConfig
     """
     models = read_models(config)
     depths: dict[str, np.ndarray] = {}
-    depth_weights: dict[str, np.ndarray] = {}
+    depth_confidences: dict[str, np.ndarray] = {}
     fits: dict[str, Fit] = {}
     if config.depth.source != "none":
         files = _maps(frames, config, "depth", models, log)
         depths, fits = aligned_depths(frames, files, points, config.depth, log)
-        depth_weights = _weights({name: files[name] for name in depths}, config.depth.onnx)
+        depth_confidences = _confidences({name: files[name] for name in depths}, config.depth.onnx)
     normals: dict[str, np.ndarray] = {}
-    normal_weights: dict[str, np.ndarray] = {}
+    normal_confidences: dict[str, np.ndarray] = {}
     if config.normal.source != "none":
-        normals, normal_weights = _normals(frames, depths, points, config, models, log)
+        normals, normal_confidences = _normals(frames, depths, points, config, models, log)
     if config.depth.joint and depths:
-        weights = (depth_weights, normal_weights)
-        depths = agreeing_depths(frames, depths, normals, points, config.depth, log, weights)
+        confidences = (depth_confidences, normal_confidences)
+        depths = agreeing_depths(frames, depths, normals, points, config.depth, log, confidences)
     parts = [part for part in (config.depth, config.normal) if part.source != "none"]
     label = "+".join(sorted({part.source for part in parts})) or "none"
     if any(part.source == "files" and simulated(Path(part.path or "")) for part in parts):
@@ -81,13 +81,12 @@ def load_priors(frames: Sequence[Frame], points: PointCloud, config: PriorConfig
     for frame in frames:
         depth, normal = depths.get(frame.name), normals.get(frame.name)
         if depth is not None or normal is not None:
-            by_frame[frame.name] = Prior(
+            by_frame[frame.name] = ViewMaps(
                 depth,
-                None if depth is None else depth > 0,
+                None if depth is None else _where(depth > 0, depth_confidences.get(frame.name)),
                 normal,
-                None if normal is None else normal.any(axis=-1),
-                None if depth is None else depth_weights.get(frame.name),
-                None if normal is None else normal_weights.get(frame.name),
+                None if normal is None else _where(normal.any(axis=-1), normal_confidences.get(frame.name)),
+                label,
             )
     return Priors(by_frame, fits, label, {kind: model.digest for kind, model in models.items()})
 
@@ -114,10 +113,14 @@ def _maps(
     return found
 
 
-def _weights(files: Mapping[str, Path], settings: OnnxConfig) -> dict[str, np.ndarray]:
-    """Frame name -> (H, W) float32, for the maps that have weights."""
-    found = {name: read_weight(path, settings) for name, path in files.items()}
-    return {name: weight for name, weight in found.items() if weight is not None}
+def _confidences(files: Mapping[str, Path], settings: OnnxConfig) -> dict[str, np.ndarray]:
+    """Frame name -> (H, W) float32, for the maps that have one."""
+    found = {name: read_confidence(path, settings) for name, path in files.items()}
+    return {name: confidence for name, confidence in found.items() if confidence is not None}
+
+
+def _where(valid: np.ndarray, confidence: np.ndarray | None) -> np.ndarray | None:
+    return None if confidence is None else np.where(valid, confidence, np.float32(0))
 
 
 def _normals(
@@ -128,7 +131,7 @@ def _normals(
     models: Mapping[str, ModelFile],
     log: Log,
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Frame name -> (H, W, 3) float32 unit world normals facing the camera, 0 = invalid; and their weights."""
+    """Frame name -> (H, W, 3) float32 unit world normals facing the camera, 0 = invalid; and their confidences."""
     settings = config.normal
     network = "normal" in models
     # The check comes first: a wrong convention is told before all maps are read, let alone computed.
@@ -145,12 +148,12 @@ def _normals(
         return {}, {}
     files = _maps(frames, config, "normal", models, log) if network else files
     frames = [frame for frame in frames if frame.name in files]
-    weights = _weights(files, settings.onnx)
+    confidences = _confidences(files, settings.onnx)
     normals = {}
     for frame in frames:
         raw, valid = read_normal(files[frame.name], settings, frame.camera)
-        if frame.name in weights:
-            valid &= weights[frame.name] > 0
+        if frame.name in confidences:
+            valid &= confidences[frame.name] > 0
         in_cam = camera_normals(raw, settings, frame.camera)
         # A surface that is seen faces the camera; where a map says otherwise it is wrong.
         valid &= (in_cam * pixel_rays(frame.camera)).sum(axis=-1) < 0
@@ -160,7 +163,7 @@ def _normals(
         else:
             log(f"normal prior of {frame.name} left out: no pixel of it faces the camera")
     log(f"normal prior: {len(normals)} of {len(frames)} maps used")
-    return normals, weights
+    return normals, confidences
 
 
 def _some(names: list[str]) -> str:

@@ -14,9 +14,9 @@ import torch
 from scipy.spatial import cKDTree
 
 from room2dgs.captures.scene import Frame
+from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.geometry.depth_maps import depth_normals
 from room2dgs.priors.joint.overlap import Overlap, overlap
-from room2dgs.priors.prior import Prior
 from room2dgs.seeds.voxelise import cell_centres, cell_keys
 
 AGREES = 0.03  # relative difference of depth within which two views see the same surface
@@ -46,7 +46,7 @@ class Surface(NamedTuple):
     rgb: np.ndarray
 
 
-def agreed_surface(frames: Sequence[Frame], priors: Mapping[str, Prior], voxel_m: float) -> Surface:
+def agreed_surface(frames: Sequence[Frame], priors: Mapping[str, ViewMaps], voxel_m: float) -> Surface:
     """Fuse the depth priors into cells; the same input gives the same bits.
 
     Args:

@@ -7,16 +7,14 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from room2dgs.captures.scene import Scene
+from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.train.prior_maps import priors_digest
 from room2dgs.train.schedule import has_shares
-
-if TYPE_CHECKING:
-    from room2dgs.priors.prior import Prior
 
 # `train.iterations` is not among them, unless times are shares of it: a run may be prolonged.
 SECTIONS = ("scene", "points", "seeds", "render", "loss", "strategy")
@@ -26,7 +24,7 @@ VIEWS = "training views"
 PRIORS = "prior maps"
 
 
-def fingerprint(config: Config, scene: Scene, priors: Mapping[str, Prior] | None = None) -> dict[str, Any]:
+def fingerprint(config: Config, scene: Scene, priors: Mapping[str, ViewMaps] | None = None) -> dict[str, Any]:
     """Dotted key -> plain value of all settings that decide the result; digests of training views and priors."""
     values = asdict(config)
     values["scene"]["path"] = str(Path(config.scene.path).resolve())

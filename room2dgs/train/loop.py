@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from torch import Tensor
 
 from room2dgs.captures.scene import PointCloud, Scene
+from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.files import remove_leftovers
 from room2dgs.torch_threads import one_torch_thread
@@ -26,9 +27,6 @@ from room2dgs.train.strategies.base import Strategy
 from room2dgs.train.strategies.registry import new_strategy
 from room2dgs.train.surfel_file import save_surfels
 from room2dgs.train.views import Views
-
-if TYPE_CHECKING:
-    from room2dgs.priors.prior import Prior
 
 STRATEGY, MULTIVIEW = "strategy", "multiview"  # in `Checkpoint.extra`
 
@@ -63,7 +61,7 @@ def train(
     config: Config,
     out: Path | str,
     log: Log | None = None,
-    priors: Mapping[str, Prior] | None = None,
+    priors: Mapping[str, ViewMaps] | None = None,
 ) -> TrainResult:
     """Optimise surfels for `config.train.iterations`; with `config.resume`, from the last whole checkpoint.
 
@@ -117,7 +115,7 @@ def train(
 def _start(
     scene: Scene,
     points: PointCloud,
-    priors: Mapping[str, Prior] | None,
+    priors: Mapping[str, ViewMaps] | None,
     config: Config,
     out: Path,
     identity: dict[str, Any],

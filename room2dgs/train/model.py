@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from torch import Tensor
 from torch.optim import Adam
 
 from room2dgs.captures.scene import PointCloud, Scene
+from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.seeds.decoders.decoder import Decoder
 from room2dgs.seeds.decoders.registry import new_decoder, restored_decoder
@@ -20,9 +21,6 @@ from room2dgs.seeds.spawn import spawn
 from room2dgs.splat.types import Surfels
 from room2dgs.train.checkpoint import Checkpoint
 from room2dgs.train.optimiser import adam_state, load_adam_state, make_adam
-
-if TYPE_CHECKING:
-    from room2dgs.priors.prior import Prior
 
 
 @dataclass
@@ -48,7 +46,7 @@ class Model:
         return Surfels(*self.decoder.surfels(active_sh_degree))
 
 
-def new_model(scene: Scene, points: PointCloud, config: Config, priors: Mapping[str, Prior] | None = None) -> Model:
+def new_model(scene: Scene, points: PointCloud, config: Config, priors: Mapping[str, ViewMaps] | None = None) -> Model:
     """Seeds from points and, with seeds.init=sfm+depth, from depth priors; surfels from seeds.
 
     Raises:

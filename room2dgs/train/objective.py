@@ -35,7 +35,7 @@ SURFACE_TERMS: dict[str, Callable[[Rendering, View], Tensor]] = {
 }
 # Every other row and column: a surfel covers many pixels, and the terms cost a quarter.
 SPARSE = (slice(None, None, 2), slice(None, None, 2))
-PRIOR_TERMS = ("depth_prior", "normal_prior")  # act on views that have the map of their name
+PRIOR_TERMS = {"depth_prior": "depth", "normal_prior": "normal"}  # act on views that have this map
 MULTIVIEW_TERMS = (GEOMETRIC, PHOTOMETRIC)  # act on views that have a neighbour
 
 
@@ -79,27 +79,23 @@ def needed_maps(view: View, config: Config, iteration: int, pair: Pair | None = 
 
 
 def _depth_prior(rendering: Rendering, view: View) -> Tensor:
-    maps = (rendering.depth, rendering.alpha, view.depth_prior, view.depth_prior_valid)
-    return depth_prior_loss(*(values[SPARSE] for values in maps), weight=_sparse(view.depth_prior_weight))
+    maps = (rendering.depth, rendering.alpha, view.maps.depth, view.maps.depth_confidence)
+    depth, alpha, prior, confidence = (values[SPARSE] for values in maps)
+    return depth_prior_loss(depth, alpha, prior, confidence > 0, confidence=confidence)
 
 
 def _normal_prior(rendering: Rendering, view: View, doubted_deg: float | None) -> Tensor:
-    maps = (rendering.normal, rendering.alpha, view.normal_prior, view.normal_prior_valid)
-    normal, alpha, prior, valid = (values[SPARSE] for values in maps)
-    weight = _sparse(view.normal_prior_weight)
+    maps = (rendering.normal, rendering.alpha, view.maps.normal, view.maps.normal_confidence)
+    normal, alpha, prior, confidence = (values[SPARSE] for values in maps)
+    valid = confidence > 0
     if doubted_deg is not None:
-        by_angle = doubt(normal, prior, doubted_deg)
-        weight = by_angle if weight is None else weight * by_angle
-    return normal_prior_loss(normal, alpha, prior, valid, weight=weight)
-
-
-def _sparse(values: Tensor | None) -> Tensor | None:
-    return None if values is None else values[SPARSE]
+        confidence = confidence * doubt(normal, prior, doubted_deg)
+    return normal_prior_loss(normal, alpha, prior, valid, confidence=confidence)
 
 
 def _weights(view: View, config: Config, iteration: int, pair: Pair | None = None) -> dict[str, float]:
     """Of the terms that act, beside "rgb"."""
-    names = [*SURFACE_TERMS, *(name for name in PRIOR_TERMS if getattr(view, name) is not None)]
+    names = [*SURFACE_TERMS, *(name for name, kind in PRIOR_TERMS.items() if getattr(view.maps, kind) is not None)]
     names += MULTIVIEW_TERMS if pair else ()
     weights = {name: term_weight(iteration, getattr(config.loss, name), config.train.iterations) for name in names}
     return {name: weight for name, weight in weights.items() if weight > 0}

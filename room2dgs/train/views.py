@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from room2dgs.captures.scene import Frame
+from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.train.prior_maps import prior_maps
-
-if TYPE_CHECKING:
-    from room2dgs.priors.prior import Prior
 
 
 class View(NamedTuple):
@@ -26,11 +24,7 @@ class View(NamedTuple):
         K: (3, 3) float32, pixels.
         cam_from_world: (4, 4) float32, metres.
         width, height: pixels.
-        depth_prior: (H, W) float32, metres; depth_prior_valid: (H, W) bool, without the prior's own depth edges.
-            None without a prior.
-        normal_prior: (H, W, 3) float32 unit, world frame, facing the camera; normal_prior_valid: (H, W) bool.
-            None without a prior.
-        depth_prior_weight, normal_prior_weight: (H, W) float32 in 0..1; None: 1 everywhere.
+        maps: the priors as `prior_maps` gives them: depth without its own edges, all with confidences.
     """
 
     name: str
@@ -39,12 +33,7 @@ class View(NamedTuple):
     cam_from_world: Tensor
     width: int
     height: int
-    depth_prior: Tensor | None = None
-    depth_prior_valid: Tensor | None = None
-    normal_prior: Tensor | None = None
-    normal_prior_valid: Tensor | None = None
-    depth_prior_weight: Tensor | None = None
-    normal_prior_weight: Tensor | None = None
+    maps: ViewMaps[Tensor] = ViewMaps()
 
     def target(self) -> Tensor:
         """(H, W, 3) float32 in 0..1."""
@@ -58,7 +47,7 @@ class Views:
         priors: by frame name; frames may have none.
     """
 
-    def __init__(self, frames: Sequence[Frame], priors: Mapping[str, Prior] | None = None) -> None:
+    def __init__(self, frames: Sequence[Frame], priors: Mapping[str, ViewMaps[np.ndarray]] | None = None) -> None:
         self.frames = frames
         self._priors = priors or {}
         self._fraction = 1.0
@@ -81,7 +70,7 @@ class Views:
         return self._kept[index]
 
 
-def load_view(frame: Frame, fraction: float, prior: Prior | None = None) -> View:
+def load_view(frame: Frame, fraction: float, prior: ViewMaps[np.ndarray] | None = None) -> View:
     """Read one photo at `fraction` of the frame's size, intrinsics and priors scaled alike.
 
     Raises:
@@ -99,5 +88,5 @@ def load_view(frame: Frame, fraction: float, prior: Prior | None = None) -> View
         torch.from_numpy(camera.cam_from_world.astype(np.float32)),
         camera.width,
         camera.height,
-        *prior_maps(prior, camera.width, camera.height),
+        prior_maps(prior, camera.width, camera.height),
     )

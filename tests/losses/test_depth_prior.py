@@ -109,7 +109,7 @@ def test_gradcheck_with_weights(space):
     depth, alpha, prior, valid = maps()
     prior = prior if space == "depth" else 1 / prior
     assert torch.autograd.gradcheck(
-        lambda d: depth_prior_loss(d, alpha, prior, valid, space=space, align=False, weight=weights()),
+        lambda d: depth_prior_loss(d, alpha, prior, valid, space=space, align=False, confidence=weights()),
         depth.requires_grad_(),
     )
 
@@ -117,21 +117,21 @@ def test_gradcheck_with_weights(space):
 def test_full_weight_everywhere_changes_no_bit():
     depth, alpha, prior, valid = (part.float() if part.is_floating_point() else part for part in maps())
     value, gradient = value_and_gradient(depth, alpha, prior, valid)
-    weighted, other = value_and_gradient(depth, alpha, prior, valid, weight=torch.ones(H, W))
+    weighted, other = value_and_gradient(depth, alpha, prior, valid, confidence=torch.ones(H, W))
     assert value == weighted and gradient.numpy().tobytes() == other.numpy().tobytes()
 
 
 def test_doubt_everywhere_makes_the_term_small_and_doubt_in_places_leaves_those_out():
     depth, alpha, prior, valid = maps()
     value, gradient = value_and_gradient(depth, alpha, prior, valid)
-    halved, half = value_and_gradient(depth, alpha, prior, valid, weight=torch.full((H, W), 0.5))
+    halved, half = value_and_gradient(depth, alpha, prior, valid, confidence=torch.full((H, W), 0.5))
     assert halved == pytest.approx(value / 2, rel=1e-12)
     torch.testing.assert_close(half, gradient / 2)
     # without a weight a pixel pulls no more than an invalid one, though it still counts in the mean
     weight = torch.ones(H, W, dtype=torch.float64)
     weight[3:8, 2:9] = 0
     wrong = torch.where(weight > 0, prior, 50.0)
-    left_out, gradient = value_and_gradient(depth, alpha, wrong, valid, gradient_weight=0, weight=weight)
+    left_out, gradient = value_and_gradient(depth, alpha, wrong, valid, gradient_weight=0, confidence=weight)
     kept = valid & (alpha >= 0.5)
     share = torch.count_nonzero(kept & (weight > 0)) / torch.count_nonzero(kept)
     scale, shift = scale_and_shift(wrong, depth, kept * weight)
@@ -151,7 +151,7 @@ def test_the_fit_counts_pixels_by_their_weight():
 
 def test_no_weight_at_all_costs_nothing():
     depth, alpha, prior, valid = maps()
-    value, gradient = value_and_gradient(depth, alpha, prior, valid, weight=torch.zeros(H, W))
+    value, gradient = value_and_gradient(depth, alpha, prior, valid, confidence=torch.zeros(H, W))
     assert value == 0 and (gradient == 0).all()
 
 
@@ -225,7 +225,7 @@ def test_unknown_space_and_other_sizes_are_refused():
     with pytest.raises(ValueError, match="differ in size"):
         depth_prior_loss(depth, alpha, prior[1:], valid)
     with pytest.raises(ValueError, match="differ in size"):
-        depth_prior_loss(depth, alpha, prior, valid, weight=weights()[1:])
+        depth_prior_loss(depth, alpha, prior, valid, confidence=weights()[1:])
 
 
 def plane_depth(tilt, height=40, width=50, f=40.0):

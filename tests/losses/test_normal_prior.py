@@ -60,7 +60,7 @@ def weights():
 def test_gradcheck_with_weights():
     normal, alpha, prior, valid = random_maps()
     assert torch.autograd.gradcheck(
-        lambda n: normal_prior_loss(n, alpha, prior, valid, l1=0.7, cosine=1.3, weight=weights()),
+        lambda n: normal_prior_loss(n, alpha, prior, valid, l1=0.7, cosine=1.3, confidence=weights()),
         normal.requires_grad_(),
     )
 
@@ -70,7 +70,7 @@ def test_full_weight_everywhere_changes_no_bit():
     found = []
     for weight in (None, torch.ones(H, W)):
         leaf = normal.clone().requires_grad_()
-        value = normal_prior_loss(leaf, alpha, prior, valid, weight=weight)
+        value = normal_prior_loss(leaf, alpha, prior, valid, confidence=weight)
         value.backward()
         found.append((value.item(), leaf.grad.numpy().tobytes()))
     assert found[0] == found[1]
@@ -78,12 +78,12 @@ def test_full_weight_everywhere_changes_no_bit():
 
 def test_each_pixel_costs_its_weight():
     rendered, prior, weight = constant(1, 0, 0), constant(0, 0, -1), weights()
-    value = normal_prior_loss(rendered, ONES, prior, ALL, l1=0, cosine=1, weight=weight).item()
+    value = normal_prior_loss(rendered, ONES, prior, ALL, l1=0, cosine=1, confidence=weight).item()
     assert value == pytest.approx(weight.mean().item(), abs=1e-5)
     weight[2, 3] = torch.nan  # of a pixel that does not count
     valid = ALL.clone()
     valid[2, 3] = False
-    assert np.isfinite(normal_prior_loss(rendered, ONES, prior, valid, weight=weight).item())
+    assert np.isfinite(normal_prior_loss(rendered, ONES, prior, valid, confidence=weight).item())
 
 
 @pytest.mark.parametrize("length", [0.3, 1.0])
@@ -146,4 +146,4 @@ def test_other_sizes_are_refused():
     with pytest.raises(ValueError, match="differ in size"):
         normal_prior_loss(normal, alpha[1:], prior, valid)
     with pytest.raises(ValueError, match="differ in size"):
-        normal_prior_loss(normal, alpha, prior, valid, weight=weights()[1:])
+        normal_prior_loss(normal, alpha, prior, valid, confidence=weights()[1:])

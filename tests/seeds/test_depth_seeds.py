@@ -10,9 +10,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from room2dgs.captures.scene import Frame, PointCloud, Scene
+from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import load_config
 from room2dgs.geometry.camera import Camera
-from room2dgs.priors.prior import Prior
 from room2dgs.seeds.depth_seeds import agreed_surface, away_from
 from room2dgs.train.model import new_model
 
@@ -32,10 +32,10 @@ def frames(tmp_path: Path) -> list[Frame]:
     return made
 
 
-def wall(frames: list[Frame], noise_m: float = 0.0) -> dict[str, Prior]:
+def wall(frames: list[Frame], noise_m: float = 0.0) -> dict[str, ViewMaps]:
     rng = np.random.default_rng(0)
     maps = {f.name: np.float32(WALL_M) + rng.uniform(-noise_m, noise_m, (HEIGHT, WIDTH)) for f in frames}
-    return {name: Prior(depth=depth.astype(np.float32), depth_valid=depth > 0) for name, depth in maps.items()}
+    return {name: ViewMaps(depth=depth.astype(np.float32)) for name, depth in maps.items()}
 
 
 def test_seeds_lie_on_the_wall_and_face_the_cameras(frames):

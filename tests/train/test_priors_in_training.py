@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.errors import InputError
-from room2dgs.priors.prior import Prior
 from room2dgs.splat.types import Rendering
 from room2dgs.train import load_surfels, loop, train
 from room2dgs.train.objective import loss_terms, needed_maps
@@ -16,13 +16,12 @@ from room2dgs.train.views import Views, load_view
 START = ["loss.depth_prior.start=0", "loss.normal_prior.start=0", "loss.normal_consistency.enabled=false"]
 
 
-def wall_prior(tilt=0.0, **changes) -> Prior:
+def wall_prior(tilt=0.0, **changes) -> ViewMaps:
     """The capture's wall, 1.5 m before each camera, as a right prior would have it; or turned by `tilt`."""
     depth = np.full((24, 32), 1.5, np.float32)
     normal = np.zeros((24, 32, 3), np.float32)
     normal[:] = np.sin(tilt), 0, -np.cos(tilt)
-    everywhere = np.ones((24, 32), bool)
-    return Prior(depth, everywhere, normal, everywhere)._replace(**changes)
+    return ViewMaps(depth=depth, normal=normal)._replace(**changes)
 
 
 def slanted_depth() -> np.ndarray:
@@ -37,38 +36,39 @@ def surfel_bits(result):
 def test_a_view_has_its_own_frames_maps_and_others_have_none(capture):
     frames = capture[0].train
     views = Views(frames, {frames[1].name: wall_prior()})
-    assert all(values is None for values in views.at(0)[-6:])
-    view = views.at(1)
-    np.testing.assert_array_equal(view.depth_prior, np.full((24, 32), 1.5, np.float32))
-    np.testing.assert_array_equal(view.normal_prior, wall_prior().normal)
-    assert view.depth_prior_valid.all() and view.normal_prior_valid.all()
+    assert views.at(0).maps == ViewMaps()
+    maps = views.at(1).maps
+    np.testing.assert_array_equal(maps.depth, np.full((24, 32), 1.5, np.float32))
+    np.testing.assert_array_equal(maps.normal, wall_prior().normal)
+    assert (maps.depth_confidence == 1).all() and (maps.normal_confidence == 1).all()
 
 
 def test_a_smaller_view_sees_the_same_plane(capture):
-    view = load_view(capture[0].train[0], 0.5, wall_prior(tilt=0.3, depth=slanted_depth()))
+    maps = load_view(capture[0].train[0], 0.5, wall_prior(tilt=0.3, depth=slanted_depth())).maps
     # a small pixel's centre lies between two of the large ones
     wanted = 1 / (0.4 + 0.01 * (2 * np.arange(16) + 1))
-    np.testing.assert_allclose(view.depth_prior, np.broadcast_to(wanted, (12, 16)), rtol=1e-6)
-    np.testing.assert_allclose(view.normal_prior[5, 6], [np.sin(0.3), 0, -np.cos(0.3)], atol=1e-6)
-    assert view.depth_prior_valid.all() and view.normal_prior_valid.shape == (12, 16)
+    np.testing.assert_allclose(maps.depth, np.broadcast_to(wanted, (12, 16)), rtol=1e-6)
+    np.testing.assert_allclose(maps.normal[5, 6], [np.sin(0.3), 0, -np.cos(0.3)], atol=1e-6)
+    assert (maps.depth_confidence == 1).all() and maps.normal_confidence.shape == (12, 16)
 
 
 @pytest.mark.parametrize("fraction", [1.0, 0.5])
 def test_invalid_pixels_and_depth_edges_are_not_valid_at_any_size(capture, fraction):
     depth = slanted_depth()
     depth[:, 20:] *= 1.5
-    depth_valid, normal_valid = np.ones((24, 32), bool), np.ones((24, 32), bool)
-    depth_valid[4, 4], normal_valid[10, 8] = False, False
+    normal = wall_prior().normal
+    depth[4, 4], normal[10, 8] = 0, 0
     depth[20, 2] = np.nan
-    prior = wall_prior(depth=depth, depth_valid=depth_valid, normal_valid=normal_valid)
-    view = load_view(capture[0].train[0], fraction, prior)
+    maps = load_view(capture[0].train[0], fraction, wall_prior(depth=depth, normal=normal)).maps
     step = int(1 / fraction)
-    depth_valid, normal_valid = view.depth_prior_valid.numpy(), view.normal_prior_valid.numpy()
+    depth_valid, normal_valid = maps.depth_confidence.numpy() > 0, maps.normal_confidence.numpy() > 0
+    np.testing.assert_array_equal(depth_valid, maps.depth.numpy() > 0)
+    np.testing.assert_array_equal(normal_valid, maps.normal.numpy().any(axis=-1))
     assert not depth_valid[4 // step, 4 // step] and not depth_valid[20 // step, 2 // step]
     assert not normal_valid[10 // step, 8 // step] and normal_valid.sum() == normal_valid.size - 1
     assert not depth_valid[:, 18 // step : 22 // step].any()
     assert depth_valid[:, 26 // step :].all() and depth_valid[0, : 14 // step].all()
-    assert torch.isfinite(view.depth_prior).all()
+    assert torch.isfinite(maps.depth).all()
 
 
 def test_terms_act_where_their_map_is_and_normals_are_rendered_only_then(capture, configure):
@@ -76,12 +76,12 @@ def test_terms_act_where_their_map_is_and_normals_are_rendered_only_then(capture
     frame = capture[0].train[0]
     wants = {
         (True, True): load_view(frame, 1.0, wall_prior()),
-        (True, False): load_view(frame, 1.0, wall_prior(normal=None, normal_valid=None)),
-        (False, True): load_view(frame, 1.0, wall_prior(depth=None, depth_valid=None)),
+        (True, False): load_view(frame, 1.0, wall_prior(normal=None)),
+        (False, True): load_view(frame, 1.0, wall_prior(depth=None)),
         (False, False): load_view(frame, 1.0),
     }
     for (has_depth, has_normal), view in wants.items():
-        assert (view.depth_prior is not None, view.normal_prior is not None) == (has_depth, has_normal)
+        assert (view.maps.depth is not None, view.maps.normal is not None) == (has_depth, has_normal)
         assert needed_maps(view, config, 0) == {"with_normal": has_normal, "with_distortion": False}
     late = configure(*START, "loss.normal_prior.start=5")
     assert [needed_maps(wants[True, True], late, n)["with_normal"] for n in (4, 5)] == [False, True]
@@ -100,7 +100,7 @@ def test_logged_terms_make_up_the_loss(capture, configure, log, tmp_path):
 @pytest.mark.parametrize("size", ["1.0", "0.5"])
 def test_normals_turn_towards_the_prior(capture, configure, log, tmp_path, size):
     scene, points = capture
-    priors = {frame.name: wall_prior(tilt=0.6)._replace(depth=None, depth_valid=None) for frame in scene.train}
+    priors = {frame.name: wall_prior(tilt=0.6)._replace(depth=None) for frame in scene.train}
     settings = [*START, "loss.normal_prior.weight=100", f"train.resolutions=[{{fraction: {size}, until: 40}}]"]
     settings += ["train.iterations=40", "train.log_every=4", "train.rates.rotation=0.02"]
     train(scene, points, configure(*settings), tmp_path, log, priors)
@@ -110,7 +110,7 @@ def test_normals_turn_towards_the_prior(capture, configure, log, tmp_path, size)
 
 def test_depth_follows_the_prior(capture, configure, log, tmp_path):
     scene, points = capture
-    prior = Prior(depth=10 * slanted_depth())  # relative: neither unit nor mask is given
+    prior = ViewMaps(depth=10 * slanted_depth())  # relative: neither unit nor confidence is given
     settings = [
         *START,
         "loss.depth_prior.weight=10",
@@ -147,7 +147,7 @@ def test_resume_wants_the_same_priors(capture, configure, log, tmp_path):
     depth = priors[first].depth.copy()
     depth[3, 4] += 1e-3
     fewer = {name: prior for name, prior in priors.items() if name != first}
-    doubted = {first: priors[first]._replace(depth_weight=np.full((24, 32), 0.5, np.float32))}
+    doubted = {first: priors[first]._replace(depth_confidence=np.full((24, 32), 0.5, np.float32))}
     for other in (None, fewer, priors | {first: priors[first]._replace(depth=depth)}, priors | doubted):
         with pytest.raises(InputError, match="other depth or normal priors"):
             train(scene, points, configure("resume=true"), tmp_path, log, other)
@@ -155,17 +155,15 @@ def test_resume_wants_the_same_priors(capture, configure, log, tmp_path):
     train(scene, points, configure("resume=true"), tmp_path, log, priors | {scene.test[0].name: wall_prior()})
 
 
-def test_weights_follow_their_maps_to_any_size(capture):
-    weight = np.tile(np.linspace(0, 1, 32, dtype=np.float32), (24, 1))
+def test_confidences_follow_their_maps_to_any_size(capture):
+    confidence = np.tile(np.linspace(0, 1, 32, dtype=np.float32), (24, 1))
     frame = capture[0].train[0]
-    prior = wall_prior(depth_weight=weight, normal_weight=1 - weight)
-    whole, half = (load_view(frame, fraction, prior) for fraction in (1.0, 0.5))
-    np.testing.assert_array_equal(whole.depth_prior_weight, weight)
-    np.testing.assert_array_equal(whole.normal_prior_weight, 1 - weight)
-    np.testing.assert_allclose(half.depth_prior_weight, weight[::2].reshape(12, 16, 2).mean(2), atol=1e-6)
-    np.testing.assert_allclose(half.normal_prior_weight, 1 - half.depth_prior_weight, atol=1e-6)
-    without = load_view(frame, 0.5, wall_prior())
-    assert without.depth_prior_weight is None and without.normal_prior_weight is None
+    prior = wall_prior(depth_confidence=confidence, normal_confidence=1 - confidence)
+    whole, half = (load_view(frame, fraction, prior).maps for fraction in (1.0, 0.5))
+    np.testing.assert_array_equal(whole.depth_confidence, confidence)
+    np.testing.assert_array_equal(whole.normal_confidence, 1 - confidence)
+    np.testing.assert_allclose(half.depth_confidence, confidence[::2].reshape(12, 16, 2).mean(2), atol=1e-6)
+    np.testing.assert_allclose(half.normal_confidence, 1 - half.depth_confidence, atol=1e-6)
 
 
 def slanted_rendering(tilt=0.3) -> Rendering:
@@ -175,7 +173,7 @@ def slanted_rendering(tilt=0.3) -> Rendering:
     return Rendering(torch.zeros(24, 32, 3), ones, depth, depth, normal, torch.zeros(24, 32))
 
 
-def test_terms_count_each_pixel_by_its_weight(capture, configure):
+def test_terms_count_each_pixel_by_its_confidence(capture, configure):
     config, frame = configure(*START), capture[0].train[0]
 
     def terms(**weights):
@@ -184,12 +182,12 @@ def test_terms_count_each_pixel_by_its_weight(capture, configure):
         return [found[name].value.item() for name in ("depth_prior", "normal_prior")]
 
     depth, normal = terms()
-    weight = np.full((24, 32), 0.25, np.float32)
-    assert terms(depth_weight=weight) == [pytest.approx(depth / 4), normal]
-    assert terms(normal_weight=weight) == [depth, pytest.approx(normal / 4)]
-    # which pixels are doubted matters: every other row and column is compared
-    weight[::2, ::2] = 0
-    assert terms(depth_weight=weight, normal_weight=weight) == [0, 0]
+    confidence = np.full((24, 32), 0.25, np.float32)
+    assert terms(depth_confidence=confidence) == [pytest.approx(depth / 4), normal]
+    assert terms(normal_confidence=confidence) == [depth, pytest.approx(normal / 4)]
+    # which pixels have none matters: every other row and column is compared
+    confidence[::2, ::2] = 0
+    assert terms(depth_confidence=confidence, normal_confidence=confidence) == [0, 0]
 
 
 def test_normals_that_disagree_with_the_rendering_lose_weight_from_its_time_on(capture, configure):
@@ -209,7 +207,7 @@ def test_normals_that_disagree_with_the_rendering_lose_weight_from_its_time_on(c
     assert last == pytest.approx(whole * (1 + (1 - np.cos(1.0)) / (1 - np.cos(np.radians(20)))) ** -2, rel=1e-4)
     assert normal_term(7, *doubted, tilt=0.0) == pytest.approx(normal_term(7, tilt=0.0), abs=1e-7)
     half = np.full((24, 32), 0.5, np.float32)
-    assert normal_term(7, *doubted, normal_weight=half) == pytest.approx(last / 2)
+    assert normal_term(7, *doubted, normal_confidence=half) == pytest.approx(last / 2)
 
 
 def test_a_run_that_doubts_is_resumed_to_the_same_bits_and_only_at_its_length(

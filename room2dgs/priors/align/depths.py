@@ -12,7 +12,7 @@ from room2dgs.config import DepthPriorConfig
 from room2dgs.geometry.depth_maps import pixel_rays, project, unhidden
 from room2dgs.priors.align.point_trust import contradicted
 from room2dgs.priors.align.scale_shift import MIN_POINTS, Fit, aligned_depth, fit_scale_shift, residual
-from room2dgs.priors.confidence import read_weight
+from room2dgs.priors.confidence import read_confidence
 from room2dgs.priors.files import read_depth
 from room2dgs.priors.joint.optimise import joint_depths
 from room2dgs.sfm.pairs import shared_view
@@ -117,8 +117,8 @@ Raw = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 def _read(path: Path, settings: DepthPriorConfig, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     values, valid = read_depth(path, settings, frame.camera)
-    weight = read_weight(path, settings.onnx)
-    return values, valid if weight is None else valid & (weight > 0)
+    confidence = read_confidence(path, settings.onnx)
+    return values, valid if confidence is None else valid & (confidence > 0)
 
 
 def _to_points(

@@ -50,23 +50,25 @@ def loaded(frames, points, config):
     return load_priors(frames, points, config, lines.append), "\n".join(lines)
 
 
-def test_depth_normals_and_weights_come_from_one_look_at_each_photo(room, telling_photos, settings, runs, room_network):
+def test_one_look_at_each_photo_gives_depth_normals_and_confidences(room, telling_photos, settings, runs, room_network):
     priors, said = loaded(telling_photos, room.points, settings())
     assert len(runs) == len(telling_photos)
     assert all(set(names) == {"depth", "depth_error", "normal", "normal_error"} for names in runs)
     assert "depth and normal prior: 6 photos" in said
     for index, frame in enumerate(telling_photos):
         prior = priors.by_frame[frame.name]
-        known = prior.depth_valid
+        known = prior.depth > 0
         assert known.mean() > 0.97
         # 8 bits of inverse depth are good to 1 % at 4 m
         assert np.median(np.abs(prior.depth / room.depths[index] - 1)[known]) < 0.01
         expected = room.normals[index] @ frame.camera.cam_from_world[:3, :3]
-        assert np.median((prior.normal * expected).sum(axis=-1)[prior.normal_valid]) > 0.999
-        np.testing.assert_allclose(prior.normal_weight[prior.normal_valid], 1 / (1 + (0.1 / 0.35) ** 2), rtol=1e-3)
+        assert np.median((prior.normal * expected).sum(axis=-1)[prior.normal.any(axis=-1)]) > 0.999
+        np.testing.assert_allclose(
+            prior.normal_confidence[prior.normal.any(axis=-1)], 1 / (1 + (0.1 / 0.35) ** 2), rtol=1e-3
+        )
         near, far = (side & known for side in (room.depths[index] < 2.2, room.depths[index] > 2.8))
-        assert np.median(prior.depth_weight[near]) == pytest.approx(1 / (1 + 0.2**2), rel=1e-3)
-        assert np.median(prior.depth_weight[far]) == pytest.approx(1 / (1 + 3.0**2), rel=1e-3)
+        assert np.median(prior.depth_confidence[near]) == pytest.approx(1 / (1 + 0.2**2), rel=1e-3)
+        assert np.median(prior.depth_confidence[far]) == pytest.approx(1 / (1 + 3.0**2), rel=1e-3)
     assert priors.label == "room_prior"
     digest = read_model(room_network).digest
     assert priors.networks == {"depth": digest, "normal": digest}
@@ -81,10 +83,9 @@ def test_what_is_kept_serves_other_opinions_of_the_error(room, telling_photos, s
         np.testing.assert_array_equal(one, other)
     strict, _ = loaded(telling_photos, room.points, settings(depth__onnx__error_scale=0.3, depth__onnx__max_error=0.2))
     prior, far = strict.by_frame[name], room.depths[0] > 2.8
-    assert not prior.depth_valid[far].any() and prior.depth_valid[~far].any()
-    assert (prior.depth[~prior.depth_valid] == 0).all()
-    near = prior.depth_valid & (room.depths[0] < 2.2)
-    assert np.median(prior.depth_weight[near]) == pytest.approx(1 / (1 + (0.02 / 0.3) ** 2), rel=1e-3)
+    assert not prior.depth[far].any() and prior.depth[~far].any()
+    near = (prior.depth > 0) & (room.depths[0] < 2.2)
+    assert np.median(prior.depth_confidence[near]) == pytest.approx(1 / (1 + (0.02 / 0.3) ** 2), rel=1e-3)
     assert not runs
 
 
@@ -108,7 +109,7 @@ def test_one_kind_alone_is_all_that_is_computed(room, telling_photos, settings, 
     priors, _ = loaded(telling_photos, room.points, settings(depth__source="none"))
     assert all(set(names) == {"normal", "normal_error"} for names in runs)
     prior = priors.by_frame[telling_photos[0].name]
-    assert prior.depth is None and prior.depth_weight is None and prior.normal_weight is not None
+    assert prior.depth is None and prior.depth_confidence is None and prior.normal_confidence is not None
     assert set(priors.networks) == {"normal"}
 
 
@@ -116,8 +117,8 @@ def test_without_its_error_a_network_weighs_nothing(room, telling_photos, settin
     names = {f"{kind}__onnx__error_output": "null" for kind in ("depth", "normal")}
     priors, _ = loaded(telling_photos, room.points, settings(**names))
     prior = priors.by_frame[telling_photos[0].name]
-    assert prior.depth_weight is None and prior.normal_weight is None
-    assert prior.depth_valid.mean() > 0.99
+    assert prior.depth_confidence is None and prior.normal_confidence is None
+    assert (prior.depth > 0).mean() > 0.99
 
 
 @pytest.mark.parametrize("joint", ["false", "true"])
@@ -130,7 +131,7 @@ def test_metres_need_no_points(room, telling_photos, settings, count, joint, mon
     assert "nan" not in said
     for index, frame in enumerate(telling_photos[:3]):
         prior = priors.by_frame[frame.name]
-        assert np.median(np.abs(prior.depth / room.depths[index] - 1)[prior.depth_valid]) < 0.05
+        assert np.median(np.abs(prior.depth / room.depths[index] - 1)[prior.depth > 0]) < 0.05
 
 
 def test_few_points_of_many_views_tell_one_scale(room, telling_photos, settings):
