@@ -51,8 +51,8 @@ class Case:
         self.K, self.cam_from_world = inside_view(width, height)
         self.leaves = Surfels(*(x.clone().requires_grad_() for x in self.surfels))
         g = torch.Generator().manual_seed(1)
-        self.g_color = torch.randn(height, width, 3, generator=g)
-        self.g_depth = torch.randn(height, width, generator=g)
+        self.g_color = torch.randn(height, width, 3, generator=g, dtype=torch.float32)
+        self.g_depth = torch.randn(height, width, generator=g, dtype=torch.float32)
 
     def draw(self, render=splat.render, surfels: Surfels | None = None, **options):
         """Render for training: every output but the distortion."""

@@ -8,8 +8,6 @@
 namespace room2dgs {
 
 namespace nb = nanobind;
-template <class T>
-using Array = nb::ndarray<T, nb::c_contig, nb::device::cpu>;
 
 void bind_splat(nb::module_& m);
 void bind_losses(nb::module_& m);

@@ -21,8 +21,15 @@ NB_MODULE(_C, m) {
   nanobind::set_leak_warnings(false);  // graphs that are alive when the interpreter ends hold frames
   m.doc() = "Compiled kernels of room2dgs; use the Python functions that wrap them.";
   m.def("isa", [] { return room2dgs::has_avx2() ? "avx2" : "baseline"; }, "Instruction set of the kernels in use.");
-  m.def("set_threads", &room2dgs::set_threads, nanobind::arg("count"));
-  m.def("threads", &room2dgs::threads);
+  m.def(
+      "set_threads",
+      [](int64_t count) {
+        if (count < 1 || count > room2dgs::kMaxThreads) throw nanobind::value_error("count is not in 1..1024");
+        nanobind::gil_scoped_release unlocked;  // a kernel may run in another thread
+        return room2dgs::set_threads(static_cast<int>(count));
+      },
+      nanobind::arg("count"), "Asks for so many threads and gives the number in use.");
+  m.def("threads", &room2dgs::threads, "Threads in use, the caller's own included.");
   room2dgs::bind_splat(m);
   room2dgs::bind_losses(m);
 }

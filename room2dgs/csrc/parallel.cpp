@@ -2,8 +2,11 @@
 
 #include <atomic>
 #include <condition_variable>
-#include <mutex>
+#include <exception>
+#include <new>
+#include <system_error>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #if defined(__unix__)
@@ -11,16 +14,16 @@
 #endif
 
 namespace room2dgs {
-namespace {
 
 struct Pool {
-  std::mutex run_mutex;  // one parallel region at a time
-  std::mutex mutex;
+  std::mutex region;  // held by one `Region` at a time; guards `workers`
+  std::mutex mutex;   // guards what follows
   std::condition_variable wake, finished;
   std::vector<std::thread> workers;
   uint64_t generation = 0;
   int running = 0;
   bool stopping = false;
+  std::exception_ptr failure;
 
   int64_t count = 0;
   void* context = nullptr;
@@ -28,7 +31,13 @@ struct Pool {
   std::atomic<int64_t> next{0};
 
   void drain(int worker) {
-    for (int64_t index = next.fetch_add(1); index < count; index = next.fetch_add(1)) task(context, index, worker);
+    try {
+      for (int64_t index = next.fetch_add(1); index < count; index = next.fetch_add(1)) task(context, index, worker);
+    } catch (...) {
+      next = count;  // nobody begins another task
+      std::lock_guard<std::mutex> lock(mutex);
+      if (!failure) failure = std::current_exception();
+    }
   }
 
   void loop(int worker, uint64_t seen) {
@@ -54,9 +63,16 @@ struct Pool {
     for (std::thread& worker : workers) worker.join();
     workers.clear();
     stopping = false;
-    for (int k = 0; k < helpers; ++k) workers.emplace_back(&Pool::loop, this, k + 1, generation);
+    try {
+      workers.reserve(helpers);
+      for (int k = 0; k < helpers; ++k) workers.emplace_back(&Pool::loop, this, k + 1, generation);
+    } catch (const std::system_error&) {  // no more threads, or no room for their stacks: those that started do
+    } catch (const std::bad_alloc&) {
+    }
   }
 };
+
+namespace {
 
 // Never destroyed: joining threads while the interpreter unloads can hang.
 Pool* pool = new Pool;
@@ -73,35 +89,37 @@ const int registered = pthread_atfork(nullptr, nullptr, after_fork_in_child);
 
 }  // namespace
 
-void set_threads(int count) {
-  std::lock_guard<std::mutex> region(pool->run_mutex);
-  count = count < 1 ? 1 : count;
+int set_threads(int count) {
+  std::lock_guard<std::mutex> region(pool->region);
   pool->resize(count - 1);
-  thread_count = count;
+  return thread_count = static_cast<int>(pool->workers.size()) + 1;
 }
 
 int threads() { return thread_count; }
 
-void run_tasks(int64_t count, void* context, void (*task)(void*, int64_t, int)) {
-  if (count <= 0) return;
-  std::lock_guard<std::mutex> region(pool->run_mutex);
-  if (pool->workers.empty() || count == 1) {
+Region::Region() : pool_(*pool), lock_(pool_.region) {}
+
+int Region::workers() const { return static_cast<int>(pool_.workers.size()) + 1; }
+
+void Region::run(int64_t count, void* context, void (*task)(void*, int64_t, int)) {
+  if (pool_.workers.empty() || count <= 1) {
     for (int64_t index = 0; index < count; ++index) task(context, index, 0);
     return;
   }
   {
-    std::lock_guard<std::mutex> lock(pool->mutex);
-    pool->count = count;
-    pool->context = context;
-    pool->task = task;
-    pool->next = 0;
-    pool->running = static_cast<int>(pool->workers.size());
-    ++pool->generation;
+    std::lock_guard<std::mutex> lock(pool_.mutex);
+    pool_.count = count;
+    pool_.context = context;
+    pool_.task = task;
+    pool_.next = 0;
+    pool_.running = static_cast<int>(pool_.workers.size());
+    ++pool_.generation;
   }
-  pool->wake.notify_all();
-  pool->drain(0);
-  std::unique_lock<std::mutex> lock(pool->mutex);
-  pool->finished.wait(lock, [] { return pool->running == 0; });
+  pool_.wake.notify_all();
+  pool_.drain(0);
+  std::unique_lock<std::mutex> lock(pool_.mutex);
+  pool_.finished.wait(lock, [&] { return pool_.running == 0; });
+  if (std::exception_ptr failure = std::exchange(pool_.failure, nullptr)) std::rethrow_exception(failure);
 }
 
 }  // namespace room2dgs

@@ -38,7 +38,7 @@ def rgb_loss(rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
 class _RgbLoss(torch.autograd.Function):
     @staticmethod
     def forward(ctx, rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
-        gradient = torch.empty(rendered.shape) if ctx.needs_input_grad[0] else None
+        gradient = torch.empty(rendered.shape, dtype=torch.float32) if ctx.needs_input_grad[0] else None
         l1, dissimilarity = _C.rgb_loss(rendered.detach().contiguous(), target.detach().contiguous(), dssim, gradient)
         if gradient is not None:
             ctx.save_for_backward(gradient)

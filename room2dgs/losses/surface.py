@@ -56,8 +56,8 @@ def normal_consistency(
 class _NormalConsistency(torch.autograd.Function):
     @staticmethod
     def forward(ctx, depth: Tensor, alpha: Tensor, normal: Tensor, pinhole: tuple[float, ...], pose: Tensor) -> Tensor:
-        grad_depth = torch.empty(depth.shape)
-        grad_normal = torch.empty(normal.shape)
+        grad_depth = torch.empty(depth.shape, dtype=torch.float32)
+        grad_normal = torch.empty(normal.shape, dtype=torch.float32)
         grad_pose = torch.zeros(4, 4, dtype=torch.float64)
         grad_rotation = np.empty((3, 3))
         value = _C.normal_consistency(

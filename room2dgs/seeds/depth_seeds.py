@@ -87,7 +87,7 @@ def _agreed_pixels(
     row, column = torch.from_numpy(row), torch.from_numpy(column)
     view = torch.full_like(row, index)
     in_cam = views.rays(view, views.pixel(row, column)) * views.depth[view, row, column][:, None]
-    agreeing, covering, violating = (torch.zeros(len(row)) for _ in range(3))
+    agreeing, covering, violating = (torch.zeros(len(row), dtype=torch.float32) for _ in range(3))
     for beside in views.pairs[views.pairs[:, 0] == index, 1]:
         other = torch.full_like(row, int(beside))
         pixel, z = views.seen_by(other, view, in_cam)

@@ -17,10 +17,12 @@ def set_threads(count: int | None = None) -> int:
     The results are the same bits for any number.
 
     Returns:
-        The number in use.
+        The number in use: smaller than `count` where the system refuses to start as many.
+
+    Raises:
+        ValueError: not in 1..1024.
     """
-    _C.set_threads(count or available_cores())
-    return _C.threads()
+    return _C.set_threads(available_cores() if count is None else count)
 
 
 def render(
@@ -59,9 +61,13 @@ def render(
     """
     _check(surfels, K, cam_from_world, width, height)
     if background is None:
-        background = torch.zeros(3)
+        background = torch.zeros(3, dtype=torch.float32)
+    if tuple(background.shape) != (3,):
+        raise ValueError(f"background has shape {tuple(background.shape)}, not (3,)")
     if center_px is None:
-        center_px = torch.zeros(0)
+        center_px = torch.zeros(0, dtype=torch.float32)
+    elif tuple(center_px.shape) != (len(surfels.centers), 2):
+        raise ValueError(f"center_px has shape {tuple(center_px.shape)}, not ({len(surfels.centers)}, 2)")
     outputs = _Rasterize.apply(
         *surfels,
         cam_from_world,
@@ -109,7 +115,10 @@ class _Frames:
 
     @classmethod
     def take(cls) -> _C.RasterFrame:
-        return cls.free.pop() if cls.free else _C.RasterFrame()
+        try:  # not a look before the leap: another thread may take the last one
+            return cls.free.pop()
+        except IndexError:
+            return _C.RasterFrame()
 
     @classmethod
     def give(cls, frame: _C.RasterFrame) -> None:
@@ -135,10 +144,10 @@ class _Rasterize(torch.autograd.Function):
     ):  # fmt: skip
         parameters = [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)]
         pose = cam_from_world.detach().to(torch.float64).contiguous()
-        color, normal = torch.empty(height, width, 3), torch.empty(height, width, 3)
-        alpha, depth, median, distortion = (torch.empty(height, width) for _ in range(4))
+        color, normal = (torch.empty(height, width, 3, dtype=torch.float32) for _ in range(2))
+        alpha, depth, median, distortion = (torch.empty(height, width, dtype=torch.float32) for _ in range(4))
         held = _Held()
-        held.frame.forward(
+        ctx.view = held.frame.forward(
             *parameters, pose, K.detach().to(torch.float64).contiguous(), width, height, near_m,
             background.detach().to(torch.float32).contiguous(), color, alpha, depth, median,
             normal if with_normal or with_distortion else None, distortion if with_distortion else None,
@@ -162,8 +171,9 @@ class _Rasterize(torch.autograd.Function):
         wanted = [True, True, True, True, ctx.with_normal, ctx.with_distortion]
         flowing = [g.contiguous() if g is not None and w else None for g, w in zip(gradients, wanted, strict=True)]
         to = [torch.empty_like(x) for x in parameters]
-        to_center_px, to_pose = torch.empty(len(parameters[0]), 2), torch.empty(4, 4)
-        ctx.held.frame.backward(*parameters, alpha, depth, *flowing, *to, to_center_px, to_pose)
+        to_center_px = torch.empty(len(parameters[0]), 2, dtype=torch.float32)
+        to_pose = torch.empty(4, 4, dtype=torch.float32)
+        ctx.held.frame.backward(ctx.view, *parameters, alpha, depth, *flowing, *to, to_center_px, to_pose)
         return (
             *to,
             to_pose.to(ctx.pose_like.dtype),

@@ -65,7 +65,7 @@ def iterate(
     target = view.target()
     clock.lap("data")
 
-    center_px = torch.zeros(model.surfel_count, 2, requires_grad=True) if watched else None
+    center_px = torch.zeros(model.surfel_count, 2, dtype=torch.float32, requires_grad=True) if watched else None
 
     def rendered() -> tuple[Surfels, Rendering]:
         surfels = model.surfels(active_sh_degree(iteration, config.render))

@@ -236,3 +236,38 @@ def test_wrong_shapes_and_types_are_named(make_surfels, make_view):
         raster.render(surfels._replace(scales=surfels.scales.double()), K, pose, 8, 8)
     with pytest.raises(ValueError, match="image size"):
         raster.render(surfels, K, pose, 0, 8)
+
+
+@pytest.mark.parametrize("background", [torch.zeros(0), torch.ones(1), torch.ones(4), torch.ones(1, 3)])
+def test_a_background_of_another_size_is_refused(make_surfels, make_view, background):
+    surfels, (K, pose) = make_surfels(5), make_view()
+    with pytest.raises(ValueError, match="background has shape"):
+        raster.render(surfels, K, pose, 8, 8, background=background)
+
+
+@pytest.mark.parametrize("near_m", [0.0, -0.1, float("nan"), float("inf")])
+def test_a_near_plane_behind_the_camera_is_refused(make_surfels, make_view, near_m):
+    surfels, (K, pose) = make_surfels(5), make_view()
+    with pytest.raises(ValueError, match="near"):
+        raster.render(surfels, K, pose, 8, 8, near_m=near_m)
+
+
+def test_a_frame_that_has_drawn_another_view_has_no_gradient(make_surfels, make_view):
+    surfels, (K, pose) = make_surfels(5), make_view()
+    leaves = Surfels(*(x.requires_grad_() for x in surfels))
+    first = raster.render(leaves, K, pose, 8, 8)
+    frame = first.color.grad_fn.held.frame
+    maps = [torch.zeros(8, 8, 3), *(torch.zeros(8, 8) for _ in range(3)), torch.zeros(8, 8, 3), torch.zeros(8, 8)]
+    values = [x.detach() for x in surfels]
+    frame.forward(*values, pose.double(), K.double(), 8, 8, 0.05, BACKGROUND, *maps)
+    with pytest.raises(ValueError, match="another view"):
+        first.color.sum().backward()
+
+
+def test_two_backward_passes_through_one_view_are_equal(make_surfels, make_view):
+    surfels, (K, pose) = make_surfels(50), make_view()
+    leaves = Surfels(*(x.requires_grad_() for x in surfels))
+    total = raster.render(leaves, K, pose, 53, 40).color.sum()
+    first = torch.autograd.grad(total, leaves, retain_graph=True)
+    again = torch.autograd.grad(total, leaves)
+    assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))

@@ -38,8 +38,8 @@ def finer(grid: Tensor, rows: int, columns: int) -> Tensor:
 
 def whole(grid: Tensor, height: int, width: int) -> Tensor:
     """(R, C) to (height, width): the field at every pixel's centre of one view."""
-    y = (torch.arange(height) + 0.5) / height
-    x = (torch.arange(width) + 0.5) / width
+    y = (torch.arange(height, dtype=torch.float32) + 0.5) / height
+    x = (torch.arange(width, dtype=torch.float32) + 0.5) / width
     place = torch.stack([x.expand(height, width), y[:, None].expand(height, width)], dim=-1).reshape(-1, 2)
     return at(grid[None], torch.zeros(len(place), dtype=torch.int64), place).reshape(height, width)
 

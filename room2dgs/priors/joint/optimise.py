@@ -108,7 +108,7 @@ def joint_depths(
     if not frames:
         return Joint({}, (float("nan"),) * 2, (float("nan"),) * 2, float("nan"))
     views = overlap(frames, depths, normals, points, depth_weights, normal_weights)
-    start = torch.zeros(len(views), STAGES[0].rows, STAGES[0].columns)
+    start = torch.zeros(len(views), STAGES[0].rows, STAGES[0].columns, dtype=torch.float32)
     grid = start
     for stage in STAGES:
         grid = warp_grid.finer(grid, stage.rows, stage.columns)

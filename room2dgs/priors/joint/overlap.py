@@ -149,7 +149,7 @@ def overlap(
         *map(_float, (pose[:, :3, :3], pose[:, :3, 3])),
         _pairs(frames),
         *_points(frames, points),
-        torch.zeros(0),
+        torch.zeros(0, dtype=torch.float32),
     )
     prior, good = views.depth_at(views.point_view, views.point_px)
     seen = {name: getattr(views, name)[good] for name in ("point_view", "point_px", "point_depth")}

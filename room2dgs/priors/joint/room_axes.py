@@ -49,7 +49,7 @@ def _across(walls: Tensor, up: Tensor) -> Tensor | None:
     """The direction that most walls face, up to quarter turns; None if they face anywhere."""
     if not len(walls):
         return None
-    first = torch.linalg.cross(up, torch.eye(3)[int(up.abs().argmin())])
+    first = torch.linalg.cross(up, torch.eye(3, dtype=up.dtype)[int(up.abs().argmin())])
     first = first / first.norm()
     second = torch.linalg.cross(up, first)
     quarter = math.pi / 2

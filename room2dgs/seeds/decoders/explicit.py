@@ -93,5 +93,5 @@ def _rows(spawned: Spawned, rest: int, activation: ScaleActivation) -> dict[str,
         "sh_dc": spawned.sh_dc[:, :, None].clone(),
     }
     if rest:
-        rows["sh_rest"] = torch.zeros(*spawned.opacities.shape, rest, 3)
+        rows["sh_rest"] = torch.zeros(*spawned.opacities.shape, rest, 3, dtype=torch.float32)
     return rows

@@ -124,14 +124,14 @@ def shared_decoder(spawned: Spawned, feature_size: int, seed: int, activation: S
     seeds, surfels = spawned.opacities.shape
     reach = 1.0 / math.sqrt(feature_size)
     logits = opacity_logit_of(spawned.opacities).mean(dim=0)
-    out_bias = torch.zeros(surfels * sum(WIDTHS))
+    out_bias = torch.zeros(surfels * sum(WIDTHS), dtype=torch.float32)
     out_bias[:surfels] = logits / (1.0 - logits.abs() / OPACITY_LOGIT_MAX) / OPACITY_GAIN  # softsign's inverse
     return SharedDecoder(
         **_rows(spawned, activation),
-        features=FEATURE_STD * torch.randn(seeds, feature_size, generator=random),
-        hidden_weight=reach * (2 * torch.rand(HIDDEN, feature_size, generator=random) - 1),
-        hidden_bias=reach * (2 * torch.rand(HIDDEN, generator=random) - 1),
-        out_weight=torch.zeros(surfels * sum(WIDTHS), HIDDEN),
+        features=FEATURE_STD * torch.randn(seeds, feature_size, generator=random, dtype=torch.float32),
+        hidden_weight=reach * (2 * torch.rand(HIDDEN, feature_size, generator=random, dtype=torch.float32) - 1),
+        hidden_bias=reach * (2 * torch.rand(HIDDEN, generator=random, dtype=torch.float32) - 1),
+        out_weight=torch.zeros(surfels * sum(WIDTHS), HIDDEN, dtype=torch.float32),
         out_bias=out_bias,
         activation=activation,
     )

@@ -104,7 +104,9 @@ R2_INLINE bool place(const Disc& d, const View& view, Record& record, Extent& ex
     } else if (tx0 != tx1 || ty0 != ty1) {
       double s0, s1;
       const bool found = strip_range(d, r, sy0, sy1, s0, s1);
-      const int p0 = found ? first_pixel(s0 > 0 ? s0 : 0) : 0, p1 = found ? last_pixel(s1 < width ? s1 : width) : -1;
+      // a NaN takes the whole row; far numbers do not fit an int
+      s0 = s0 > 0 ? (s0 < width ? s0 : width) : 0, s1 = s1 < width ? (s1 > -1 ? s1 : -1) : width;
+      const int p0 = found ? first_pixel(s0) : 0, p1 = found ? last_pixel(s1) : -1;
       a = p0 / kTile > tx0 ? p0 / kTile : tx0;
       b = p1 < p0 ? a - 1 : (p1 / kTile < tx1 ? p1 / kTile : tx1);
     }

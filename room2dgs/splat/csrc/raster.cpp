@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
-#include <mutex>
+#include <stdexcept>
 
 #include "parallel.h"
 
@@ -47,15 +47,19 @@ void RasterFrame::project(const Camera& view, const SurfelArrays& surfels) {
     kernels().project(camera, surfels, begin, end, records.data(), extents.data(), {&spans[block], &room_for_spans});
   });
   first_entry.grow(count + 1);
-  uint32_t total = 0;
+  uint64_t total = 0;
   visible = 0;
   for (int64_t i = 0; i < count; ++i) {
-    first_entry[i] = total;
+    first_entry[i] = static_cast<uint32_t>(total);
     total += extents[i].tiles;
     visible += extents[i].tiles != 0;
   }
-  first_entry[count] = total;
-  entries = total;
+  if (total > UINT32_MAX) {
+    entries = 0;
+    throw std::length_error("the surfels reach more than 2^32 tiles in this view: too many, too large for the image");
+  }
+  first_entry[count] = static_cast<uint32_t>(total);
+  entries = static_cast<uint32_t>(total);
 }
 
 // Least significant digit first, so that equal depths stay in the order of their indices.

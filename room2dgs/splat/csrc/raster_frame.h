@@ -5,6 +5,7 @@
 #include <sys/mman.h>
 #endif
 
+#include <atomic>
 #include <cstdlib>
 #include <new>
 #include <utility>
@@ -56,7 +57,16 @@ class Buffer {
   int64_t capacity_ = 0;
 };
 
+// Limits of the index types: entries and records are uint32, positions in a tile's list share an int with 5 bits.
+constexpr int kMaxSide = 16384;  // pixels
+constexpr int64_t kMaxSurfels = (int64_t{1} << 26) - 1;
+
 struct RasterFrame {
+  // What a view left here; 0: nothing, or a forward pass that failed. Every forward pass has a number of its own.
+  uint64_t view = 0, views = 0;
+  bool has_normal = false, has_distortion = false;
+  std::atomic<bool> busy{false};
+
   Camera camera{};
   float background[3] = {0, 0, 0};
   int64_t count = 0, visible = 0;
@@ -77,6 +87,7 @@ struct RasterFrame {
   int64_t tile_count() const { return static_cast<int64_t>(camera.tiles_x()) * camera.tiles_y(); }
 
   // The stages of `forward`, in order.
+  // Raises std::length_error where the (surfel, tile) pairs outnumber their index.
   void project(const Camera& view, const SurfelArrays& surfels);
   void sort_by_depth();
   void list_tiles();

@@ -133,7 +133,7 @@ def _reset_opacities(model: Model) -> None:
     """No surfel more opaque than 0.01; those must earn it anew, with no momentum."""
     logits = model.decoder.parameters()["opacity_logits"]
     with torch.no_grad():
-        logits.clamp_(max=opacity_logit_of(torch.tensor(RESET_OPACITY)).item())
+        logits.clamp_(max=opacity_logit_of(torch.tensor(RESET_OPACITY, dtype=logits.dtype)).item())
     for name in ("exp_avg", "exp_avg_sq"):
         if name in model.adam.state[logits]:
             model.adam.state[logits][name].zero_()

@@ -21,12 +21,14 @@ class ScreenGradients:
     """
 
     def __init__(self, count: int) -> None:
-        self.sums, self.visits = torch.zeros(count), torch.zeros(count)
+        self.sums, self.visits = (torch.zeros(count, dtype=torch.float32) for _ in range(2))
 
     def add(self, center_px: Tensor, width: int, height: int) -> None:
         """One iteration's (N, 2) gradients, in 1/pixel, from an image of width x height."""
         # a product with a vector: sums over a dimension of two are several times slower
-        squares = torch.mv(center_px.square(), torch.tensor([(width / 2) ** 2, (height / 2) ** 2]))
+        squares = torch.mv(
+            center_px.square(), torch.tensor([(width / 2) ** 2, (height / 2) ** 2], dtype=center_px.dtype)
+        )
         # x / sqrt(x): torch's reciprocal root is ten times as fast as its root
         norms = squares.clamp(min=TINY).rsqrt_().mul_(squares)
         self.sums += norms

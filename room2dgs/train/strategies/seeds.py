@@ -33,9 +33,9 @@ class SeedStrategy(Strategy):
         self._views = views
         self._window = window_of(config.strategy, config.train.iterations)
         self._gradients: ScreenGradients | None = None
-        self._opacities = torch.zeros(0)  # (N,) summed over the iterations
+        self._opacities = torch.zeros(0, dtype=torch.float32)  # (N,) summed over the iterations
         self._gathered = 0  # iterations
-        self._unseen = torch.zeros(0)  # (S,) iterations in a row, up to the last adjustment
+        self._unseen = torch.zeros(0, dtype=torch.float32)  # (S,) iterations in a row, up to the last adjustment
 
     def before_backward(self, iteration: int) -> bool:
         return self._window.gathers(iteration)
@@ -61,7 +61,7 @@ class SeedStrategy(Strategy):
             rows = model.decoder.rows_of(spawned, _inherited(model, growth, settings.per_seed))
         if len(growth) or len(keep) < model.seeds:
             edit_seeds(model, settings, keep, rows)
-        self._unseen = torch.cat([self._unseen[keep], torch.zeros(len(growth))])
+        self._unseen = torch.cat([self._unseen[keep], torch.zeros(len(growth), dtype=torch.float32)])
         self._start(model.surfel_count)
         levels = self._config.strategy.levels
         edges = [level_edge(settings.voxel_m, level, levels) for level in range(levels)]
@@ -83,13 +83,13 @@ class SeedStrategy(Strategy):
 
     def _start(self, surfels: int) -> None:
         self._gradients = ScreenGradients(surfels)
-        self._opacities = torch.zeros(surfels)
+        self._opacities = torch.zeros(surfels, dtype=torch.float32)
         self._gathered = 0
 
     def _survivors(self, seeds: int) -> tuple[Tensor, dict[str, int]]:
         """Rows to keep, and how many are pruned for which reason; one seed at least stays."""
         if len(self._unseen) != seeds:
-            self._unseen = torch.zeros(seeds)
+            self._unseen = torch.zeros(seeds, dtype=torch.float32)
         seen = self._gradients.visits.view(seeds, -1).amax(dim=1) > 0
         self._unseen = torch.where(seen, 0.0, self._unseen + self._gathered)
         opacities = (self._opacities / self._gathered).view(seeds, -1).numpy()
