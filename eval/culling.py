@@ -19,9 +19,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from room2dgs.eval.surface import Surface
-from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.camera import NEAR_M, Camera
 
-NEAR_M = 0.05  # a point nearer to the camera's plane is not in its image
 TOLERANCE_M = 0.02  # so much nearer may the first hit of a ray be without hiding the point
 
 
@@ -33,7 +32,7 @@ def sees(points: np.ndarray, camera: Camera, own: Surface, truth: Surface) -> np
         own: the mesh that the points belong to.
         truth: the ground truth (`own` itself, for the ground truth's points).
     """
-    seen = in_image(points, camera)
+    seen = camera.in_view(points, NEAR_M)
     inside = np.flatnonzero(seen)
     rays = points[inside] - camera.centre
     distance = np.linalg.norm(rays, axis=1)
@@ -67,13 +66,3 @@ def count_views(points: np.ndarray, cameras: Sequence[Camera], own: Surface, tru
     for camera in cameras:
         count += sees(points, camera, own, truth)
     return count
-
-
-def in_image(points: np.ndarray, camera: Camera) -> np.ndarray:
-    """(N,) bool: at least NEAR_M in front of the camera and projected inside its image."""
-    local = points @ camera.cam_from_world[:3, :3].T + camera.cam_from_world[:3, 3]
-    z = local[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x = camera.K[0, 0] * local[:, 0] / z + camera.K[0, 2]
-        y = camera.K[1, 1] * local[:, 1] / z + camera.K[1, 2]
-    return (z >= NEAR_M) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)

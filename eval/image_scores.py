@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-SSIM_WINDOW = 11  # Gaussian window, sigma 1.5 (Wang et al. 2004)
 SMALLEST_MSE = 1e-10  # equal images score 100 dB, not infinity
 
 
@@ -44,10 +43,11 @@ def psnr(rendering: np.ndarray, photo: np.ndarray) -> float:
 def ssim(rendering: np.ndarray, photo: np.ndarray) -> float:
     """Mean structural similarity over channels and the pixels whose whole window lies in the image."""
     import torch
-    from kornia.metrics import ssim as ssim_map
 
-    a, b = (torch.from_numpy(_unit(image)).permute(2, 0, 1)[None] for image in (rendering, photo))
-    return float(ssim_map(a, b, SSIM_WINDOW, eps=0.0, padding="valid").mean())
+    from room2dgs.geometry import similarity
+
+    a, b = (torch.from_numpy(_unit(image)) for image in (rendering, photo))
+    return float(similarity.ssim(a, b, border="inside").mean())
 
 
 def _unit(image: np.ndarray) -> np.ndarray:

@@ -13,7 +13,6 @@ from room2dgs.eval.shading import NOTHING, UNKNOWN, Rays, error_color, mesh_colo
 from room2dgs.eval.surface import Surface
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
-from room2dgs.mesh.views import view_rays
 
 INSIDE_VIEWS = 4  # evenly spaced in the capture
 TILE_WIDTH = 480  # pixels of one picture
@@ -37,7 +36,7 @@ def inside_rows(
     chosen = np.unique(np.linspace(0, len(frames) - 1, INSIDE_VIEWS + 2).astype(int)[1:-1])
     rows = []
     for frame in (frames[index] for index in chosen):
-        camera = frame.camera.resized(TILE_WIDTH, round(frame.camera.height * TILE_WIDTH / frame.camera.width))
+        camera = frame.camera.resized_to_width(TILE_WIDTH)
         rows.append([frame.color() / 255, *_three(pred, pred_surface, gt, _camera_rays(camera), threshold_m)])
     return rows
 
@@ -111,8 +110,7 @@ def _three(
 
 
 def _camera_rays(camera: Camera) -> Rays:
-    directions = view_rays(camera).reshape(-1, 3) @ camera.cam_from_world[:3, :3]
-    return Rays(camera.centre, directions, camera.width, camera.height)
+    return Rays(camera.centre, camera.world_rays().reshape(-1, 3), camera.width, camera.height)
 
 
 def _top_rays(points: np.ndarray, cameras: Sequence[Camera], up: np.ndarray) -> Rays:

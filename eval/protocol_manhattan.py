@@ -54,7 +54,7 @@ def manhattan(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], config: E
 
 def _depth_views(surface: Surface, cameras: Sequence[Camera]) -> Iterator[FusedView]:
     for camera in cameras:
-        view = camera.resized(IMAGE_WIDTH, round(camera.height * IMAGE_WIDTH / camera.width))
+        view = camera.resized_to_width(IMAGE_WIDTH)
         depth = surface.seen_by(view).t.reshape(view.height, view.width)
         depth = np.where(depth <= MAX_DEPTH_M, depth, 0).astype(np.float32)
         yield FusedView(view, depth, np.ones((*depth.shape, 3), dtype=np.float32))

@@ -44,8 +44,7 @@ def neuris(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], config: Eval
 
 
 def _small(camera: Camera) -> Camera:
-    width = IMAGE_WIDTH // RESOLUTION_LEVEL
-    return camera.resized(width, round(camera.height * width / camera.width))
+    return camera.resized_to_width(IMAGE_WIDTH // RESOLUTION_LEVEL)
 
 
 def _first_hit_faces(mesh: trimesh.Trimesh, views: Sequence[Camera]) -> trimesh.Trimesh:
@@ -69,13 +68,11 @@ def _inside_masks(points: np.ndarray, views: Sequence[Camera], masks: Sequence[n
     somewhere = np.zeros(len(points), dtype=bool)
     outside = np.zeros(len(points), dtype=bool)
     for camera, mask in zip(views, masks, strict=True):
-        local = points @ camera.cam_from_world[:3, :3].T + camera.cam_from_world[:3, 3]
-        front = np.flatnonzero(local[:, 2] > 0)
-        pixel = np.floor((local[front] @ camera.K.T)[:, :2] / local[front, 2:]).astype(np.int64)
-        image = (pixel >= 0).all(axis=1) & (pixel < (camera.width, camera.height)).all(axis=1)
-        front, pixel = front[image], pixel[image]
-        somewhere[front] = True
-        outside[front] |= ~mask.reshape(camera.height, camera.width)[pixel[:, 1], pixel[:, 0]]
+        pixel, _ = camera.project(points)
+        image = np.flatnonzero(camera.inside(pixel))
+        column, row = pixel[image].astype(np.int64).T
+        somewhere[image] = True
+        outside[image] |= ~mask.reshape(camera.height, camera.width)[row, column]
     return somewhere & ~outside
 
 

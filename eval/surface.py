@@ -10,7 +10,6 @@ import open3d.core as o3c
 import trimesh
 
 from room2dgs.geometry.camera import Camera
-from room2dgs.mesh.views import view_rays
 
 BATCH = 1_000_000  # rays or points at once: bounds the memory
 
@@ -85,8 +84,7 @@ class Surface:
 
     def seen_by(self, camera: Camera) -> Hits:
         """First hit of the ray through each pixel's centre, row by row; t is the z-depth in metres."""
-        directions = view_rays(camera).reshape(-1, 3) @ camera.cam_from_world[:3, :3]
-        return self.cast(camera.centre, directions)
+        return self.cast(camera.centre, camera.world_rays().reshape(-1, 3))
 
 
 def _batches(count: int) -> list[slice]:

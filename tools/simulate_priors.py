@@ -29,7 +29,7 @@ from room2dgs.captures.scene import Frame
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
-from room2dgs.geometry.depth_maps import depth_normals, pixel_rays
+from room2dgs.geometry.depth_maps import depth_normals
 from room2dgs.tools.prior_errors import WorldField, blurred_depth, image_field, turned
 
 CONTENT = {"depth", "normal", "priors.json", "README.txt"}
@@ -206,7 +206,7 @@ def _truth(frame: Frame, index: int, options: PriorOptions) -> Truth:
     # twice: wide where the surface goes on, narrow at its edges
     wide, narrow = depth_normals(depth, camera, step=4, max_jump=0.05), depth_normals(depth, camera)
     normal = np.where(wide.any(axis=-1, keepdims=True), wide, narrow)
-    rays = pixel_rays(camera)
+    rays = camera.rays()
     own = np.random.default_rng([options.seed, 1, index])
     common = np.random.default_rng([options.seed, 2])
     shared_warp, shared_turn = WorldField(common, SHARED_WAVELENGTH_M), WorldField(common, SHARED_WAVELENGTH_M, 3)
@@ -214,8 +214,7 @@ def _truth(frame: Frame, index: int, options: PriorOptions) -> Truth:
     if (depth > 0).any() and not (depth > 0).all():
         nearest = distance_transform_edt(depth <= 0, return_distances=False, return_indices=True)
         filled = depth[tuple(nearest)]
-    world_from_cam = camera.world_from_cam
-    xyz = (rays * filled[..., None]) @ world_from_cam[:3, :3].T + world_from_cam[:3, 3]
+    xyz = camera.unproject_map(filled)
     same, other = np.sqrt(options.shared), np.sqrt(1.0 - options.shared)
     warp = same * shared_warp.at(xyz)[..., 0] + other * image_field(own, height, width, options.warp)
     own_turn = np.stack(
@@ -225,7 +224,7 @@ def _truth(frame: Frame, index: int, options: PriorOptions) -> Truth:
         ],
         axis=-1,
     )
-    turn = same * (shared_turn.at(xyz) @ camera.cam_from_world[:3, :3].T) + other * own_turn
+    turn = same * camera.turned_to_camera(shared_turn.at(xyz)) + other * own_turn
     log_scale, shift = own.normal(size=2) * (options.scale_sigma, options.shift_sigma)
     return Truth(depth, normal, rays, warp, turn, float(log_scale), float(shift))
 

@@ -23,7 +23,6 @@ from room2dgs.captures.scene import Frame
 from room2dgs.captures.selection import evenly_spaced
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
-from room2dgs.geometry.depth_maps import pixel_rays
 
 AGREE_M, AGREE_SHARE = 0.04, 0.02  # a mesh further from the depth, and more than this share of it, is another surface
 EXACT_M = 0.001  # median distance of an exact mesh from depth in millimetres
@@ -94,8 +93,8 @@ def frame_truth(frame: Frame, surface: Surface | None, source: str) -> Truth:
     agree = (depth > 0) & (cast > 0) & (np.abs(cast - depth) < np.maximum(AGREE_M, AGREE_SHARE * depth))
     if source == "fused mesh":
         return Truth(depth, plane_normals(np.where(agree, cast, 0.0), frame.camera, source))
-    normal = surface.face_normals[hits.triangle].reshape(*depth.shape, 3) @ frame.camera.cam_from_world[:3, :3].T
-    away = (normal * pixel_rays(frame.camera)).sum(axis=-1, keepdims=True) > 0
+    normal = frame.camera.turned_to_camera(surface.face_normals[hits.triangle].reshape(*depth.shape, 3))
+    away = (normal * frame.camera.rays()).sum(axis=-1, keepdims=True) > 0
     return Truth(depth, np.where(agree[..., None], np.where(away, -normal, normal), 0.0))
 
 
@@ -125,7 +124,7 @@ def fitted_planes(depth: np.ndarray, camera: Camera, radius: int) -> tuple[np.nd
         is unknown).
     """
     valid = depth > 0
-    rays = pixel_rays(camera)
+    rays = camera.rays()
     x, y = rays[..., 0], rays[..., 1]
     inverse = np.where(valid, 1.0 / np.where(valid, depth, 1.0), 0.0)
 

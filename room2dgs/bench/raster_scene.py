@@ -6,6 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from room2dgs.geometry.poses import pose_at
+from room2dgs.geometry.rotations import quaternions_to
 from room2dgs.splat import Surfels
 
 ROOM_M = (5.0, 4.0, 2.6)
@@ -27,7 +29,7 @@ def box_surfels(count: int, seed: int = 0) -> Surfels:
     normals = g.normal(0, 0.1, (count, 3))
     normals[np.arange(count), axis] += 1.0
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    rotations = np.stack([1 + normals[:, 2], -normals[:, 1], normals[:, 0], np.zeros(count)], axis=1)
+    rotations = quaternions_to(normals)
     scales = np.sqrt(areas.sum() / count) * np.exp(g.normal(0, 0.3, (count, 2)))
     opacities = 1 / (1 + np.exp(-g.normal(1.0, 1.5, count)))
     sh = g.normal(0, 0.3, (count, 1, 3))
@@ -41,9 +43,7 @@ def inside_view(width: int, height: int) -> tuple[Tensor, Tensor]:
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     rotation = np.stack([right, np.cross(forward, right), forward])
-    cam_from_world = np.eye(4)
-    cam_from_world[:3, :3] = rotation
-    cam_from_world[:3, 3] = -rotation @ np.array([1.0, 1.0, 1.5])
+    cam_from_world = pose_at(rotation, np.array([1.0, 1.0, 1.5]))
     focal = 0.83 * width
     K = torch.tensor([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]], dtype=torch.float32)
     return K, torch.tensor(cam_from_world, dtype=torch.float32)

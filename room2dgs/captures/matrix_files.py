@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from room2dgs.errors import InputError
+from room2dgs.geometry.poses import rigid_pose
 
 # Largest |R^T R - I| put down to rounded text and repaired; three decimals give at most 2e-3.
 ROTATION_TOLERANCE = 5e-3
@@ -43,10 +44,7 @@ def read_world_from_cam(path: Path) -> np.ndarray:
             f"determinant {np.linalg.det(rotation):.3g}); remove scale and mirroring, or delete the frame"
         )
     left, _, right = np.linalg.svd(rotation)
-    rigid = np.eye(4)
-    rigid[:3, :3] = left @ right
-    rigid[:3, 3] = pose[:3, 3]
-    return rigid
+    return rigid_pose(left @ right, pose[:3, 3])
 
 
 def read_intrinsics(path: Path) -> np.ndarray:

@@ -81,7 +81,7 @@ def depth_picture(depth: np.ndarray, covered: np.ndarray) -> np.ndarray:
 
 def normal_picture(normal: np.ndarray, camera: Camera, covered: np.ndarray) -> np.ndarray:
     """(H, W, 3) uint8 RGB: the normal's right, up and towards-the-camera parts; black where not covered."""
-    in_camera = normal @ camera.cam_from_world[:3, :3].T * (1, -1, -1)
+    in_camera = camera.turned_to_camera(normal) * (1, -1, -1)
     length = np.linalg.norm(in_camera, axis=-1, keepdims=True)
     picture = np.round((in_camera / np.maximum(length, 1e-9) + 1) / 2 * 255)
     return np.where(covered[..., None] & (length > 0), picture, 0).astype(np.uint8)

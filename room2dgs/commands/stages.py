@@ -71,14 +71,14 @@ def rendered(surfels: Surfels, frames: Iterable[Frame], config: Config) -> Itera
     """Each view's rendering, one at a time, at the size that the run works at."""
     import torch
 
+    from room2dgs.geometry.camera_tensors import view_matrices
     from room2dgs.splat import render
 
     background = torch.tensor(config.render.background, dtype=torch.float32)
     for frame in frames:
         camera = frame.camera
-        K = torch.from_numpy(camera.K).float()
-        cam_from_world = torch.from_numpy(camera.cam_from_world).float()
-        size = (camera.width, camera.height)
         with torch.no_grad():  # around the call alone: a generator would leave it on in its caller
-            view = render(surfels, K, cam_from_world, *size, background=background, near_m=config.render.near_m)
+            view = render(
+                surfels, *view_matrices(camera), *camera.size, background=background, near_m=config.render.near_m
+            )
         yield frame, view

@@ -1,6 +1,5 @@
 """Losses: each a pure function of a rendering and what it should be."""
 
-from room2dgs.geometry.depth_points import depth_to_normals, depth_to_points
 from room2dgs.losses.depth_prior import depth_prior_loss, edge_band
 from room2dgs.losses.multiview import multiview_geometric, multiview_photometric
 from room2dgs.losses.normal_prior import normal_prior_loss
@@ -9,8 +8,6 @@ from room2dgs.losses.surface import distortion, normal_consistency
 
 __all__ = [
     "depth_prior_loss",
-    "depth_to_normals",
-    "depth_to_points",
     "distortion",
     "edge_band",
     "multiview_geometric",

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from room2dgs import _C
-from room2dgs.geometry.depth_points import runs_compiled
+from room2dgs.geometry.kernel_arguments import runs_compiled
 from room2dgs.losses import reference
 
 

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from room2dgs import _C
-from room2dgs.geometry.depth_points import intrinsics, rotation_of, runs_compiled
+from room2dgs.geometry.kernel_arguments import intrinsics, rotation_of, runs_compiled
 from room2dgs.losses import reference
 from room2dgs.splat.types import Rendering
 

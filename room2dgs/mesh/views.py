@@ -26,13 +26,6 @@ class FusedView:
     color: np.ndarray
 
 
-def view_rays(camera: Camera) -> np.ndarray:
-    """(H, W, 3) float64 directions through the pixel centres, camera frame, z = 1 (so ray length is z-depth)."""
-    x = (np.arange(camera.width) + 0.5 - camera.K[0, 2]) / camera.K[0, 0]
-    y = (np.arange(camera.height) + 0.5 - camera.K[1, 2]) / camera.K[1, 1]
-    return np.stack(np.broadcast_arrays(x[None, :], y[:, None], 1.0), axis=-1)
-
-
 def chosen_depth(rendering: Rendering, config: MeshConfig) -> np.ndarray:
     """(H, W) float32 z-depth in metres: the rendering's median or expected depth, as `mesh.depth` says."""
     return _numpy(rendering.median_depth if config.depth == "median" else rendering.depth).astype(np.float32)
@@ -49,8 +42,8 @@ def valid_depth(rendering: Rendering, camera: Camera, config: MeshConfig) -> np.
         and the view ray is at most max_angle_deg. A pixel without a normal is not valid.
     """
     depth = chosen_depth(rendering, config)
-    normal = _numpy(rendering.normal).astype(np.float64) @ camera.cam_from_world[:3, :3].T
-    rays = view_rays(camera)
+    normal = camera.turned_to_camera(_numpy(rendering.normal).astype(np.float64))
+    rays = camera.rays()
     along = np.abs(np.einsum("hwc,hwc->hw", normal, rays))
     lengths = np.linalg.norm(normal, axis=-1) * np.linalg.norm(rays, axis=-1)
     facing = (lengths > 0) & (along >= np.cos(np.radians(config.max_angle_deg)) * lengths)

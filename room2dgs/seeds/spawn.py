@@ -9,10 +9,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from room2dgs.geometry.rotations import quaternions_to, tangents
+from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.seeds.seeds import Seeds
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
-Y00 = 0.5 / math.sqrt(math.pi)  # the constant spherical harmonic
 
 
 class Spawned(NamedTuple):
@@ -51,13 +52,13 @@ def spawn(seeds: Seeds, per_seed: int, opacity: float, random_seed: int) -> Spaw
     """
     count = len(seeds)
     quaternions = quaternions_to(seeds.normals)
-    tangents = _tangents(quaternions)  # (S, 2, 3)
+    axes = tangents(torch.from_numpy(quaternions)).numpy()  # (S, 2, 3)
     index = np.arange(per_seed)
     radius = np.sqrt(index / per_seed) * seeds.spacing[:, None]
     turn = np.random.default_rng([random_seed, 0x5EED]).uniform(0.0, 2 * math.pi, (count, 1))
     angle = index * GOLDEN_ANGLE + turn
     in_plane = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)  # (S, k, 2)
-    offsets = (seeds.surface - seeds.positions)[:, None] + np.einsum("ska,sai->ski", in_plane, tangents)
+    offsets = (seeds.surface - seeds.positions)[:, None] + np.einsum("ska,sai->ski", in_plane, axes)
     scale = seeds.spacing / math.sqrt(per_seed)
 
     def repeated(values: np.ndarray, width: int) -> Tensor:
@@ -70,31 +71,5 @@ def spawn(seeds: Seeds, per_seed: int, opacity: float, random_seed: int) -> Spaw
         rotations=repeated(quaternions, 4),
         scales=repeated(scale, 2),
         opacities=torch.full((count, per_seed), opacity, dtype=torch.float32),
-        sh_dc=repeated((seeds.rgb - 0.5) / Y00, 3),
+        sh_dc=repeated((seeds.rgb - 0.5) / C0, 3),
     )
-
-
-def quaternions_to(normals: np.ndarray) -> np.ndarray:
-    """Shortest rotations that take the z axis to each normal.
-
-    Args:
-        normals: (S, 3) unit.
-
-    Returns:
-        (S, 4) unit quaternions (w, x, y, z).
-    """
-    x, y, z = normals.T
-    # 1 + z without cancellation near the far pole
-    above = np.where(z < 0, (x * x + y * y) / (1.0 - np.minimum(z, 0.0)), 1.0 + z)
-    quaternions = np.stack([above, -y, x, np.zeros_like(z)], axis=1)
-    length = np.linalg.norm(quaternions, axis=1, keepdims=True)
-    # exactly -z: half a turn about x
-    return np.where(length > 0, quaternions / np.where(length > 0, length, 1.0), [0.0, 1.0, 0.0, 0.0])
-
-
-def _tangents(quaternions: np.ndarray) -> np.ndarray:
-    """(S, 4) to (S, 2, 3): the first two columns of the rotation matrices."""
-    w, x, y, z = quaternions.T
-    t_u = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)]
-    t_v = [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)]
-    return np.stack([np.stack(t_u, axis=1), np.stack(t_v, axis=1)], axis=1)

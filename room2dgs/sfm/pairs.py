@@ -17,6 +17,7 @@ LARGEST_ANGLE_DEG = 30.0
 LEAST_SHARED = 0.1
 # Two views from one place triangulate nothing.
 MIN_BASELINE_M = 1e-3
+NEAREST_M = 1e-3  # that a probe counts as seen
 
 
 def match_pairs(cameras: Sequence[Camera], overlap: int) -> list[tuple[int, int]]:
@@ -56,7 +57,7 @@ def shared_view(cameras: Sequence[Camera]) -> np.ndarray:
         angle = np.degrees(np.arccos(np.einsum("npc,npc->np", rays, other).clip(-1.0, 1.0)))
         fade = (LARGEST_ANGLE_DEG - angle) / (LARGEST_ANGLE_DEG - USEFUL_ANGLE_DEG)
         weight = np.minimum(angle / USEFUL_ANGLE_DEG, 1.0) * fade.clip(0.0, 1.0)
-        score[:, j] = (weight * _visible(camera, points)).mean(axis=1)
+        score[:, j] = (weight * camera.in_view(points, NEAREST_M)).mean(axis=1)
     score = np.minimum(score, score.T)
     np.fill_diagonal(score, 0.0)
     return score
@@ -68,15 +69,5 @@ def _probes(camera: Camera) -> np.ndarray:
     x, y = np.meshgrid(
         (np.arange(columns) + 0.5) / columns * camera.width, (np.arange(rows) + 0.5) / rows * camera.height
     )
-    rays = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1) @ np.linalg.inv(camera.K).T
-    in_camera = np.concatenate([rays * depth for depth in PROBE_DEPTHS_M])
-    return in_camera @ camera.world_from_cam[:3, :3].T + camera.centre
-
-
-def _visible(camera: Camera, points: np.ndarray) -> np.ndarray:
-    """(...,) bool: which of the (..., 3) world points project into the image."""
-    in_camera = points @ camera.cam_from_world[:3, :3].T + camera.cam_from_world[:3, 3]
-    depth = in_camera[..., 2]
-    pixel = (in_camera @ camera.K.T)[..., :2] / np.maximum(depth, 1e-6)[..., None]
-    inside = (pixel >= 0.0) & (pixel < (camera.width, camera.height))
-    return inside.all(axis=-1) & (depth > 1e-3)
+    pixel = np.stack([x.ravel(), y.ravel()], axis=1)
+    return np.concatenate([camera.unproject(pixel, np.full(len(pixel), depth)) for depth in PROBE_DEPTHS_M])

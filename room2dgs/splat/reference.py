@@ -8,6 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.geometry.spherical_harmonics import sh_color
 from room2dgs.splat.constants import (
     ALPHA_MAX,
@@ -51,17 +52,6 @@ class Projected(NamedTuple):
     color: Tensor
     normal: Tensor
     visible: Tensor
-
-
-def rotation_matrices(quaternions: Tensor) -> Tensor:
-    """(N, 4) quaternions (w, x, y, z), any norm > 0, to (N, 3, 3) with columns t_u, t_v, t_w."""
-    w, x, y, z = torch.nn.functional.normalize(quaternions, dim=-1, eps=0.0).unbind(-1)
-    rows = [
-        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-    ]  # fmt: skip
-    return torch.stack(rows, dim=-1).reshape(-1, 3, 3)
 
 
 def project(

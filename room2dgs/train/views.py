@@ -12,6 +12,7 @@ from torch import Tensor
 
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
+from room2dgs.geometry.camera_tensors import view_matrices
 from room2dgs.train.prior_maps import prior_maps
 
 
@@ -84,8 +85,7 @@ def load_view(frame: Frame, fraction: float, prior: ViewMaps[np.ndarray] | None 
     return View(
         frame.name,
         torch.from_numpy(image),
-        torch.from_numpy(camera.K.astype(np.float32)),
-        torch.from_numpy(camera.cam_from_world.astype(np.float32)),
+        *view_matrices(camera),
         camera.width,
         camera.height,
         prior_maps(prior, camera.width, camera.height),

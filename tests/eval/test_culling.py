@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from room2dgs.eval.culling import count_views, first_view, in_image, sees
+from room2dgs.eval.culling import NEAR_M, count_views, first_view, sees
 from room2dgs.eval.surface import Surface
 
 
@@ -22,7 +22,7 @@ def test_image_borders_and_near_plane(make):
             [0, 0.06, 0],
         ]
     )
-    assert in_image(points, camera).tolist() == [True, True, False, True, False, False, False, True]
+    assert camera.in_view(points, NEAR_M).tolist() == [True, True, False, True, False, False, False, True]
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from room2dgs import _C
-from room2dgs.geometry.depth_points import depth_to_normals
+from room2dgs.geometry.depth_maps import depth_to_normals
 from room2dgs.losses import reference
 from room2dgs.losses.surface import distortion, normal_consistency
 from room2dgs.splat.types import Rendering

@@ -12,7 +12,7 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.fuse import fuse
 from room2dgs.mesh.tsdf import integrate
-from room2dgs.mesh.views import FusedView, view_rays
+from room2dgs.mesh.views import FusedView
 
 VOXEL = 0.02
 
@@ -44,7 +44,7 @@ def make_camera(centre=(0.0, 0.0, 0.0), turn_deg=0.0, focal=120.0) -> Camera:
 
 def plane_view(camera: Camera, normal, offset, color=(0.2, 0.6, 1.0)) -> FusedView:
     """Exact depth of the plane normal . X = offset (world)."""
-    rays = view_rays(camera) @ camera.cam_from_world[:3, :3]
+    rays = camera.world_rays()
     with np.errstate(divide="ignore"):
         depth = (offset - normal @ camera.centre) / (rays @ normal)
     depth[(depth <= 0) | (depth > 4)] = 0
@@ -53,7 +53,7 @@ def plane_view(camera: Camera, normal, offset, color=(0.2, 0.6, 1.0)) -> FusedVi
 
 def box_view(camera: Camera, half=(1.2, 1.0, 1.5)) -> FusedView:
     """Exact depth of an axis-aligned box about the origin, from inside."""
-    rays = view_rays(camera) @ camera.cam_from_world[:3, :3]
+    rays = camera.world_rays()
     with np.errstate(divide="ignore"):
         exits = (np.sign(rays) * half - camera.centre) / rays
     depth = exits.min(axis=-1).astype(np.float32)

@@ -11,6 +11,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.splat import Surfels, raster, reference
 from room2dgs.splat.constants import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
 
@@ -59,7 +60,7 @@ def near_a_jump(surfels, K, cam_from_world, width, height):
 
 def _cosine(surfels, cam_from_world, order):
     centers = surfels.centers[order] @ cam_from_world[:3, :3].T + cam_from_world[:3, 3]
-    normals = (cam_from_world[:3, :3] @ reference.rotation_matrices(surfels.rotations[order]))[:, :, 2]
+    normals = (cam_from_world[:3, :3] @ rotation_matrices(surfels.rotations[order]))[:, :, 2]
     return normals, centers / centers.norm(dim=-1, keepdim=True)
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import torch
 
+from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.geometry.spherical_harmonics import sh_basis
-from room2dgs.splat.reference import project, render, rotation_matrices
+from room2dgs.splat.reference import project, render
 from room2dgs.splat.types import Surfels
 
 

@@ -19,6 +19,7 @@ from room2dgs.captures.selection import evenly_spaced, hold_out
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.poses import inverse_pose
 
 LAYOUT = "color/<i>.jpg, pose/<i>.txt and intrinsic/intrinsic_color.txt"
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png")
@@ -170,15 +171,11 @@ def _check_registered(
 
 
 def _camera(K: np.ndarray, size: tuple[int, int], world_from_cam: np.ndarray, image_width: int | None) -> Camera:
-    rotation = world_from_cam[:3, :3].T
-    cam_from_world = np.eye(4)
-    cam_from_world[:3, :3] = rotation
-    cam_from_world[:3, 3] = -rotation @ world_from_cam[:3, 3]
-    camera = Camera(K, size[0], size[1], cam_from_world)
+    camera = Camera(K, *size, inverse_pose(world_from_cam))
     # Photos are never enlarged: that adds work and no detail.
     if image_width is None or image_width >= size[0]:
         return camera
-    return camera.resized(image_width, max(1, round(size[1] * image_width / size[0])))
+    return camera.resized_to_width(image_width)
 
 
 def _gt_mesh(root: Path, given: str | None) -> Path | None:

@@ -8,10 +8,11 @@ from torch import Tensor
 
 from room2dgs.config import Config
 from room2dgs.geometry.rotations import normals
+from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.seeds.grow import Growth, Parents, grow
 from room2dgs.seeds.hierarchy import level_edge
 from room2dgs.seeds.prune import transparent, unseen
-from room2dgs.seeds.spawn import Y00, spawn
+from room2dgs.seeds.spawn import spawn
 from room2dgs.splat.types import Surfels
 from room2dgs.train.model import Model
 from room2dgs.train.step import Step
@@ -113,7 +114,7 @@ class SeedStrategy(Strategy):
             centres=surfels.centers.numpy().astype(np.float64),
             normals=normals(surfels.rotations).numpy(),
             scales=surfels.scales.prod(dim=1).sqrt().numpy(),
-            rgb=(0.5 + Y00 * surfels.sh[:, 0]).clamp(0, 1).numpy(),
+            rgb=(0.5 + C0 * surfels.sh[:, 0]).clamp(0, 1).numpy(),
             gradients=self._gradients.means().numpy(),
             known=(of_kept & (self._gradients.visits >= strategy.min_visits)).numpy(),
         )

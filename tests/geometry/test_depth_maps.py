@@ -7,14 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from room2dgs import _C
-from room2dgs.geometry.depth_points import depth_to_normals, depth_to_points, normals_by_differences
+from room2dgs.geometry.depth_maps import depth_normals, depth_to_normals, depth_to_points, normals_by_differences
 
 
 def plane_depth(camera, normal_cam, distance):
     """z-depth of the plane n . X = distance (camera frame) at every pixel's centre, float64."""
-    x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    rays = np.stack([x, y, np.ones_like(x)], -1) @ np.linalg.inv(camera.K).T
-    return torch.from_numpy(distance / (rays @ normal_cam))
+    return torch.from_numpy(distance / (camera.rays() @ normal_cam))
 
 
 NORMAL_CAM = np.array([0.35, -0.25, -1.0]) / np.linalg.norm([0.35, -0.25, -1.0])
@@ -23,7 +21,8 @@ NORMAL_CAM = np.array([0.35, -0.25, -1.0]) / np.linalg.norm([0.35, -0.25, -1.0])
 def test_points_project_back_to_their_pixels(camera):
     depth = plane_depth(camera, NORMAL_CAM, -2.0)
     points = depth_to_points(depth, camera.K, camera.cam_from_world).numpy()
-    in_camera = points @ camera.cam_from_world[:3, :3].T + camera.cam_from_world[:3, 3]
+    assert points == pytest.approx(camera.unproject_map(depth.numpy()))
+    in_camera = camera.to_camera(points)
     pixels = in_camera @ camera.K.T
     assert in_camera[..., 2] == pytest.approx(depth.numpy())
     assert pixels[3, 7, :2] / pixels[3, 7, 2] == pytest.approx([7.5, 3.5])
@@ -93,3 +92,24 @@ def test_same_bits_on_any_number_of_threads(camera):
         results.append(depth_to_normals(depth, camera.K, camera.cam_from_world))
     _C.set_threads(before)
     assert torch.equal(*results)
+
+
+@pytest.mark.parametrize("step", [1, 3])
+def test_any_step_gives_a_planes_normal_in_the_camera_frame(camera, step):
+    normal = depth_normals(plane_depth(camera, NORMAL_CAM, -2.0).numpy(), camera, step)
+    assert np.abs(normal[step:-step, step:-step] - NORMAL_CAM).max() < 1e-12
+    known = normal.any(axis=-1)
+    assert known.sum() == (camera.height - 2 * step) * (camera.width - 2 * step)
+
+
+def test_neighbours_on_another_surface_take_the_normal_away(camera):
+    depth = np.full((camera.height, camera.width), 2.0)
+    depth[:, 20:] = 2.3
+    known = depth_normals(depth, camera, step=2, max_jump=0.1).any(axis=-1)[2:-2, 2:-2]
+    assert known.sum(axis=0).tolist() == [0 if column in (18, 19, 20, 21) else 34 for column in range(2, 43)]
+    assert depth_normals(depth, camera, step=2, max_jump=0.2).any(axis=-1)[2:-2, 2:-2].all()
+
+
+def test_a_map_smaller_than_the_step_has_no_normals(camera):
+    small = camera.resized(4, 30)
+    assert not depth_normals(np.ones((30, 4)), small, step=2).any()
