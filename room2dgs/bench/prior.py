@@ -113,9 +113,9 @@ def measured_scenes(scenes: Sequence[SceneConfig], prior: PriorConfig, log=print
     Raises:
         InputError: as `open_networks` and `measured`.
     """
-    views = [scene_views(scene) for scene in scenes]  # a wrong folder is told before the first is measured
-    looks = open_networks(prior)
-    return [measured(one, looks, prior, log) for one in views]
+    views = [scene_views(scene) for scene in scenes]  # a wrong folder is reported before the first is measured
+    groups = open_networks(prior)
+    return [measured(one, groups, prior, log) for one in views]
 
 
 def in_words(prior: PriorConfig) -> str:

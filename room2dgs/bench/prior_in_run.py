@@ -1,4 +1,4 @@
-"""How good the depth is that training gets: maps aligned to the sparse points, then bent together."""
+"""How good the depth is that training gets: maps aligned to the sparse points, then optimised jointly."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ class DepthInRun:
 
 
 def depth_in_run(config: Config, log: Callable[[str], None]) -> dict[str, DepthInRun]:
-    """Depth as a run of these settings has it, after each of the two things that are done to it.
+    """Depth as a run of these settings has it, after the alignment and after the joint optimisation.
 
     Returns:
-        "aligned", and with prior.depth.joint "bent", which training gets; nothing without a depth prior.
+        "aligned", and with prior.depth.joint "optimised", which training gets; nothing without a depth prior.
 
     Raises:
         InputError: as `read_scene`, `sparse_points` and `load_priors`.
@@ -62,7 +62,7 @@ def depth_in_run(config: Config, log: Callable[[str], None]) -> dict[str, DepthI
 
 def _steps(settings: DepthPriorConfig) -> dict[str, DepthPriorConfig]:
     steps = {"aligned": replace(settings, joint=False)}
-    return steps | ({"bent": settings} if settings.joint else {})
+    return steps | ({"optimised": settings} if settings.joint else {})
 
 
 def _score(frames: Sequence[Frame], priors: Mapping[str, ViewMaps]) -> DepthInRun:

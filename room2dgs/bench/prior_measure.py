@@ -117,12 +117,12 @@ class _Pool:
 
 
 def measured(
-    views: Views, looks: Sequence[Sequence[Network]], config: PriorConfig, log: Callable[[str], None]
+    views: Views, groups: Sequence[Sequence[Network]], config: PriorConfig, log: Callable[[str], None]
 ) -> SceneScore:
     """Every frame of a scene through the prior.
 
     Args:
-        looks: what `open_networks` gives for `config`.
+        groups: what `open_networks` gives for `config`.
 
     Raises:
         InputError: as `scene_views` and `prediction`.
@@ -132,8 +132,8 @@ def measured(
     pictured = evenly_spaced(range(views.count), PICTURED)
     for index, view in enumerate(views.views):
         if index == 0:  # the first run of a session is slower
-            _predicted(view, looks, config)
-        found = _predicted(view, looks, config)
+            _predicted(view, groups, config)
+        found = _predicted(view, groups, config)
         if found is None:
             pool.missing += 1
             continue
@@ -152,8 +152,8 @@ def depth_map_normals(depth: np.ndarray, camera: Camera) -> np.ndarray:
     )[0]
 
 
-def _predicted(view: View, looks: Sequence[Sequence[Network]], config: PriorConfig) -> Prediction | None:
-    return prediction(view.photo, view.photo_camera, view.camera, view.frame, looks, config)
+def _predicted(view: View, groups: Sequence[Sequence[Network]], config: PriorConfig) -> Prediction | None:
+    return prediction(view.photo, view.photo_camera, view.camera, view.frame, groups, config)
 
 
 def _add(pool: _Pool, view: View, found: Prediction, config: PriorConfig) -> Picture:

@@ -68,19 +68,19 @@ def open_networks(config: PriorConfig) -> list[list[Network]]:
     """
     if all(getattr(config, kind).source == "none" for kind in KINDS):
         raise InputError("no prior is configured, there is nothing to measure; give for example prior=room_prior")
-    looks: list[list[Network]] = []
+    groups: list[list[Network]] = []
     digests = []
     for kind, model in read_models(config).items():
         settings = getattr(config, kind).onnx
-        same = bool(looks) and digests[-1] == model.digest and same_input(looks[-1][0].settings, settings)
-        session = looks[-1][0].session if same else None
+        same = bool(groups) and digests[-1] == model.digest and same_input(groups[-1][0].settings, settings)
+        session = groups[-1][0].session if same else None
         network = open_network(model.path, kind, settings, config.threads, config.provider, session)
         if same:
-            looks[-1].append(network)
+            groups[-1].append(network)
         else:
-            looks.append([network._replace(session=TimedSession(network.session))])
+            groups.append([network._replace(session=TimedSession(network.session))])
         digests.append(model.digest)
-    return looks
+    return groups
 
 
 def prediction(
@@ -88,7 +88,7 @@ def prediction(
     photo_camera: Camera,
     camera: Camera,
     frame: Frame | None,
-    looks: Sequence[Sequence[Network]],
+    groups: Sequence[Sequence[Network]],
     config: PriorConfig,
 ) -> Prediction | None:
     """What the prior says of one photo.
@@ -98,7 +98,7 @@ def prediction(
         photo_camera: of that size.
         camera: the same view at the size of the maps that are wanted.
         frame: whose files to read where maps come from files; None: there are none.
-        looks: what `open_networks` gives.
+        groups: what `open_networks` gives.
 
     Returns:
         None if the prior has no map for this photo (a file is missing).
@@ -107,7 +107,7 @@ def prediction(
         InputError: as `predictions`, `read_depth` and `read_normal`.
     """
     found = Prediction()
-    for networks in looks:
+    for networks in groups:
         networks[0].session.seconds = 0.0
         for network, raw in zip(networks, predictions(networks, photo, photo_camera), strict=True):
             _take(found, network.kind, raw, camera)

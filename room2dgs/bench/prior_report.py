@@ -27,8 +27,8 @@ SIMULATED = "simulated maps, made from the ground truth: a study, no network's r
 NOTES = (
     "AbsRel and δ1: each frame's, then their mean; scale: the frame's median ratio; scale + shift: least squares, in "
     "disparity where the prior is one; metric: as the prior says it",
-    "depth in a run, nothing fitted to the truth; aligned: each map to the sparse points; bent: then all maps until "
-    "views, points and normals agree, without what points contradict, as training gets it; pixels: those that are left "
+    "depth in a run, nothing fitted to the truth; aligned: each map to the sparse points; optimised: then all maps "
+    "jointly, without the pixels that points contradict, as training gets it; pixels: those that are left "
     "(none: the run leaves all depth out)",
     "normals: angles over the pixels of all frames; constant: the one normal, in the camera frame, of least mean angle "
     "(facing: the one that just faces the camera)",
@@ -124,7 +124,7 @@ def _depth_columns(scores: Sequence[SceneScore]) -> Columns:
 
 def _run_columns() -> Columns:
     columns: Columns = {"scene": lambda s: s.scene}
-    for step in ("aligned", "bent"):
+    for step in ("aligned", "optimised"):
         columns[f"AbsRel, {step}"] = lambda s, step=step: _number(s.in_run, step, "abs_rel")
         columns[f"δ1, {step}"] = lambda s, step=step: _number(s.in_run, step, "delta1")
         columns[f"< 5 cm, {step}"] = lambda s, step=step: _share(getattr(s.in_run.get(step), "within_5cm", None))

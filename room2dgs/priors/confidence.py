@@ -1,4 +1,4 @@
-"""The confidence in each pixel of a network's map, from the error that the network expects of itself."""
+"""The confidence in each pixel of a network's map, from the error that the network expects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from room2dgs.config import OnnxConfig
-from room2dgs.priors.network.map_cache import SUFFIX, read_kept
+from room2dgs.priors.network.map_cache import SUFFIX, read_array
 
 
 def confidence_of(error: np.ndarray, settings: OnnxConfig) -> np.ndarray:
@@ -25,10 +25,10 @@ def confidence_of(error: np.ndarray, settings: OnnxConfig) -> np.ndarray:
 
 
 def read_confidence(path: Path, settings: OnnxConfig) -> np.ndarray | None:
-    """The confidence that belongs to a map on disk; None where nothing tells it: files of the user, other networks.
+    """The confidence that belongs to a map on disk; None for maps without expected errors.
 
     Raises:
         InputError: a damaged file.
     """
-    error = read_kept(path, "error") if path.suffix == SUFFIX else None
+    error = read_array(path, "error") if path.suffix == SUFFIX else None
     return None if error is None else confidence_of(error, settings)

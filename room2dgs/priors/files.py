@@ -13,7 +13,7 @@ from room2dgs.config import DepthPriorConfig, NormalPriorConfig
 from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE
 from room2dgs.geometry.camera import Camera
-from room2dgs.priors.network.map_cache import SUFFIX, read_kept
+from room2dgs.priors.network.map_cache import SUFFIX, read_array
 
 SUFFIXES = (".png", ".npy")
 # relative difference of the aspect ratios of a map and its photo
@@ -43,7 +43,7 @@ def read_depth(path: Path, settings: DepthPriorConfig, camera: Camera) -> tuple[
     """A depth map at the camera's size.
 
     Args:
-        path: 16-bit one-channel PNG or .npy of (H, W), also with one axis of length 1, or what `keep_map` writes.
+        path: 16-bit one-channel PNG or .npy of (H, W), also with one axis of length 1, or what `write_map` writes.
         settings: `unit_m` is multiplied in; null means 0.001 for PNG and 1 for .npy.
 
     Returns:
@@ -75,7 +75,7 @@ def read_normal(path: Path, settings: NormalPriorConfig, camera: Camera) -> tupl
 
     Args:
         path: 8-bit RGB PNG (n = rgb / 127.5 - 1) or .npy of (H, W, 3) or (3, H, W), as `encoding` says, or what
-            `keep_map` writes.
+            `write_map` writes.
 
     Returns:
         (H, W, 3) float32 unit vectors and (H, W) bool where they are valid; invalid ones are 0.
@@ -124,7 +124,7 @@ def _read_png(path: Path, mode: str, kind: str) -> np.ndarray:
 
 
 def _read_npy(path: Path) -> np.ndarray:
-    if path.suffix == SUFFIX and (kept := read_kept(path, "map")) is not None:
+    if path.suffix == SUFFIX and (kept := read_array(path, "map")) is not None:
         return kept
     try:
         values = np.load(path, allow_pickle=False)

@@ -13,10 +13,11 @@ from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import OnnxConfig, PriorConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.depth_maps import pixel_rays
-from room2dgs.priors.align.depths import agreeing_depths, aligned_depths
+from room2dgs.priors.align.depths import aligned_depths
 from room2dgs.priors.align.scale_shift import Fit
 from room2dgs.priors.confidence import read_confidence
 from room2dgs.priors.files import find_map, read_normal
+from room2dgs.priors.joint.depths import checked_joint_depths
 from room2dgs.priors.network.maps import predicted_maps, read_models
 from room2dgs.priors.network.model_file import ModelFile
 from room2dgs.priors.normals.check import usable
@@ -70,7 +71,7 @@ def load_priors(frames: Sequence[Frame], points: PointCloud, config: PriorConfig
         normals, normal_confidences = _normals(frames, depths, points, config, models, log)
     if config.depth.joint and depths:
         confidences = (depth_confidences, normal_confidences)
-        depths = agreeing_depths(frames, depths, normals, points, config.depth, log, confidences)
+        depths = checked_joint_depths(frames, depths, normals, points, config.depth, log, confidences)
     parts = [part for part in (config.depth, config.normal) if part.source != "none"]
     label = "+".join(sorted({part.source for part in parts})) or "none"
     if any(part.source == "files" and simulated(Path(part.path or "")) for part in parts):
@@ -134,7 +135,7 @@ def _normals(
     """Frame name -> (H, W, 3) float32 unit world normals facing the camera, 0 = invalid; and their confidences."""
     settings = config.normal
     network = "normal" in models
-    # The check comes first: a wrong convention is told before all maps are read, let alone computed.
+    # The check comes first: a wrong convention is reported before all maps are read, let alone computed.
     some = frames[:: max(1, len(frames) // CHECKED_FRAMES)] if network else frames
     files = _maps(some, config, "normal", models, log)
     some = [frame for frame in some if frame.name in files]

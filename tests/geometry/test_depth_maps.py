@@ -77,7 +77,7 @@ def test_an_invalid_depth_takes_five_normals_away_and_no_more(camera, bad):
     assert torch.equal(normals_by_differences(depth.double(), camera.K, camera.cam_from_world)[1], (after != 0).any(-1))
 
 
-def test_a_gradient_is_kept_when_one_is_wanted(camera):
+def test_a_gradient_is_cached_when_one_is_wanted(camera):
     depth = plane_depth(camera, NORMAL_CAM, -2.0).float().requires_grad_()
     depth_to_normals(depth, camera.K, camera.cam_from_world).sum().backward()
     assert depth.grad.abs().max() > 0

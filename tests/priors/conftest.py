@@ -153,24 +153,24 @@ def depth_network(onnx_file) -> Path:
     return onnx_file([("ReduceMean", ["photo"], ["map"], {"axes": [1], "keepdims": 1})], name="mean.onnx")
 
 
-NEAREST = 0.5  # metres; what `telling_photo` can tell
+NEAREST = 0.5  # metres; the nearest depth that `coded_photo` encodes
 
 
-def telling_photo(depth: np.ndarray, normal: np.ndarray) -> np.ndarray:
+def coded_photo(depth: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """(H, W, 3) uint8 that `room_network` reads depth and camera-frame normals from: (inverse depth, n_x, n_y)."""
     channels = [NEAREST / depth, 0.5 * (normal[..., 0] + 1), 0.5 * (normal[..., 1] + 1)]
     return np.round(255 * np.stack(channels, axis=-1).clip(0, 1)).astype(np.uint8)
 
 
 @pytest.fixture
-def telling_photos(room, photos) -> list[Frame]:
+def coded_photos(room, photos) -> list[Frame]:
     """Frames of the room whose photos say what `room_network` has to find."""
-    return photos([telling_photo(depth, normal) for depth, normal in zip(room.depths, room.normals, strict=True)])
+    return photos([coded_photo(depth, normal) for depth, normal in zip(room.depths, room.normals, strict=True)])
 
 
 @pytest.fixture
 def room_network(onnx_file) -> Path:
-    """A network with the inputs and outputs of the one that is shipped; it reads its maps off `telling_photo`.
+    """A network with the inputs and outputs of the one that is shipped; it reads its maps off `coded_photo`.
 
     Its metres are those of a camera whose input has fx = fy = 240. Expected errors: of ln depth 0.3 beyond 2.5 m and
     0.02 nearer; of normals 0.1 everywhere.

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from room2dgs.errors import InputError
 from room2dgs.priors.confidence import confidence_of, read_confidence
-from room2dgs.priors.network.map_cache import is_kept, is_nothing, keep_map, read_kept
+from room2dgs.priors.network.map_cache import is_cached, is_empty, read_array, write_map
 
 
 @pytest.fixture
@@ -40,13 +40,13 @@ def test_a_map_comes_back_with_its_error(tmp_path, shape):
     valid = rng.random((5, 7)) > 0.3
     error = rng.uniform(0.01, 0.5, (5, 7)).astype(np.float32)
     path = tmp_path / "folder" / "map.npz"
-    assert not is_kept(path, shape)
-    keep_map(path, values, valid, error)
-    assert is_kept(path, shape) and not is_kept(path, (7, 5)) and not is_nothing(path)
-    found = read_kept(path, "map")
+    assert not is_cached(path, shape)
+    write_map(path, values, valid, error)
+    assert is_cached(path, shape) and not is_cached(path, (7, 5)) and not is_empty(path)
+    found = read_array(path, "map")
     np.testing.assert_allclose(found[valid], values[valid], rtol=2e-3)
     assert (found[~valid] == 0).all() and found.dtype == np.float32
-    found = read_kept(path, "error")
+    found = read_array(path, "error")
     np.testing.assert_allclose(found[valid], error[valid], rtol=1e-3)
     assert np.isinf(found[~valid]).all()
     assert [file.name for file in path.parent.iterdir()] == ["map.npz"]
@@ -54,14 +54,14 @@ def test_a_map_comes_back_with_its_error(tmp_path, shape):
 
 def test_depths_beyond_half_precision_are_kept_whole(tmp_path):
     path = tmp_path / "map.npz"
-    keep_map(path, np.full((2, 2), 1e6, np.float32), np.ones((2, 2), bool), np.full((2, 2), 1e-7, np.float32))
-    np.testing.assert_array_equal(read_kept(path, "map"), 1e6)
-    np.testing.assert_allclose(read_kept(path, "error"), 1e-7, rtol=1e-6)
+    write_map(path, np.full((2, 2), 1e6, np.float32), np.ones((2, 2), bool), np.full((2, 2), 1e-7, np.float32))
+    np.testing.assert_array_equal(read_array(path, "map"), 1e6)
+    np.testing.assert_allclose(read_array(path, "error"), 1e-7, rtol=1e-6)
 
 
 def test_without_an_error_there_is_no_confidence(tmp_path, settings):
-    keep_map(tmp_path / "map.npz", np.ones((2, 2), np.float32), np.ones((2, 2), bool), None)
-    assert read_kept(tmp_path / "map.npz", "error") is None
+    write_map(tmp_path / "map.npz", np.ones((2, 2), np.float32), np.ones((2, 2), bool), None)
+    assert read_array(tmp_path / "map.npz", "error") is None
     assert read_confidence(tmp_path / "map.npz", settings) is None
     np.save(tmp_path / "map.npy", np.ones((2, 2)))
     assert read_confidence(tmp_path / "map.npy", settings) is None
@@ -69,22 +69,22 @@ def test_without_an_error_there_is_no_confidence(tmp_path, settings):
 
 def test_nothing_valid_is_remembered_without_a_map(tmp_path):
     path = tmp_path / "map.npz"
-    keep_map(path, np.ones((2, 2), np.float32), np.zeros((2, 2), bool), np.ones((2, 2), np.float32))
-    assert is_nothing(path) and is_kept(path, (2, 2)) and not path.exists()
+    write_map(path, np.ones((2, 2), np.float32), np.zeros((2, 2), bool), np.ones((2, 2), np.float32))
+    assert is_empty(path) and is_cached(path, (2, 2)) and not path.exists()
 
 
 @pytest.mark.parametrize("keep", [0, 10, 100, -30])
 def test_what_is_damaged_is_not_kept_and_named(tmp_path, keep):
     path = tmp_path / "map.npz"
-    keep_map(path, np.ones((9, 9), np.float32), np.ones((9, 9), bool), None)
+    write_map(path, np.ones((9, 9), np.float32), np.ones((9, 9), bool), None)
     path.write_bytes(path.read_bytes()[:keep])
-    assert not is_kept(path, (9, 9))
+    assert not is_cached(path, (9, 9))
     with pytest.raises(InputError, match=r"map\.npz cannot be read; delete it"):
-        read_kept(path, "map")
+        read_array(path, "map")
 
 
 def test_a_pickle_is_not_opened(tmp_path):
     path = tmp_path / "map.npz"
     np.savez(path, map=np.array([{"a": 1}], dtype=object))
     with pytest.raises(InputError, match="cannot be read"):
-        read_kept(path, "map")
+        read_array(path, "map")

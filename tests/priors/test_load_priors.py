@@ -15,7 +15,7 @@ from room2dgs.priors import load_priors
 
 def load(room, prior_config, folder, points=None, frames=None, **changes):
     lines: list[str] = []
-    changes.setdefault("depth__joint", "false")  # what bending adds is told in test_joint.py
+    changes.setdefault("depth__joint", "false")  # joint optimisation is tested in joint/
     settings = prior_config("prior=files", depth__path=folder / "depth", normal__path=folder / "normal", **changes)
     priors = load_priors(frames or room.frames, points or room.points, settings, lines.append)
     return priors, "\n".join(lines)

@@ -1,4 +1,4 @@
-"""A smooth field over each view's image: what a depth map is multiplied by, as a coarse grid of logarithms."""
+"""Log-scale grids: a smooth field over each view's image whose exp multiplies the depth map."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ def whole(grid: Tensor, height: int, width: int) -> Tensor:
     return at(grid[None], torch.zeros(len(place), dtype=torch.int64), place).reshape(height, width)
 
 
-def bending(grid: Tensor, stiffness: Tensor | None = None) -> Tensor:
-    """Mean squared second differences along rows, columns and across; 0 for a field that is a plane. Scalar.
+def smoothness(grid: Tensor, stiffness: Tensor | None = None) -> Tensor:
+    """Bending energy of a thin plate: mean squared second differences; 0 for a linear field. Scalar.
 
     Args:
-        stiffness: (V, R, C), what each difference counts, taken at its middle (the first of the four across); None: 1.
+        stiffness: (V, R, C) weight of each difference, taken at its middle (of the mixed ones, at the first); None: 1.
     """
     stiffness = torch.ones_like(grid) if stiffness is None else stiffness
     down = grid[:, 2:] - 2 * grid[:, 1:-1] + grid[:, :-2]

@@ -1,4 +1,4 @@
-"""Views, their depth maps and what they see together, thinned out and as tensors."""
+"""Views, their subsampled depth maps and which of them overlap, as tensors."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from room2dgs.captures.scene import Frame, PointCloud
 from room2dgs.geometry.depth_maps import project, unhidden
 from room2dgs.sfm.pairs import shared_view
 
-PLAIN = 4.0  # grey levels of 255 from one kept pixel to the next
-LEAST_REGION = 0.02  # of the image; a smaller plain piece may have any shape
-SMOOTH = 7  # kept pixels
-COLUMNS = 160  # of the thinned maps
+MAX_GRADIENT = 4.0  # of a textureless region: grey levels of 255 from one sample to the next
+MIN_REGION_SHARE = 0.02  # of the image; a smaller textureless region may have any shape
+SMOOTH = 7  # samples
+COLUMNS = 160  # of the subsampled maps
 NEIGHBOURS = 8
-LEAST_SHARED = 0.05
+MIN_SHARED = 0.05
 # Four neighbouring depths that differ more, relatively, lie on two surfaces.
 ONE_SURFACE = 0.1
 
@@ -29,12 +29,12 @@ class Overlap:
     """V views.
 
     Attributes:
-        step: every step-th pixel of a row and of a column is kept, from step // 2 on.
+        step: samples are every step-th pixel of a row and of a column, from step // 2 on.
         depth: (V, h, w) metres, 0 = invalid.
         normal: (V, h, w, 3) camera frame, facing the camera; 0 = invalid.
-        region: (V, h, w) int32, connected plain pieces of the photos, numbered from 1 in each view; 0 = textured.
+        region: (V, h, w) int32, connected textureless regions, numbered from 1 in each view; 0 = textured.
         region_normal: (V, h, w, 3) the normals, smoothed.
-        depth_weight, normal_weight: (V, h, w) in 0..1, how far depth and normal are believed.
+        depth_confidence, normal_confidence: (V, h, w) confidence in depth and normal, 0..1.
         size: (V, 2) width and height of the views, pixels.
         focal, principal: (V, 2) pixels.
         rotation, translation: (V, 3, 3), (V, 3) of cam_from_world.
@@ -48,8 +48,8 @@ class Overlap:
     normal: Tensor
     region: Tensor
     region_normal: Tensor
-    depth_weight: Tensor
-    normal_weight: Tensor
+    depth_confidence: Tensor
+    normal_confidence: Tensor
     size: Tensor
     focal: Tensor
     principal: Tensor
@@ -65,7 +65,7 @@ class Overlap:
         return len(self.depth)
 
     def pixel(self, row: Tensor, column: Tensor) -> Tensor:
-        """(N, 2) pixel of the whole image, centre at +0.5, for kept rows and columns."""
+        """(N, 2) pixel of the whole image, centre at +0.5, of samples at these rows and columns."""
         return torch.stack([column, row], dim=-1) * self.step + (self.step // 2 + 0.5)
 
     def rays(self, view: Tensor, pixel: Tensor) -> Tensor:
@@ -96,11 +96,11 @@ class Overlap:
         least = corners.amin(0)
         return (corners * weights).sum(0), (least > 0) & (least > (1 - ONE_SURFACE) * corners.amax(0))
 
-    def weight_at(self, view: Tensor, pixel: Tensor) -> Tensor:
-        """(N,) trust in the depth at the nearest kept pixel."""
+    def confidence_at(self, view: Tensor, pixel: Tensor) -> Tensor:
+        """(N,) confidence in the depth at the nearest sample."""
         rows, columns = self.depth.shape[1:]
         column, row = ((pixel.detach() - (self.step // 2 + 0.5)) / self.step).round().long().unbind(-1)
-        return self.depth_weight[view, row.clamp(0, rows - 1), column.clamp(0, columns - 1)]
+        return self.depth_confidence[view, row.clamp(0, rows - 1), column.clamp(0, columns - 1)]
 
 
 def overlap(
@@ -108,8 +108,8 @@ def overlap(
     depths: Mapping[str, np.ndarray],
     normals: Mapping[str, np.ndarray],
     points: PointCloud | None = None,
-    depth_weights: Mapping[str, np.ndarray] | None = None,
-    normal_weights: Mapping[str, np.ndarray] | None = None,
+    depth_confidences: Mapping[str, np.ndarray] | None = None,
+    normal_confidences: Mapping[str, np.ndarray] | None = None,
 ) -> Overlap:
     """Views that have a depth map.
 
@@ -118,24 +118,24 @@ def overlap(
         depths: frame name -> (H, W) metres, 0 = invalid.
         normals: frame name -> (H, W, 3) unit, world frame; frames may have none.
         points: metres; None: no points.
-        depth_weights, normal_weights: frame name -> (H, W) in 0..1; 1 for frames without and where there is no depth.
+        depth_confidences, normal_confidences: frame name -> (H, W) in 0..1; 1 for frames without and where there is no depth.
     """
     cameras = [frame.camera for frame in frames]
     step = max(1, max(camera.width for camera in cameras) // COLUMNS)
-    kept = [_kept(depths[frame.name], step) for frame in frames]
-    height, width = (max(2, *(part.shape[axis] for part in kept)) for axis in (0, 1))
+    sampled = [_subsampled(depths[frame.name], step) for frame in frames]
+    height, width = (max(2, *(part.shape[axis] for part in sampled)) for axis in (0, 1))
     depth, normal = np.zeros((len(frames), height, width)), np.zeros((len(frames), height, width, 3))
     region, region_normal = np.zeros(depth.shape, dtype=np.int32), np.zeros_like(normal)
-    trust = {"depth": np.ones(depth.shape), "normal": np.ones(depth.shape)}
-    for index, (frame, part) in enumerate(zip(frames, kept, strict=True)):
+    confidence = {"depth": np.ones(depth.shape), "normal": np.ones(depth.shape)}
+    for index, (frame, part) in enumerate(zip(frames, sampled, strict=True)):
         inside = (index, slice(part.shape[0]), slice(part.shape[1]))
         depth[inside] = part
         if frame.name in normals:
-            normal[inside] = _kept(normals[frame.name], step) @ frame.camera.cam_from_world[:3, :3].T
-        for kind, weights in (("depth", depth_weights), ("normal", normal_weights)):
-            if weights and frame.name in weights:
-                trust[kind][inside] = _kept(weights[frame.name], step)
-        region[index][inside[1:]] = plain_regions(frame.color(), step)
+            normal[inside] = _subsampled(normals[frame.name], step) @ frame.camera.cam_from_world[:3, :3].T
+        for kind, given in (("depth", depth_confidences), ("normal", normal_confidences)):
+            if given and frame.name in given:
+                confidence[kind][inside] = _subsampled(given[frame.name], step)
+        region[index][inside[1:]] = textureless_regions(frame.color(), step)
         region_normal[index] = cv2.blur(normal[index], (SMOOTH, SMOOTH))
     region_normal /= np.maximum(np.linalg.norm(region_normal, axis=-1, keepdims=True), 1e-6)
     K = np.stack([camera.K for camera in cameras])
@@ -144,7 +144,7 @@ def overlap(
         step,
         *map(_float, (depth, normal)),
         torch.from_numpy(region),
-        *map(_float, (region_normal, trust["depth"], trust["normal"])),
+        *map(_float, (region_normal, confidence["depth"], confidence["normal"])),
         *map(_float, ([(camera.width, camera.height) for camera in cameras], K[:, (0, 1), (0, 1)], K[:, :2, 2])),
         *map(_float, (pose[:, :3, :3], pose[:, :3, 3])),
         _pairs(frames),
@@ -156,24 +156,24 @@ def overlap(
     return replace(views, **seen, point_prior=prior[good])
 
 
-def plain_regions(color: np.ndarray, step: int) -> np.ndarray:
-    """Connected pieces of a photo without texture or edges, on the kept pixels.
+def textureless_regions(color: np.ndarray, step: int) -> np.ndarray:
+    """Connected regions of a photo without texture or edges, subsampled.
 
     Args:
         color: (H, W, 3) uint8.
 
     Returns:
-        (h, w) int32: 0 = textured or too small, else the number of the piece.
+        (h, w) int32: 0 = textured or too small, else the number of the region.
     """
     grey = cv2.GaussianBlur(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32), (0, 0), max(0.8, 0.5 * step))
     slope = np.hypot(cv2.Sobel(grey, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(grey, cv2.CV_32F, 0, 1, scale=1 / 8))
-    plain = _kept(cv2.dilate(slope, np.ones((step, step))), step) * step < PLAIN
-    _, label, stats, _ = cv2.connectedComponentsWithStats(plain.astype(np.uint8), connectivity=4)
-    large = stats[:, cv2.CC_STAT_AREA] >= LEAST_REGION * plain.size
-    return np.where(plain & large[label], label, 0).astype(np.int32)
+    flat = _subsampled(cv2.dilate(slope, np.ones((step, step))), step) * step < MAX_GRADIENT
+    _, label, stats, _ = cv2.connectedComponentsWithStats(flat.astype(np.uint8), connectivity=4)
+    large = stats[:, cv2.CC_STAT_AREA] >= MIN_REGION_SHARE * flat.size
+    return np.where(flat & large[label], label, 0).astype(np.int32)
 
 
-def _kept(values: np.ndarray, step: int) -> np.ndarray:
+def _subsampled(values: np.ndarray, step: int) -> np.ndarray:
     return values[step // 2 :: step, step // 2 :: step]
 
 
@@ -184,7 +184,7 @@ def _float(values) -> Tensor:
 def _pairs(frames: Sequence[Frame]) -> Tensor:
     shared = shared_view([frame.camera for frame in frames])
     best = np.argsort(-shared, axis=1, kind="stable")[:, :NEIGHBOURS]
-    found = [(i, int(j)) for i, row in enumerate(best) for j in row if shared[i, j] > LEAST_SHARED]
+    found = [(i, int(j)) for i, row in enumerate(best) for j in row if shared[i, j] > MIN_SHARED]
     return torch.tensor(found, dtype=torch.int64).reshape(-1, 2)
 
 

@@ -1,4 +1,4 @@
-"""A photo and its mirror image through a network, averaged."""
+"""Flip augmentation at test time: the predictions of a photo and of its mirror image, averaged."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Prediction(NamedTuple):
     Attributes:
         values: (h, w) float32 depth or (h, w, 3) float32 unit normals.
         valid: (h, w) bool.
-        error: (h, w) float32, what the network expects its error to be, of ln depth or in radians; None: not told.
+        error: (h, w) float32, the network's expected error, of ln depth or in radians; None: it gives none.
     """
 
     values: np.ndarray

@@ -1,4 +1,4 @@
-"""A network's map of one photo on disk: .npz with "map" and, where the network tells it, "error"."""
+"""Map cache: a network's map of one photo on disk, .npz with "map" and, where the network gives it, "error"."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE, whole_file
 
 SUFFIX = ".npz"
-# In place of a map: the network saw nothing valid in the photo.
-_NOTHING = ".nothing"
+# Marks a photo for which the network has no valid pixel.
+_EMPTY = ".empty"
 
 
-def is_kept(path: Path, shape: tuple[int, ...]) -> bool:
-    """Whether a map of this shape is there and whole, or known to be empty; its numbers are not read."""
-    if is_nothing(path):
+def is_cached(path: Path, shape: tuple[int, ...]) -> bool:
+    """Whether a whole map of this shape is cached, or is known to be empty; reads its header alone."""
+    if is_empty(path):
         return True
     try:
         with zipfile.ZipFile(path) as archive, archive.open("map.npy") as file:
@@ -27,12 +27,12 @@ def is_kept(path: Path, shape: tuple[int, ...]) -> bool:
         return False
 
 
-def is_nothing(path: Path) -> bool:
-    """Whether the network saw nothing in this photo."""
-    return path.with_suffix(_NOTHING).exists()
+def is_empty(path: Path) -> bool:
+    """Whether the network has no valid pixel for this photo."""
+    return path.with_suffix(_EMPTY).exists()
 
 
-def keep_map(path: Path, values: np.ndarray, valid: np.ndarray, error: np.ndarray | None) -> None:
+def write_map(path: Path, values: np.ndarray, valid: np.ndarray, error: np.ndarray | None) -> None:
     """Write a map, float16 where that keeps three digits.
 
     Args:
@@ -44,7 +44,7 @@ def keep_map(path: Path, values: np.ndarray, valid: np.ndarray, error: np.ndarra
         OSError: the disk refuses.
     """
     if not valid.any() or not values[valid].any():
-        with whole_file(path.with_suffix(_NOTHING)) as temporary:
+        with whole_file(path.with_suffix(_EMPTY)) as temporary:
             temporary.write_bytes(b"")
         return
     arrays = {"map": _short(np.where(valid if values.ndim == 2 else valid[..., None], values, 0.0), values.ndim == 2)}
@@ -54,7 +54,7 @@ def keep_map(path: Path, values: np.ndarray, valid: np.ndarray, error: np.ndarra
         np.savez(file, **arrays)
 
 
-def read_kept(path: Path, name: str) -> np.ndarray | None:
+def read_array(path: Path, name: str) -> np.ndarray | None:
     """ "map" or "error" as float32; None where the file has no such array.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Every photo's maps by a network, kept on disk: what is there already is not computed again."""
+"""Maps of all photos by a network; what the map cache has is not computed again."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.priors.files import resize_depth, resize_normal
 from room2dgs.priors.network.flip import Prediction
-from room2dgs.priors.network.map_cache import SUFFIX, is_kept, is_nothing, keep_map
+from room2dgs.priors.network.map_cache import SUFFIX, is_cached, is_empty, write_map
 from room2dgs.priors.network.model_file import ModelFile, read_model
 from room2dgs.priors.network.network import predictions, same_input
 from room2dgs.priors.network.session import Network, open_network
@@ -55,49 +55,50 @@ def predicted_maps(
     """Depth or normal maps of some photos by the configured network.
 
     A map is known by the bytes of the model and of the photo, by the settings that matter, and by its size. It is
-    kept as `keep_map` writes it, at the frame's camera's size, so that `read_depth` and `read_normal` read it. The
+    cached as `write_map` writes it, at the frame's camera's size, so that `read_depth` and `read_normal` read it. The
     model is not loaded when all maps are there. Where one model gives both kinds from the same input, a photo that
-    lacks this kind gets both from one look.
+    lacks this kind gets both from one inference.
 
     Args:
         kind: "depth" or "normal".
-        config: `cache` is the folder to keep the maps in.
+        config: `cache` is the folder of the map cache.
         models: what `read_models` gives.
         log: takes one line at a time.
 
     Returns:
-        Frame name -> file; without the photos in which the network sees nothing, which are logged.
+        Frame name -> file; without the photos for which the network has no valid pixel, which are logged.
 
     Raises:
-        InputError: as `open_network` and `predictions`, the folder cannot be written, or the network sees nothing
-            in any photo.
+        InputError: as `open_network` and `predictions`, the folder cannot be written, or the network has no
+            valid pixel for any photo.
     """
     if not config.cache:
-        raise InputError("prior.cache=DIR is not given; the networks' maps are kept there")
+        raise InputError("prior.cache=DIR is not given; the networks' maps are cached there")
     model, folder = models[kind], Path(config.cache) / kind
     paths = _paths(frames, kind, config, model)
-    missing = [frame for frame in frames if not is_kept(paths[frame.name], _shape(frame, kind))]
+    missing = [frame for frame in frames if not is_cached(paths[frame.name], _shape(frame, kind))]
     if missing:
         log(
             f"{kind} prior: {model.path.name} on {len(missing)} photos; {len(frames) - len(missing)} of its maps "
             f"are in {folder}"
         )
-        _fill(missing, _same_look(kind, config, models), config, model, log)
+        _fill(missing, _same_inference(kind, config, models), config, model, log)
     else:
         log(f"{kind} prior: all {len(frames)} maps of {model.path.name} are in {folder}")
-    empty = [name for name, path in paths.items() if is_nothing(path)]
+    empty = [name for name, path in paths.items() if is_empty(path)]
     if len(empty) == len(frames):
         raise InputError(
             f"{model.path} gives no valid pixel for any of {len(frames)} photos; check what its maker says of white, "
             f"mean and std, prior.{kind}.onnx.*"
         )
     if empty:
-        log(f"{kind} prior: the network sees nothing in {len(empty)} of {len(frames)} photos: {', '.join(empty[:5])}")
+        some = ", ".join(empty[:5])
+        log(f"{kind} prior: the network has no valid pixel in {len(empty)} of {len(frames)} photos: {some}")
     return {name: path for name, path in paths.items() if name not in empty}
 
 
-def _same_look(kind: str, config: PriorConfig, models: Mapping[str, ModelFile]) -> list[str]:
-    """This kind first, then the other if the same look at a photo gives it."""
+def _same_inference(kind: str, config: PriorConfig, models: Mapping[str, ModelFile]) -> list[str]:
+    """This kind first, then the other if the same inference gives it."""
     settings = getattr(config, kind).onnx
     return [kind] + [
         other
@@ -121,10 +122,10 @@ def _fill(frames: Sequence[Frame], kinds: Sequence[str], config: PriorConfig, mo
             log(f"{kinds[0]} prior: {count} of {len(frames)} photos, {(reported - start) / count:.1f} s each")
         for kind, found in zip(kinds, predictions(networks, *_photo(frame)), strict=True):
             path = paths[kind][frame.name]
-            if is_kept(path, _shape(frame, kind)):
+            if is_cached(path, _shape(frame, kind)):
                 continue
             try:
-                keep_map(path, *at_camera(found, frame.camera))
+                write_map(path, *at_camera(found, frame.camera))
             except OSError as error:
                 raise InputError(
                     f"{path.parent} cannot be written ({error.strerror}); choose another prior.cache=DIR"

@@ -1,4 +1,4 @@
-"""One photo through a depth or normal network."""
+"""Inference of a depth or normal network on one photo."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def predicted(network: Network, photo: np.ndarray, camera: Camera) -> Prediction
     Returns:
         (h, w) float32 depth as the network means it (metres for this photo's focal length where
         `canonical_focal_px` is set) or (h, w, 3) float32 unit normals in the network's axes, (h, w) bool where
-        they are valid, and the expected error if the network tells it; the whole photo and no more.
+        they are valid, and the expected error if the network gives it; for exactly the photo's area.
 
     Raises:
         InputError: the network cannot run, or gives something that is no such map.
@@ -44,7 +44,7 @@ def predicted(network: Network, photo: np.ndarray, camera: Camera) -> Prediction
 
 
 def predictions(networks: Sequence[Network], photo: np.ndarray, camera: Camera) -> list[Prediction]:
-    """Several maps of one photo from one look at it.
+    """Several maps of one photo from one inference.
 
     Args:
         networks: of one session and with the same settings of the input (`same_input`).
@@ -52,9 +52,9 @@ def predictions(networks: Sequence[Network], photo: np.ndarray, camera: Camera) 
     Raises:
         InputError: as `predicted`.
     """
-    found = _seen(networks, photo, camera)
+    found = _inferred(networks, photo, camera)
     if networks[0].settings.flip:
-        mirrored = _seen(networks, np.ascontiguousarray(photo[:, ::-1]), mirrored_camera(camera))
+        mirrored = _inferred(networks, np.ascontiguousarray(photo[:, ::-1]), mirrored_camera(camera))
         found = [averaged(one, mirrored_back(other)) for one, other in zip(found, mirrored, strict=True)]
     return found
 
@@ -64,7 +64,7 @@ def same_input(one: OnnxConfig, other: OnnxConfig) -> bool:
     return all(getattr(one, name) == getattr(other, name) for name in INPUT_SETTINGS)
 
 
-def _seen(networks: Sequence[Network], photo: np.ndarray, camera: Camera) -> list[Prediction]:
+def _inferred(networks: Sequence[Network], photo: np.ndarray, camera: Camera) -> list[Prediction]:
     network = networks[0]
     settings = network.settings
     fit = _fit(network, camera)
@@ -144,6 +144,6 @@ def _shaped(values: np.ndarray, arg: Any, network: Network) -> np.ndarray:
     if arg.type not in NUMBERS or len(arg.shape) < values.ndim:
         raise InputError(
             f"{network.path} wants {arg.name} as {arg.type} of {shape_in_words(arg)}, which numbers of shape "
-            f"{values.shape} do not fit; export it with a plain input"
+            f"{values.shape} do not fit; export it with an input of that shape"
         )
     return values.astype(NUMBERS[arg.type]).reshape((1,) * (len(arg.shape) - values.ndim) + values.shape)

@@ -8,8 +8,8 @@ import numpy as np
 
 from room2dgs.config import NormalPriorConfig
 from room2dgs.errors import InputError
-from room2dgs.priors.joint.planar_points import planar_normals
 from room2dgs.priors.normals.convention import camera_normals, judge
+from room2dgs.priors.normals.planar_points import planar_normals
 from room2dgs.priors.normals.samples import Sample
 
 Log = Callable[[str], None]
@@ -60,7 +60,7 @@ def usable(
             "or prior.normal.check=false uses them as they are"
         )
     if verdict.better:
-        log(f"WARNING: the normals' convention looks wrong, {verdict.better} fits best; used all the same")
+        log(f"WARNING: the normals' convention inferences wrong, {verdict.better} fits best; used all the same")
     elif verdict.score.cosine is not None and verdict.score.cosine < 0.5:
         log("WARNING: depth and normal priors do not agree; one of them or both are poor")
     elif planes is not None and planes < facing + MIN_GAIN:

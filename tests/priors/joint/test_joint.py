@@ -1,4 +1,4 @@
-"""Depth maps with smooth errors of their own, bent until they agree."""
+"""Joint optimisation of depth maps, each with a smooth error of its own."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from room2dgs.geometry.depth_maps import pixel_rays
 from room2dgs.priors import load_priors
 from room2dgs.priors.joint import optimise as joint
 from room2dgs.priors.joint.optimise import STAGES, joint_depths
-from room2dgs.priors.joint.overlap import overlap, plain_regions
+from room2dgs.priors.joint.overlap import overlap, textureless_regions
 from room2dgs.priors.joint.room_axes import room_axes
-from room2dgs.priors.joint.terms import of_axes, of_planes
+from room2dgs.priors.joint.terms import axis_residuals, planarity_residuals
 
 NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int32))
 
@@ -58,11 +58,11 @@ def error(found: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> float:
 def test_what_every_view_gets_wrong_in_its_own_way_is_found_out(ring):
     frames, depths, normals, points = ring
     spoilt = warped(depths)
-    bent = joint_depths(frames, spoilt, normals, points)
+    found = joint_depths(frames, spoilt, normals, points)
     assert error(spoilt, depths) > 0.04
-    assert error(bent.depths, depths) < 0.01
-    assert bent.between_views[1] < 0.3 * bent.between_views[0]
-    assert bent.at_points[1] < 0.3 * bent.at_points[0]
+    assert error(found.depths, depths) < 0.01
+    assert found.between_views[1] < 0.3 * found.between_views[0]
+    assert found.at_points[1] < 0.3 * found.at_points[0]
 
 
 def test_views_help_each_other_where_there_are_no_points(ring):
@@ -75,13 +75,13 @@ def test_normals_help_a_view_that_has_nothing_else(ring):
     frames, depths, normals, _ = ring
     name = frames[0].name
     spoilt = {name: warped(depths)[name]}
-    bent = joint_depths(frames, spoilt, normals, NOTHING).depths[name]
+    found = joint_depths(frames, spoilt, normals, NOTHING).depths[name]
 
-    # no view and no point tells the size
+    # neither views nor points give the scale
     def off(depth):
         return np.abs(depth / depths[name] / np.median(depth / depths[name]) - 1).mean()
 
-    assert off(bent) < 0.5 * off(spoilt[name])
+    assert off(found) < 0.5 * off(spoilt[name])
 
 
 def test_true_maps_stay_true(ring):
@@ -95,33 +95,33 @@ def test_one_bad_map_does_not_spoil_the_others(ring):
     spoilt = warped(depths)
     bad = frames[4].name
     spoilt[bad] = rng.uniform(0.5, 6.0, spoilt[bad].shape).astype(np.float32)
-    bent = joint_depths(frames, spoilt, normals, points).depths
-    others = {name: depth for name, depth in bent.items() if name != bad}
+    found = joint_depths(frames, spoilt, normals, points).depths
+    others = {name: depth for name, depth in found.items() if name != bad}
     assert error(others, depths) < 0.015
 
 
-def test_full_trust_everywhere_changes_no_bit(ring, monkeypatch):
+def test_full_confidence_everywhere_changes_no_bit(ring, monkeypatch):
     monkeypatch.setattr(joint, "STAGES", STAGES[:1])
     frames, depths, normals, points = ring
-    spoilt, trust = warped(depths), {name: np.ones(depth.shape, np.float32) for name, depth in depths.items()}
+    spoilt, confidence = warped(depths), {name: np.ones(depth.shape, np.float32) for name, depth in depths.items()}
     one = joint_depths(frames, spoilt, normals, points).depths
-    other = joint_depths(frames, spoilt, normals, points, True, trust, trust).depths
+    other = joint_depths(frames, spoilt, normals, points, True, confidence, confidence).depths
     for name, depth in one.items():
         np.testing.assert_array_equal(depth, other[name])
 
 
-def test_what_a_map_does_not_believe_of_itself_bends_easily_and_spoils_no_other(ring, monkeypatch):
+def test_pixels_of_low_confidence_are_less_stiff_and_spoil_no_other_view(ring, monkeypatch):
     monkeypatch.setattr(joint, "STAGES", STAGES[:3])
     frames, depths, normals, _ = ring
     rng = np.random.default_rng(3)
-    spoilt, trust, wrong = warped(depths, 0.04), {}, {}
+    spoilt, confidence, wrong = warped(depths, 0.04), {}, {}
     for name, depth in spoilt.items():
         y, x = np.mgrid[0 : depth.shape[0], 0 : depth.shape[1]] / depth.shape[1]
         blob = np.exp(-((x - rng.uniform(0.2, 0.8)) ** 2 + (y - rng.uniform(0.15, 0.6)) ** 2) / (2 * 0.12**2))
         noise = cv2.GaussianBlur(rng.normal(size=depth.shape), (0, 0), 1.5)
         bump = rng.choice([-0.6, 0.6]) + 0.1 * noise / noise.std()
         spoilt[name] = (depth * np.exp(blob * bump)).astype(np.float32)
-        trust[name] = (1 / (1 + ((0.03 + 0.3 * blob) / 0.1) ** 2)).astype(np.float32)
+        confidence[name] = (1 / (1 + ((0.03 + 0.3 * blob) / 0.1) ** 2)).astype(np.float32)
         wrong[name] = blob > 0.4
 
     def errors(*weights):
@@ -129,19 +129,19 @@ def test_what_a_map_does_not_believe_of_itself_bends_easily_and_spoils_no_other(
         off = {name: np.abs(found[name] / depths[name] - 1) for name in found}
         return [np.mean([off[name][wrong[name] == which].mean() for name in off]) for which in (False, True)]
 
-    blind, told = errors(), errors(trust)
-    assert told[0] < 0.8 * blind[0] and told[1] < blind[1]
+    without, weighted = errors(), errors(confidence)
+    assert weighted[0] < 0.8 * without[0] and weighted[1] < without[1]
 
 
-def test_normals_that_are_not_believed_do_not_tilt_the_depth(ring, monkeypatch):
+def test_normals_of_no_confidence_do_not_tilt_the_depth(ring, monkeypatch):
     monkeypatch.setattr(joint, "STAGES", STAGES[:3])
     frames, depths, normals, points = ring
     turn = cv2.Rodrigues(np.array([0.3, 0.2, -0.25]))[0]
     turned = {name: (normal @ turn.T).astype(np.float32) for name, normal in normals.items()}
     nothing = {name: np.zeros(depth.shape, np.float32) for name, depth in depths.items()}
-    believed = joint_depths(frames, depths, turned, points, False).depths
+    with_normals = joint_depths(frames, depths, turned, points, False).depths
     without = joint_depths(frames, depths, turned, points, False, None, nothing).depths
-    assert error(without, depths) < 2e-3 < error(believed, depths)
+    assert error(without, depths) < 2e-3 < error(with_normals, depths)
 
 
 def test_the_same_maps_give_the_same_bits_and_holes_stay_holes(ring):
@@ -178,7 +178,7 @@ def test_points_are_carried_into_other_views_exactly(ring):
     np.testing.assert_allclose(there[0].numpy(), expected[:2] / expected[2], atol=0.02)
 
 
-def plain(frames: list[Frame], folder: Path) -> list[Frame]:
+def textureless(frames: list[Frame], folder: Path) -> list[Frame]:
     """The same views of a room without texture: each photo is one grey."""
     path = folder / "grey.png"
     camera = frames[0].camera
@@ -188,29 +188,29 @@ def plain(frames: list[Frame], folder: Path) -> list[Frame]:
 
 def test_a_slanted_wall_is_a_plane_and_a_curved_one_is_not(ring, tmp_path):
     frames, depths, normals, _ = ring
-    frames = plain(frames, tmp_path)
+    frames = textureless(frames, tmp_path)
 
-    def bends(maps: dict[str, np.ndarray]) -> torch.Tensor:
+    def deviations(maps: dict[str, np.ndarray]) -> torch.Tensor:
         views = overlap(frames, maps, normals)
         flat = torch.zeros(len(views), 3, 4)
-        return of_planes(views, flat, 20000, torch.Generator().manual_seed(0)).abs()
+        return planarity_residuals(views, flat, 20000, torch.Generator().manual_seed(0)).abs()
 
-    right = bends(depths)
+    right = deviations(depths)
     assert len(right) > 500
     assert right.median() < 1e-5
-    # walls seen frontally hardly bend, so the median is small: but well above what rounding gives a plane
-    assert bends({name: depth**1.2 for name, depth in depths.items()}).median() > 1e-4
+    # walls seen frontally hardly curve, so the median is small: but well above what rounding gives a plane
+    assert deviations({name: depth**1.2 for name, depth in depths.items()}).median() > 1e-4
 
 
-def test_plain_pieces_are_measured_against_the_axes(ring, tmp_path):
+def test_textureless_regions_are_measured_against_the_axes(ring, tmp_path):
     frames, depths, normals, _ = ring
-    views = overlap(plain(frames, tmp_path), depths, normals)
+    views = overlap(textureless(frames, tmp_path), depths, normals)
     flat = torch.zeros(len(views), 3, 4)
     turn = np.radians(5.0)
     turned = torch.tensor([[0, 0, 1.0], [np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0]]).float()
 
     def sines(axes: torch.Tensor) -> torch.Tensor:
-        found = of_axes(views, flat, axes, 20000, torch.Generator().manual_seed(0)).abs()
+        found = axis_residuals(views, flat, axes, 20000, torch.Generator().manual_seed(0)).abs()
         assert len(found) > 500
         return found
 
@@ -240,11 +240,11 @@ def test_the_axes_of_a_box_are_found_and_those_of_a_round_room_are_not(ring):
     assert len(room_axes(overlap(frames, round_room, {}), torch.zeros(len(views), 3, 4))) == 1
 
 
-def test_plain_walls_are_pieces_and_texture_is_none():
+def test_walls_are_textureless_regions_and_texture_is_none():
     photo = np.full((120, 160, 3), 120, np.uint8)
     photo[:, 80:] = 60  # a corner: two walls
     photo[80:, :] = np.random.default_rng(0).integers(0, 255, (40, 160, 3))
-    region = plain_regions(photo, step=2)
+    region = textureless_regions(photo, step=2)
     assert region.shape == (60, 80)
     assert region[10, 10] > 0
     assert region[10, 70] > 0
@@ -253,7 +253,7 @@ def test_plain_walls_are_pieces_and_texture_is_none():
 
 
 @pytest.mark.parametrize("joint", [True, False])
-def test_loaded_maps_are_bent_if_asked_and_the_log_says_how_well_they_agree(ring, prior_config, tmp_path, joint):
+def test_loaded_maps_are_optimised_jointly_if_asked_and_the_log_has_the_residuals(ring, prior_config, tmp_path, joint):
     frames, depths, _, points = ring
     spoilt = warped(depths)
     for name, depth in spoilt.items():
@@ -262,7 +262,7 @@ def test_loaded_maps_are_bent_if_asked_and_the_log_says_how_well_they_agree(ring
     lines: list[str] = []
     found = {name: prior.depth for name, prior in load_priors(frames, points, settings, lines.append).by_frame.items()}
     assert (error(found, depths) < 0.015) == joint
-    assert any("bent until views agree" in line for line in lines) == joint
+    assert any("joint depth optimisation: views differ by" in line for line in lines) == joint
 
 
 def test_maps_on_which_all_views_agree_but_the_points_do_not_are_left_out(ring, prior_config, tmp_path):

@@ -6,7 +6,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from room2dgs.priors.joint.log_scale_grid import at, bending, finer, whole
+from room2dgs.priors.joint.log_scale_grid import at, finer, smoothness, whole
 
 sides = st.integers(2, 9)
 
@@ -23,7 +23,7 @@ def test_a_linear_field_is_met_between_its_knots_and_stays_one_when_refined(rows
     place = torch.rand(50, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
     expected = 0.3 - 0.7 * place[:, 0] + 0.2 * place[:, 1]
     torch.testing.assert_close(at(grid, torch.zeros(50, dtype=torch.int64), place), expected)
-    assert bending(grid).item() < 1e-24
+    assert smoothness(grid).item() < 1e-24
 
 
 def test_knots_of_other_views_and_beyond_the_border_do_not_mix():
@@ -43,10 +43,10 @@ def test_gradients_of_values_and_places_are_exact():
     place = torch.rand(6, 2, dtype=torch.float64, requires_grad=True)
     view = torch.tensor([0, 1, 0, 1, 1, 0])
     assert torch.autograd.gradcheck(lambda g, p: at(g, view, p), (grid, place))
-    assert torch.autograd.gradcheck(bending, (grid,))
+    assert torch.autograd.gradcheck(smoothness, (grid,))
 
 
-def test_a_bend_costs():
+def test_curvature_costs():
     grid = torch.zeros(1, 5, 5)
     grid[0, 2, 2] = 1.0
-    assert bending(grid) > 0
+    assert smoothness(grid) > 0

@@ -1,4 +1,4 @@
-"""Networks of every make give the map that their settings say, and what does not fit is told with what they have."""
+"""Networks of every make give the map that their settings say, and a misfit is reported with what they have."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from room2dgs.config import conf_dir, load_config
 from room2dgs.config.overrides import group_choices
 from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
-from room2dgs.priors.network.map_cache import read_kept
+from room2dgs.priors.network.map_cache import read_array
 from room2dgs.priors.network.maps import predicted_maps, read_models
 
 DISPARITY = 200.0  # of 8-bit photos: grey level = DISPARITY / depth
@@ -42,7 +42,7 @@ def depth_config(prior_config, depth_network, tmp_path):
     def make(**changes):
         changes = {"onnx__model": depth_network, "onnx__height": 60, "onnx__width": 80, "onnx__white": 255} | changes
         depth = {f"depth__{key}": value for key, value in changes.items()}
-        return prior_config("prior/depth=onnx", cache=tmp_path / "kept", **depth)
+        return prior_config("prior/depth=onnx", cache=tmp_path / "cache", **depth)
 
     return make
 
@@ -50,7 +50,7 @@ def depth_config(prior_config, depth_network, tmp_path):
 def maps(frames, config):
     lines: list[str] = []
     paths = predicted_maps(frames, "depth", config, read_models(config), lines.append)
-    return {name: read_kept(path, "map") for name, path in paths.items()}, "\n".join(lines)
+    return {name: read_array(path, "map") for name, path in paths.items()}, "\n".join(lines)
 
 
 def test_a_networks_disparity_becomes_metres(room, photos, grey, depth_config, sessions):
@@ -111,14 +111,14 @@ def test_another_working_size_has_maps_of_its_own(room, photos, grey, depth_conf
 def test_a_damaged_map_is_made_again(room, photos, grey, depth_config, tmp_path):
     frames = photos(grey)
     first, _ = maps(frames, depth_config())
-    path = next((tmp_path / "kept" / "depth").glob(f"{frames[3].name}-*.npz"))
+    path = next((tmp_path / "cache" / "depth").glob(f"{frames[3].name}-*.npz"))
     path.write_bytes(path.read_bytes()[:200])
     again, said = maps(frames, depth_config())
     assert "on 1 photos; 5 of its maps" in said
     np.testing.assert_array_equal(again[frames[3].name], first[frames[3].name])
 
 
-def test_maps_that_half_precision_cannot_hold_are_kept_whole(room, photos, grey, depth_config, onnx_file):
+def test_maps_that_half_precision_cannot_hold_are_cached_in_full(room, photos, grey, depth_config, onnx_file):
     nodes = [("ReduceMean", ["photo"], ["m"], {"axes": [1], "keepdims": 1}), ("Mul", ["m", "k"], ["map"], {})]
     model = onnx_file(nodes, constants={"k": np.float32(1e4)})
     values, _ = maps(photos(grey), depth_config(onnx__model=model))
@@ -131,7 +131,7 @@ def test_a_photo_in_which_the_network_sees_nothing_is_left_out_and_said(room, ph
     for _ in range(2):
         found, said = maps(frames, depth_config())
         assert set(found) == {frame.name for frame in frames} - {frames[1].name}
-        assert f"sees nothing in 1 of 6 photos: {frames[1].name}" in said
+        assert f"no valid pixel in 1 of 6 photos: {frames[1].name}" in said
     assert len(sessions) == 1
 
 
@@ -140,17 +140,17 @@ def test_a_network_that_sees_nothing_at_all_is_an_error(room, photos, depth_conf
         maps(photos([np.zeros((60, 80, 3), np.uint8)] * 6), depth_config())
 
 
-def test_what_was_done_before_an_error_is_kept_and_nothing_half_written(room, photos, grey, depth_config, tmp_path):
+def test_maps_done_before_an_error_are_cached_and_nothing_half_written(room, photos, grey, depth_config, tmp_path):
     frames = photos(grey)
     frames[4].color_path.write_bytes(b"no photo")
     with pytest.raises(InputError, match=frames[4].color_path.name):
         maps(frames, depth_config())
-    kept = sorted(path.name[:6] for path in (tmp_path / "kept" / "depth").iterdir())
+    kept = sorted(path.name[:6] for path in (tmp_path / "cache" / "depth").iterdir())
     assert kept == [frame.name for frame in frames[:4]]
 
 
 def test_a_cache_that_cannot_be_written_is_named(room, photos, grey, depth_config, tmp_path):
-    (tmp_path / "kept").write_text("a file in its place")
+    (tmp_path / "cache").write_text("a file in its place")
     with pytest.raises(InputError, match=r"cannot be written .*; choose another prior\.cache=DIR"):
         maps(photos(grey), depth_config())
 
@@ -162,7 +162,7 @@ def test_a_networks_normals_are_read_and_a_wrong_convention_is_its_own(room, pho
     def load(**changes):
         changes |= {"onnx__model": model, "onnx__height": 60, "onnx__width": 80, "onnx__values": "zero_to_one"}
         normal = {f"normal__{key}": value for key, value in changes.items()}
-        settings = prior_config("prior/normal=onnx", cache=tmp_path / "kept", **normal)
+        settings = prior_config("prior/normal=onnx", cache=tmp_path / "cache", **normal)
         return load_priors(frames, room.points, settings, lambda line: None)
 
     priors = load()
@@ -174,17 +174,17 @@ def test_a_networks_normals_are_read_and_a_wrong_convention_is_its_own(room, pho
         load(facing="away")
 
 
-def test_a_wrong_convention_is_told_before_all_photos_are_computed(
+def test_a_wrong_convention_is_reported_before_all_photos_are_computed(
     room, photos, onnx_file, prior_config, tmp_path, monkeypatch
 ):
     monkeypatch.setattr("room2dgs.priors.load.CHECKED_FRAMES", 3)
     frames = photos([np.round((normal + 1) * 127.5).astype(np.uint8) for normal in room.normals])
     model = onnx_file([("Identity", ["photo"], ["map"], {})], {"photo": ("FLOAT", (1, 3, 60, 80))})
     choice = ("prior/normal=onnx", "prior.normal.onnx.values=zero_to_one", "prior.normal.axes=opengl")
-    settings = prior_config(*choice, cache=tmp_path / "kept", normal__onnx__model=model)
+    settings = prior_config(*choice, cache=tmp_path / "cache", normal__onnx__model=model)
     with pytest.raises(InputError, match="another convention"):
         load_priors(frames, room.points, settings, lambda line: None)
-    assert len(list((tmp_path / "kept" / "normal").glob("*.npz"))) == 3
+    assert len(list((tmp_path / "cache" / "normal").glob("*.npz"))) == 3
 
 
 def test_simulated_files_beside_a_network_stay_labelled(
@@ -194,7 +194,7 @@ def test_simulated_files_beside_a_network_stay_labelled(
     (folder / "priors.json").write_text(json.dumps({"simulated": True}))
     onnx = {"depth__onnx__model": depth_network, "depth__onnx__height": 60, "depth__onnx__width": 80}
     settings = prior_config(
-        "prior/depth=onnx", "prior/normal=files", cache=tmp_path / "kept", normal__path=folder / "normal", **onnx
+        "prior/depth=onnx", "prior/normal=files", cache=tmp_path / "cache", normal__path=folder / "normal", **onnx
     )
     assert load_priors(photos(grey), room.points, settings, lambda line: None).label == "simulated"
 

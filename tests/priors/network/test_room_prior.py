@@ -34,12 +34,12 @@ def runs(monkeypatch):
 
 @pytest.fixture
 def settings(prior_config, room_network, tmp_path):
-    """The default settings but for the network, without its mirrored look and without bending, which takes seconds."""
+    """Default settings with another network, without flip augmentation and the slow joint optimisation."""
 
     def make(**changes):
         network = {"model": room_network, "width": 320, "height": 240, "flip": "false"}
         both = {f"{kind}__onnx__{key}": value for kind in ("depth", "normal") for key, value in network.items()}
-        changes = {"cache": tmp_path / "kept", "depth__joint": "false"} | both | changes
+        changes = {"cache": tmp_path / "cache", "depth__joint": "false"} | both | changes
         return prior_config("prior=room_prior", **changes)
 
     return make
@@ -50,12 +50,14 @@ def loaded(frames, points, config):
     return load_priors(frames, points, config, lines.append), "\n".join(lines)
 
 
-def test_one_look_at_each_photo_gives_depth_normals_and_confidences(room, telling_photos, settings, runs, room_network):
-    priors, said = loaded(telling_photos, room.points, settings())
-    assert len(runs) == len(telling_photos)
+def test_one_inference_of_each_photo_gives_depth_normals_and_confidences(
+    room, coded_photos, settings, runs, room_network
+):
+    priors, said = loaded(coded_photos, room.points, settings())
+    assert len(runs) == len(coded_photos)
     assert all(set(names) == {"depth", "depth_error", "normal", "normal_error"} for names in runs)
     assert "depth and normal prior: 6 photos" in said
-    for index, frame in enumerate(telling_photos):
+    for index, frame in enumerate(coded_photos):
         prior = priors.by_frame[frame.name]
         known = prior.depth > 0
         assert known.mean() > 0.97
@@ -74,14 +76,14 @@ def test_one_look_at_each_photo_gives_depth_normals_and_confidences(room, tellin
     assert priors.networks == {"depth": digest, "normal": digest}
 
 
-def test_what_is_kept_serves_other_opinions_of_the_error(room, telling_photos, settings, runs):
-    first, _ = loaded(telling_photos, room.points, settings())
+def test_cached_maps_serve_other_error_scales(room, coded_photos, settings, runs):
+    first, _ = loaded(coded_photos, room.points, settings())
     runs.clear()
-    name = telling_photos[0].name
-    again, _ = loaded(telling_photos, room.points, settings())
+    name = coded_photos[0].name
+    again, _ = loaded(coded_photos, room.points, settings())
     for one, other in zip(first.by_frame[name], again.by_frame[name], strict=True):
         np.testing.assert_array_equal(one, other)
-    strict, _ = loaded(telling_photos, room.points, settings(depth__onnx__error_scale=0.3, depth__onnx__max_error=0.2))
+    strict, _ = loaded(coded_photos, room.points, settings(depth__onnx__error_scale=0.3, depth__onnx__max_error=0.2))
     prior, far = strict.by_frame[name], room.depths[0] > 2.8
     assert not prior.depth[far].any() and prior.depth[~far].any()
     near = (prior.depth > 0) & (room.depths[0] < 2.2)
@@ -97,48 +99,48 @@ def test_what_is_kept_serves_other_opinions_of_the_error(room, telling_photos, s
         {"depth__onnx__mean": "[0,0.1,0]"},
     ],
 )
-def test_other_inputs_are_other_looks(room, telling_photos, settings, runs, changes):
-    loaded(telling_photos, room.points, settings(**changes))
+def test_other_inputs_are_other_inferences(room, coded_photos, settings, runs, changes):
+    loaded(coded_photos, room.points, settings(**changes))
     depth, normal = ({kind, f"{kind}_error"} for kind in ("depth", "normal"))
-    assert [set(names) for names in runs].count(depth) == len(telling_photos)
-    assert [set(names) for names in runs].count(normal) >= len(telling_photos)
+    assert [set(names) for names in runs].count(depth) == len(coded_photos)
+    assert [set(names) for names in runs].count(normal) >= len(coded_photos)
     assert depth | normal not in [set(names) for names in runs]
 
 
-def test_one_kind_alone_is_all_that_is_computed(room, telling_photos, settings, runs):
-    priors, _ = loaded(telling_photos, room.points, settings(depth__source="none"))
+def test_one_kind_alone_is_all_that_is_computed(room, coded_photos, settings, runs):
+    priors, _ = loaded(coded_photos, room.points, settings(depth__source="none"))
     assert all(set(names) == {"normal", "normal_error"} for names in runs)
-    prior = priors.by_frame[telling_photos[0].name]
+    prior = priors.by_frame[coded_photos[0].name]
     assert prior.depth is None and prior.depth_confidence is None and prior.normal_confidence is not None
     assert set(priors.networks) == {"normal"}
 
 
-def test_without_its_error_a_network_weighs_nothing(room, telling_photos, settings):
+def test_without_its_error_a_network_weighs_nothing(room, coded_photos, settings):
     names = {f"{kind}__onnx__error_output": "null" for kind in ("depth", "normal")}
-    priors, _ = loaded(telling_photos, room.points, settings(**names))
-    prior = priors.by_frame[telling_photos[0].name]
+    priors, _ = loaded(coded_photos, room.points, settings(**names))
+    prior = priors.by_frame[coded_photos[0].name]
     assert prior.depth_confidence is None and prior.normal_confidence is None
     assert (prior.depth > 0).mean() > 0.99
 
 
 @pytest.mark.parametrize("joint", ["false", "true"])
 @pytest.mark.parametrize("count", [0, 5])
-def test_metres_need_no_points(room, telling_photos, settings, count, joint, monkeypatch):
+def test_metres_need_no_points(room, coded_photos, settings, count, joint, monkeypatch):
     monkeypatch.setattr("room2dgs.priors.joint.optimise.STAGES", STAGES[:1])
     points = PointCloud(*(values[:count] for values in vars(room.points).values())) if count else NO_POINTS
-    priors, said = loaded(telling_photos[:3], points, settings(depth__joint=joint))
+    priors, said = loaded(coded_photos[:3], points, settings(depth__joint=joint))
     assert "its metres are taken with a scale of 1" in said
     assert "nan" not in said
-    for index, frame in enumerate(telling_photos[:3]):
+    for index, frame in enumerate(coded_photos[:3]):
         prior = priors.by_frame[frame.name]
         assert np.median(np.abs(prior.depth / room.depths[index] - 1)[prior.depth > 0]) < 0.05
 
 
-def test_few_points_of_many_views_tell_one_scale(room, telling_photos, settings):
+def test_few_points_of_many_views_tell_one_scale(room, coded_photos, settings):
     xyz = 1.25 * room.points.xyz[::16]  # a few a view
     frames = [
         replace(frame, camera=replace(frame.camera, cam_from_world=_moved(frame.camera.cam_from_world, 1.25)))
-        for frame in telling_photos
+        for frame in coded_photos
     ]
     points = PointCloud(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 3, np.int32))
     priors, _ = loaded(frames, points, settings())
@@ -150,10 +152,10 @@ def _moved(pose: np.ndarray, factor: float) -> np.ndarray:
     return pose * np.array([[1, 1, 1, factor]] * 3 + [[1, 1, 1, 1]])
 
 
-def test_metres_that_are_off_are_aligned_to_the_points(room, telling_photos, settings):
+def test_metres_that_are_off_are_aligned_to_the_points(room, coded_photos, settings):
     frames = [
         replace(frame, camera=replace(frame.camera, cam_from_world=_moved(frame.camera.cam_from_world, 1.3)))
-        for frame in telling_photos
+        for frame in coded_photos
     ]
     points = replace(room.points, xyz=1.3 * room.points.xyz)
     priors, _ = loaded(frames, points, settings())

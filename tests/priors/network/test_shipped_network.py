@@ -1,4 +1,4 @@
-"""The network that is shipped keeps to what its settings say of it; how good it is, is told elsewhere."""
+"""The network that is shipped keeps to what its settings say of it; how good it is, `room2dgs bench prior` measures."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_its_inputs_and_outputs_have_the_names_that_the_settings_give(session):
     named = {getattr(prior, kind).onnx.output for kind in ("depth", "normal")}
     named |= {getattr(prior, kind).onnx.error_output for kind in ("depth", "normal")}
     assert outputs == named == {"depth", "depth_error", "normal", "normal_error"}
-    # one look at a photo gives both
+    # one inference gives both
     assert same_input(prior.depth.onnx, prior.normal.onnx)
     assert model_path(prior.depth) == model_path(prior.normal) == shipped_network()
 

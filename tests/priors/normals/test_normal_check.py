@@ -1,4 +1,4 @@
-"""Normals that say nothing are told from those that do, without any depth prior."""
+"""Normals without information are found out, with no depth prior."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from room2dgs.captures.scene import PointCloud
 from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
-from room2dgs.priors.joint.planar_points import planar_normals
+from room2dgs.priors.normals.planar_points import planar_normals
 
 
 @pytest.fixture

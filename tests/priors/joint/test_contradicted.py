@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from room2dgs.geometry.camera import Camera
-from room2dgs.priors.align.point_trust import contradicted
+from room2dgs.priors.joint.contradicted import contradicted
 
 WIDTH, HEIGHT, FOCAL = 160, 120, 150.0
 

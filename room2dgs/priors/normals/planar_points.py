@@ -1,4 +1,4 @@
-"""Normals of the sparse points themselves, where they lie on a plane: few and rough, but nobody's guess."""
+"""Normals of the sparse points themselves, where they lie on a plane: few and rough, but measured."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 NEIGHBOURS = 16
-# Neighbours nearer than this tell the points' noise rather than the surface.
+# The normals of nearer neighbours are the points' noise rather than the surface's.
 SPACING_M = 0.05
 # Of a plane: its variance across against that along its shorter side, and that against the longer side.
 MAX_THICKNESS, MIN_WIDTH = 0.05, 0.1

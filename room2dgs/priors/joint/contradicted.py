@@ -11,15 +11,15 @@ from room2dgs.geometry.depth_maps import project, unhidden
 OFF = 0.05  # of the depth: a point that is further from the map speaks against it
 REACH = 1 / 40  # of the width: deviation of the Gaussian with which a point speaks for what is around it
 CELLS = 160  # across, on which the points are counted
-LEAST = 0.1  # of the weight of one point upon its own cell; further from all points nothing is contradicted
+MIN_SUPPORT = 0.1  # of the weight of one point upon its own cell; further from all points nothing is contradicted
 MAX_SHARE = 1 / 3  # of the points around a pixel may be off
 
 
 def contradicted(depth: np.ndarray, camera: Camera, xyz: np.ndarray) -> np.ndarray:
     """Pixels around which more than a third of the sparse points are off the map.
 
-    A network's soft edges and the pieces that it gets wrong lie where photos have texture, and so do the points: there
-    the map can be checked, and is not needed. Far from all points, upon a blank wall, it stays.
+    A network's soft edges and wrong regions lie where photos have texture, and so do the points: there the map can be
+    checked, and is not needed. Far from all points, on a blank wall, it stays.
 
     Args:
         depth: (H, W) metres, 0 = invalid.
@@ -41,5 +41,5 @@ def contradicted(depth: np.ndarray, camera: Camera, xyz: np.ndarray) -> np.ndarr
     sigma = REACH * width / cell
     good, bad = (cv2.GaussianBlur(count, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT) for count in counts)
     alone = 1 / (2 * np.pi * sigma**2)  # what one point gives its own cell
-    doubtful = (bad > MAX_SHARE * (good + bad)) & (good + bad > LEAST * alone)
+    doubtful = (bad > MAX_SHARE * (good + bad)) & (good + bad > MIN_SUPPORT * alone)
     return np.repeat(np.repeat(doubtful, cell, axis=0), cell, axis=1)[:height, :width]

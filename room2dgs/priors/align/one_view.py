@@ -1,0 +1,65 @@
+"""One view's depth prior: its values at points of known depth, and the fit applied to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from room2dgs.captures.scene import Frame
+from room2dgs.config import DepthPriorConfig
+from room2dgs.geometry.depth_maps import project, unhidden
+from room2dgs.priors.align.scale_shift import Fit, aligned_depth
+
+Log = Callable[[str], None]
+MAX_DEPTH_M = 100.0
+# Maps in metres are off by a factor rather than by a shift: a free shift would follow their smooth errors.
+METRIC_SHIFT_M = 0.1
+
+
+class RawMap(NamedTuple):
+    """A depth prior as it is read: (H, W) float32 values and (H, W) bool where they are valid."""
+
+    values: np.ndarray
+    valid: np.ndarray
+
+
+RawMaps = Mapping[str, RawMap]
+
+
+def pairs_at_points(
+    raw: RawMap, frame: Frame, xyz: np.ndarray, settings: DepthPriorConfig
+) -> tuple[np.ndarray, np.ndarray]:
+    """The map's values and the points' depths (or disparities) where points fall into the view; (N,) each.
+
+    Args:
+        xyz: (M, 3) points, metres, world frame.
+    """
+    pixel, z = project(xyz, frame.camera)
+    seen = unhidden(pixel, z, cell_px=max(4, frame.camera.width // 24))
+    pixel, z = pixel[seen], z[seen]
+    known = raw.valid[pixel[:, 1], pixel[:, 0]]
+    x = raw.values[pixel[known, 1], pixel[known, 0]].astype(np.float64)
+    return x, 1.0 / z[known] if is_disparity(settings) else z[known]
+
+
+def add_aligned(
+    frame: Frame, raw: RawMaps, fit: Fit, settings: DepthPriorConfig, depths: dict[str, np.ndarray], log: Log
+) -> bool:
+    """Apply a view's fit and add the result to `depths`; False, with a log line, if the residual is too large."""
+    if fit.residual > settings.max_residual:
+        log(f"depth prior of {frame.name} left out: {fit.residual:.1%} off its {fit.points} points")
+        return False
+    depths[frame.name] = aligned_depth(*raw[frame.name], fit, is_disparity(settings), MAX_DEPTH_M)
+    return True
+
+
+def is_disparity(settings: DepthPriorConfig) -> bool:
+    """Whether the maps hold 1 / depth."""
+    return settings.meaning == "relative_inverse_depth"
+
+
+def shift_sigma(settings: DepthPriorConfig) -> float | None:
+    """How far from 0 a fit's shift is expected, metres; None: anywhere."""
+    return METRIC_SHIFT_M if settings.meaning == "metric_depth" else None
