@@ -118,7 +118,7 @@ def overlap(
         depths: frame name -> (H, W) metres, 0 = invalid.
         normals: frame name -> (H, W, 3) unit, world frame; frames may have none.
         points: metres; None: no points.
-        depth_confidences, normal_confidences: frame name -> (H, W) in 0..1; 1 for frames without and where there is no depth.
+        depth_confidences, normal_confidences: frame name -> (H, W) in 0..1; 1 for frames without, and without a depth.
     """
     cameras = [frame.camera for frame in frames]
     step = max(1, max(camera.width for camera in cameras) // COLUMNS)
