@@ -107,8 +107,8 @@ def joint_depths(
         normals: frame name -> (H, W, 3) float32, unit, world frame; may be empty.
         points: sparse points, metres.
         manhattan: textureless walls and floors that nearly face one of the room's axes are pulled to face it.
-        depth_confidences, normal_confidences: frame name -> (H, W) in 0..1; 1 for the other frames. Where the confidence
-            in a depth is low, its grid is less stiff and its residuals to other views weigh less.
+        depth_confidences, normal_confidences: frame name -> (H, W) in 0..1; 1 for the other frames. Where that
+            of a depth is low, its grid is less stiff and its residuals to other views weigh less.
     """
     frames = [frame for frame in frames if frame.name in depths]
     if not frames:
