@@ -84,16 +84,19 @@ class Case:
 
     def bare_seconds(self, repeats: int) -> dict[str, float]:
         """Seconds a (pixel, surfel) pair of the bare loops on one thread, and the pairs of the whole image."""
-        out = self.draw(surfels=self.leaves, with_distortion=False)
-        frame = out.color.grad_fn.held.frame
-        images = [x.detach() for x in (out.color, out.alpha, out.depth, out.median_depth, out.normal)]
-        forward, pairs = frame.bare_loop(*images, None, TILE_STEP, repeats)
-        backward, _ = frame.bare_loop(*images, self.g_color, TILE_STEP, repeats)
-        stages = [frame.time_stages(*self.surfels, *images) for _ in range(repeats)]
+        images = [torch.empty(self.height, self.width, *c) for c in ((3,), (), (), (), (3,))]
+        frame = _C.RasterFrame()
+        frame.forward(
+            *self.surfels, self.cam_from_world.double(), self.K.double(), self.width, self.height, 0.05,
+            torch.zeros(3), *images, None,
+        )  # fmt: skip
+        forward, pairs = _C.bench.bare_loop(frame, *images, None, TILE_STEP, repeats)
+        backward, _ = _C.bench.bare_loop(frame, *images, self.g_color, TILE_STEP, repeats)
+        stages = [_C.bench.time_stages(frame, *self.surfels, *images) for _ in range(repeats)]
         return {
             "forward": forward / pairs,
             "backward": backward / pairs,
-            "pairs": frame.count_pairs(*images),
+            "pairs": _C.bench.count_pairs(frame, *images),
             "visible": frame.visible,
             "tile_entries": frame.entries,
             "stages_ms": {k: 1e3 * min(s[k] for s in stages) for k in stages[0]},

@@ -32,4 +32,5 @@ NB_MODULE(_C, m) {
   m.def("threads", &room2dgs::threads, "Threads in use, the caller's own included.");
   room2dgs::bind_splat(m);
   room2dgs::bind_losses(m);
+  room2dgs::bind_bench(m.def_submodule("bench", "What `room2dgs bench raster` measures by."));
 }

@@ -11,9 +11,7 @@
 #include <immintrin.h>
 #endif
 
-#ifndef R2_ISA
-#define R2_ISA isa_baseline
-#endif
+#include "scalar.h"
 
 namespace R2_ISA {
 
@@ -63,6 +61,12 @@ R2_INLINE f8 vmax(f8 a, f8 b) {
   return select(a > b, a, b);
 #endif
 }
+R2_INLINE i8 inverted(i8 mask) { return ~mask; }
+template <>
+struct Lanes<f8> {
+  using Mask = i8;
+  static R2_INLINE f8 all(float x) { return splat(x); }
+};
 // A bit a lane.
 R2_INLINE uint32_t bits(i8 mask) {
 #if defined(__AVX2__)

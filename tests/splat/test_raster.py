@@ -11,8 +11,10 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from room2dgs import _C, splat
 from room2dgs.geometry.rotations import rotation_matrices
-from room2dgs.splat import Surfels, raster, reference
+from room2dgs.splat import Rendering, Surfels, reference
+from room2dgs.splat.backends import cpu
 from room2dgs.splat.constants import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
 
 TOLERANCE = 1e-4
@@ -66,12 +68,12 @@ def _cosine(surfels, cam_from_world, order):
 
 def differentiate(render, surfels, K, cam_from_world, width, height, weights, dtype):
     surfels = Surfels(*(x.to(dtype).requires_grad_() for x in surfels))
-    pose = cam_from_world.to(dtype).requires_grad_()
+    K, pose, background = (x.to(dtype).requires_grad_() for x in (K, cam_from_world, BACKGROUND.clone()))
     center_px = torch.zeros(len(surfels.centers), 2, dtype=dtype, requires_grad=True)
-    images = render(surfels, K.to(dtype), pose, width, height, background=BACKGROUND.to(dtype), center_px=center_px)
+    images = render(surfels, K, pose, width, height, background=background, center_px=center_px)
     total = sum((w.to(dtype) * image).sum() for w, image in zip(weights, images, strict=True))
-    names = [*Surfels._fields, "cam_from_world", "center_px"]
-    gradients = torch.autograd.grad(total, [*surfels, pose, center_px])
+    names = [*Surfels._fields, "K", "cam_from_world", "background", "center_px"]
+    gradients = torch.autograd.grad(total, [*surfels, K, pose, background, center_px])
     return images, dict(zip(names, gradients, strict=True))
 
 
@@ -101,7 +103,7 @@ def test_images_and_gradients_equal_the_reference(hard_scene):
     weights = [torch.randn(s, generator=g) * (smooth[..., None] if len(s) == 3 else smooth) for s in shapes]
     view = (K, cam_from_world, width, height, weights)
     expected, expected_gradients = differentiate(reference.render, surfels, *view, torch.float64)
-    actual, gradients = differentiate(raster.render, surfels, *view, torch.float32)
+    actual, gradients = differentiate(splat.render, surfels, *view, torch.float32)
     for name, a, b in zip(expected._fields, actual, expected, strict=True):
         assert_close(name, a[smooth], b[smooth])
     for name, gradient in gradients.items():
@@ -115,12 +117,12 @@ def test_same_bits_on_any_number_of_threads(make_surfels, make_view, threads):
     weights = [torch.randn(s, generator=g) for s in [(90, 120, 3), *[(90, 120)] * 3, (90, 120, 3), (90, 120)]]
     args = (surfels, K * torch.tensor([[2.3], [2.3], [1.0]]), pose, 120, 90, weights, torch.float32)
     try:
-        raster.set_threads(1)
-        images, gradients = differentiate(raster.render, *args)
-        raster.set_threads(threads)
-        again, gradients_again = differentiate(raster.render, *args)
+        splat.set_threads(1)
+        images, gradients = differentiate(splat.render, *args)
+        splat.set_threads(threads)
+        again, gradients_again = differentiate(splat.render, *args)
     finally:
-        raster.set_threads()
+        splat.set_threads()
     for name, a, b in zip(images._fields, images, again, strict=True):
         assert torch.equal(a, b), name
     for name, gradient in gradients.items():
@@ -144,7 +146,7 @@ def test_no_visible_pixel_is_lost(seed, distance, scale, floor):
     exact = Surfels(*(x.double() for x in surfels))
     smooth = ~near_a_jump(exact, K.double(), torch.eye(4).double(), 80, 60)
     expected = reference.render(exact, K.double(), torch.eye(4).double(), 80, 60)
-    actual = raster.render(surfels, K, torch.eye(4), 80, 60)
+    actual = splat.render(surfels, K, torch.eye(4), 80, 60)
     lost = ((expected.alpha > 0) != (actual.alpha > 0)) & smooth
     assert not lost.any(), f"{int(lost.sum())} pixels differ"
 
@@ -156,11 +158,9 @@ def test_tile_lists_are_tight(make_surfels):
     needed = listed = 0
     for k in range(200):
         one = Surfels(*(x[k : k + 1] for x in surfels))
-        leaf = one._replace(centers=one.centers.requires_grad_())
-        out = raster.render(leaf, K, torch.eye(4), 160, 120)
-        tiles = torch.zeros(1)
-        out.alpha.grad_fn.held.frame.tiles_of(tiles)
-        listed += int(tiles)
+        *images, state = cpu.rasterize(*one, torch.eye(4), K, torch.zeros(3), None, 160, 120, 0.05, True, True)
+        out = Rendering(*images)
+        listed += int(state[1])
         alpha = torch.nn.functional.pad(out.alpha.detach(), (0, 0, 0, 8))
         needed += int((alpha.reshape(8, 16, 10, 16) > 0).any(dim=3).any(dim=1).sum())
     assert needed <= listed <= 1.06 * needed, (listed, needed)
@@ -170,7 +170,7 @@ def test_nothing_to_see():
     empty = Surfels(*(torch.zeros(s) for s in [(0, 3), (0, 4), (0, 2), (0,), (0, 1, 3)]))
     K = torch.tensor([[50.0, 0, 10], [0, 50.0, 10], [0, 0, 1]])
     pose = torch.eye(4, requires_grad=True)
-    out = raster.render(empty, K, pose, 20, 20, background=BACKGROUND)
+    out = splat.render(empty, K, pose, 20, 20, background=BACKGROUND)
     assert torch.equal(out.color, BACKGROUND.expand(20, 20, 3)) and not out.alpha.any() and not out.depth.any()
     out.color.sum().backward()
     assert torch.equal(pose.grad, torch.zeros(4, 4))
@@ -183,7 +183,7 @@ def test_a_bad_surfel_spoils_nothing_else(make_surfels, make_view, field, value)
     bad = Surfels(*(x.clone() for x in surfels))
     getattr(bad, field)[7] = value
     leaves = Surfels(*(x.requires_grad_() for x in bad))
-    out = raster.render(leaves, K, pose, 53, 40)
+    out = splat.render(leaves, K, pose, 53, 40)
     assert all(torch.isfinite(image).all() for image in out)
     sum(image.sum() for image in out).backward()
     for name, x in zip(Surfels._fields, leaves, strict=True):
@@ -212,7 +212,7 @@ def test_the_baseline_kernels_agree(make_surfels, make_view, tmp_path):
     subprocess.run(command, check=True, env=env, cwd=tmp_path)
     theirs = torch.load(tmp_path / "out.pt", weights_only=True)
     leaves = [x.requires_grad_() for x in surfels]
-    out = raster.render(Surfels(*leaves), K, pose, 53, 40)
+    out = splat.render(Surfels(*leaves), K, pose, 53, 40)
     sum(x.sum() for x in out).backward()
     for a, b in zip([*out, *(x.grad for x in leaves)], theirs, strict=True):
         torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4 * b.abs().max().item())
@@ -220,8 +220,8 @@ def test_the_baseline_kernels_agree(make_surfels, make_view, tmp_path):
 
 def test_outputs_that_are_not_wanted_cost_nothing_else(make_surfels, make_view):
     surfels, (K, pose) = make_surfels(200, 16), make_view()
-    full = raster.render(surfels, K, pose, 53, 40)
-    lean = raster.render(surfels, K, pose, 53, 40, with_normal=False, with_distortion=False)
+    full = splat.render(surfels, K, pose, 53, 40)
+    lean = splat.render(surfels, K, pose, 53, 40, with_normal=False, with_distortion=False)
     assert not lean.normal.any() and not lean.distortion.any()
     for name in ("color", "alpha", "depth", "median_depth"):
         assert torch.equal(getattr(full, name), getattr(lean, name)), name
@@ -230,45 +230,46 @@ def test_outputs_that_are_not_wanted_cost_nothing_else(make_surfels, make_view):
 def test_wrong_shapes_and_types_are_named(make_surfels, make_view):
     surfels, (K, pose) = make_surfels(5), make_view()
     with pytest.raises(ValueError, match="rotations"):
-        raster.render(surfels._replace(rotations=torch.zeros(5, 3)), K, pose, 8, 8)
+        splat.render(surfels._replace(rotations=torch.zeros(5, 3)), K, pose, 8, 8)
     with pytest.raises(ValueError, match="sh has shape"):
-        raster.render(surfels._replace(sh=torch.zeros(5, 5, 3)), K, pose, 8, 8)
+        splat.render(surfels._replace(sh=torch.zeros(5, 5, 3)), K, pose, 8, 8)
     with pytest.raises(ValueError, match="float64"):
-        raster.render(surfels._replace(scales=surfels.scales.double()), K, pose, 8, 8)
+        splat.render(surfels._replace(scales=surfels.scales.double()), K, pose, 8, 8)
     with pytest.raises(ValueError, match="image size"):
-        raster.render(surfels, K, pose, 0, 8)
+        splat.render(surfels, K, pose, 0, 8)
 
 
 @pytest.mark.parametrize("background", [torch.zeros(0), torch.ones(1), torch.ones(4), torch.ones(1, 3)])
 def test_a_background_of_another_size_is_refused(make_surfels, make_view, background):
     surfels, (K, pose) = make_surfels(5), make_view()
     with pytest.raises(ValueError, match="background has shape"):
-        raster.render(surfels, K, pose, 8, 8, background=background)
+        splat.render(surfels, K, pose, 8, 8, background=background)
 
 
 @pytest.mark.parametrize("near_m", [0.0, -0.1, float("nan"), float("inf")])
 def test_a_near_plane_behind_the_camera_is_refused(make_surfels, make_view, near_m):
     surfels, (K, pose) = make_surfels(5), make_view()
     with pytest.raises(ValueError, match="near"):
-        raster.render(surfels, K, pose, 8, 8, near_m=near_m)
+        splat.render(surfels, K, pose, 8, 8, near_m=near_m)
 
 
 def test_a_frame_that_has_drawn_another_view_has_no_gradient(make_surfels, make_view):
     surfels, (K, pose) = make_surfels(5), make_view()
-    leaves = Surfels(*(x.requires_grad_() for x in surfels))
-    first = raster.render(leaves, K, pose, 8, 8)
-    frame = first.color.grad_fn.held.frame
+    view = (pose.double(), K.double(), 8, 8, 0.05, BACKGROUND)
     maps = [torch.zeros(8, 8, 3), *(torch.zeros(8, 8) for _ in range(3)), torch.zeros(8, 8, 3), torch.zeros(8, 8)]
-    values = [x.detach() for x in surfels]
-    frame.forward(*values, pose.double(), K.double(), 8, 8, 0.05, BACKGROUND, *maps)
+    frame = _C.RasterFrame()
+    number = frame.forward(*surfels, *view, *maps)
+    frame.forward(*surfels, *view, *maps)
+    to = [*(torch.zeros_like(x) for x in surfels), torch.zeros(5, 2), torch.zeros(4, 4).double()]
+    none = [None] * 6
     with pytest.raises(ValueError, match="another view"):
-        first.color.sum().backward()
+        frame.backward(number, *surfels, maps[1], maps[2], *none, *to, torch.zeros(3, 3).double(), None)
 
 
 def test_two_backward_passes_through_one_view_are_equal(make_surfels, make_view):
     surfels, (K, pose) = make_surfels(50), make_view()
     leaves = Surfels(*(x.requires_grad_() for x in surfels))
-    total = raster.render(leaves, K, pose, 53, 40).color.sum()
+    total = splat.render(leaves, K, pose, 53, 40).color.sum()
     first = torch.autograd.grad(total, leaves, retain_graph=True)
     again = torch.autograd.grad(total, leaves)
     assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))

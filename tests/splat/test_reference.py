@@ -53,10 +53,15 @@ def test_gradients_by_finite_differences(make_surfels, make_view):
     K, cam_from_world = (x.double() for x in make_view())
     K = K * torch.tensor([[0.12], [0.12], [1.0]], dtype=torch.float64)
     center_px = torch.zeros(5, 2, dtype=torch.float64)
-    inputs = [x.requires_grad_() for x in (*surfels, cam_from_world, center_px)]
+    intrinsics = torch.stack([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])
+    background = torch.tensor([1.0, 0.4, 0.1], dtype=torch.float64)
+    inputs = [x.requires_grad_() for x in (*surfels, cam_from_world, center_px, intrinsics, background)]
 
     def images(*x):
-        return tuple(render(Surfels(*x[:5]), K, x[5], 6, 5, background=torch.ones(3), center_px=x[6]))
+        fx, fy, cx, cy = x[7]
+        zero, one = torch.zeros((), dtype=torch.float64), torch.ones((), dtype=torch.float64)
+        K = torch.stack([fx, zero, cx, zero, fy, cy, zero, zero, one]).reshape(3, 3)
+        return tuple(render(Surfels(*x[:5]), K, x[5], 6, 5, background=x[8], center_px=x[6]))
 
     assert torch.autograd.gradcheck(images, inputs, eps=1e-7, atol=1e-5, rtol=1e-5)
 

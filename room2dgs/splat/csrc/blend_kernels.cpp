@@ -1,7 +1,9 @@
 // Blending over one tile, forward and backward: splat by splat, eight pixels of a row at a time, the pixels' state in
 // the first-level cache. Both directions evaluate a hit by the same code, so they take the same branches.
+#include "simd.h"  // first: pixel.h's templates see what stands before them
+
+#include "pixel.h"
 #include "raster.h"
-#include "surfel.h"
 
 namespace R2_ISA {
 namespace {
@@ -29,25 +31,6 @@ using Two = Count<2>;
 R2_INLINE void prefetch(const Record* r) {
   __builtin_prefetch(r);
   __builtin_prefetch(reinterpret_cast<const char*>(r) + sizeof(Record) - 1);
-}
-
-struct Hit {
-  f8 u, v, inverse, rho, z, raw;  // raw: opacity before the clamp; the hit counts where it reaches kAlphaMin
-  i8 plane;                       // the disc itself is hit; elsewhere its screen-space filter
-};
-R2_INLINE Hit intersect(const Record& r, f8 dx, float dy) {
-  Hit h;
-  const f8 den = fma(splat(r.bx), dx, splat(r.by * dy + 1.0f));
-  h.inverse = 1.0f / den;
-  h.u = fma(splat(r.aux), dx, splat(r.auy * dy)) * h.inverse;
-  h.v = fma(splat(r.avx), dx, splat(r.avy * dy)) * h.inverse;
-  const f8 rho_plane = fma(h.u, h.u, h.v * h.v);
-  const f8 rho_filter = fma(dx * kFilterInverseVariance, dx, splat(kFilterInverseVariance * dy * dy));
-  h.plane = (den > kDenMin) & (den <= r.den_max) & (rho_plane <= rho_filter);
-  h.rho = select(h.plane, rho_plane, rho_filter);
-  h.z = select(h.plane, r.z * h.inverse, splat(r.z));
-  h.raw = exp2_from(fma(h.rho, splat(-0.72134752044f), splat(r.log2_opacity)));
-  return h;
 }
 
 // A record's offset from a tile's first pixel; the centre's rounding is made good here.
@@ -102,8 +85,6 @@ R2_INLINE void for_groups(uint32_t vectors, const Visit& visit) {
   }
 }
 
-R2_INLINE f8 shifted_depth(f8 z, f8 first) { return kDistortionScale * (z - first) / (z * first); }
-
 R2_INLINE i8 load_i(const int32_t* p) {
   i8 r;
   __builtin_memcpy(&r, p, sizeof r);
@@ -151,7 +132,7 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
     const f8 x0 = iota() + ox;
     auto step = [&](auto lanes, const Group& g) __attribute__((always_inline)) {
       constexpr int kCount = decltype(lanes)::value;
-      Hit h[kCount];
+      Hit<f8> h[kCount];
       i8 keep[kCount];
       int p[kCount];
       f8 T[kCount];
@@ -165,7 +146,7 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
       i8 crossing[kCount];
       for (int k = 0; k < kCount; ++k) {
         const int q = p[k];
-        const f8 alpha = masked(keep[k], vmin(h[k].raw, splat(kAlphaMax)));
+        const f8 alpha = alpha_of(h[k], keep[k]);
         const f8 weight = T[k] * alpha, after = T[k] * (1.0f - alpha);
         store(s.T + q, after);
         const f8 in_front = load(s.covered + q);
@@ -187,9 +168,8 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
           store(s.first_z + q, first);
           const f8 mu = masked(keep[k], shifted_depth(h[k].z, first));
           const f8 m1 = load(s.m1 + q), m2 = load(s.m2 + q), wmu = weight * mu;
-          // sum_j w_j (mu - mu_j)^2 over those in front
-          const f8 spread = fma(mu, fma(mu, in_front, -2.0f * m1), m2);
-          store(s.distortion + q, fma(weight, vmax(spread, splat(0)), load(s.distortion + q)));
+          // about those in front
+          store(s.distortion + q, fma(weight, vmax(spread(mu, in_front, m1, m2), splat(0)), load(s.distortion + q)));
           store(s.m1 + q, m1 + wmu);
           store(s.m2 + q, fma(wmu, mu, m2));
         }
@@ -338,12 +318,12 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
     const Record& r = a.records[items[j].record];
     const float ox = offset(x, r.cx, r.cx_rest), oy = offset(y, r.cy, r.cy_rest);
     const f8 x0 = iota() + ox;
-    // u, v, den each with moments (1, dx, dy); z; filter (dx, dy); opacity; colour; normal
+    // in the order of raster.h's kSum...
     f8 sum[24];
     for (f8& v : sum) v = splat(0);
     auto step = [&](auto lanes, const Group& group) __attribute__((always_inline)) {
       constexpr int kCount = decltype(lanes)::value;
-      Hit h[kCount];
+      Hit<f8> h[kCount];
       i8 keep[kCount];
       int p[kCount];
       f8 dx[kCount];
@@ -358,8 +338,8 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
       if (!any(kCount == 2 ? keep[0] | keep[kCount - 1] : keep[0])) return;
       for (int k = 0; k < kCount; ++k) {
         const int q = p[k];
-        const Hit& hit = h[k];
-        const f8 alpha = masked(keep[k], vmin(hit.raw, splat(kAlphaMax)));
+        const Hit<f8>& hit = h[k];
+        const f8 alpha = alpha_of(hit, keep[k]);
         const f8 T = load(s.T + q) / (1.0f - alpha);
         store(s.T + q, T);
         const f8 weight = T * alpha;
@@ -377,28 +357,21 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
         if (kDistortion) {
           const f8 gd = load(s.distortion + q), m1 = load(s.m1 + q), A = load(s.covered + q);
           const f8 mu = masked(keep[k], shifted_depth(hit.z, load(s.first_z + q)));
-          worth = fma(gd, fma(mu, fma(mu, A, -2.0f * m1), load(s.m2 + q)), worth);
+          worth = fma(gd, spread(mu, A, m1, load(s.m2 + q)), worth);
           gz = fma(2.0f * kDistortionScale * gd * weight, fma(mu, A, -m1) / (hit.z * hit.z), gz);
         }
         const f8 behind = load(s.behind + q);
         const f8 galpha = T * (worth - behind);
         store(s.behind + q, fma(alpha, worth - behind, behind));
         gz += masked(load_i(s.median_item + q) == splat_i(j), load(s.median + q));
-        gz = masked(keep[k], gz);
-        // opacity exp(-rho / 2): no gradient through the clamp
-        const f8 graw = masked(keep[k] & (hit.raw < kAlphaMax), hit.raw * galpha);
-        const f8 gfilter = masked(~hit.plane, graw);
-        // masked last: off the plane u, v and 1 / den may be infinite
-        const f8 through = graw * hit.inverse;
-        const f8 gu = masked(hit.plane, -through * hit.u), gv = masked(hit.plane, -through * hit.v);
-        const f8 gden = masked(hit.plane, hit.inverse * fma(graw, hit.rho, -gz * hit.z));
+        const HitGradient<f8> grad = hit_backward(hit, keep[k], galpha, gz);
         const f8 vdy = splat(dy[k]);
-        sum[0] += gu, sum[1] = fma(gu, dx[k], sum[1]), sum[2] = fma(gu, vdy, sum[2]);
-        sum[3] += gv, sum[4] = fma(gv, dx[k], sum[4]), sum[5] = fma(gv, vdy, sum[5]);
-        sum[6] += gden, sum[7] = fma(gden, dx[k], sum[7]), sum[8] = fma(gden, vdy, sum[8]);
-        sum[9] += select(hit.plane, gz * hit.inverse, gz);
-        sum[10] = fma(gfilter, dx[k], sum[10]), sum[11] = fma(gfilter, vdy, sum[11]);
-        sum[12] += graw;
+        sum[0] += grad.u, sum[1] = fma(grad.u, dx[k], sum[1]), sum[2] = fma(grad.u, vdy, sum[2]);
+        sum[3] += grad.v, sum[4] = fma(grad.v, dx[k], sum[4]), sum[5] = fma(grad.v, vdy, sum[5]);
+        sum[6] += grad.den, sum[7] = fma(grad.den, dx[k], sum[7]), sum[8] = fma(grad.den, vdy, sum[8]);
+        sum[9] += grad.z;
+        sum[10] = fma(grad.filter, dx[k], sum[10]), sum[11] = fma(grad.filter, vdy, sum[11]);
+        sum[12] += grad.opacity;
         sum[13] = fma(weight, red, sum[13]), sum[14] = fma(weight, green, sum[14]), sum[15] = fma(weight, blue, sum[15]);
       }
     };

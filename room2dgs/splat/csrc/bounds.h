@@ -32,14 +32,14 @@ struct Reach {
   double filter;         // radius, pixels
 };
 
-R2_INLINE void include(double x, double& low, double& high) {
+R2_HD void include(double x, double& low, double& high) {
   low = x < low ? x : low;
   high = x > high ? x : high;
 }
 
 // Extremes over the visible part (z >= near) of a disc that crosses the near plane, relative to the projected centre.
 // They lie at the ends of the chord z = near or where the boundary turns; rows L (of one axis) and W (of z) over (u, v).
-R2_INLINE void crossing_extremes(double Lu, double Lv, double Wu, double Wv, double z, double near, double c,
+R2_HD void crossing_extremes(double Lu, double Lv, double Wu, double Wv, double z, double near, double c,
                                  double& low, double& high) {
   const double W = ::sqrt(Wu * Wu + Wv * Wv), L = ::sqrt(Lu * Lu + Lv * Lv);
   const double chord = (near - z) / (c * W);
@@ -58,7 +58,7 @@ R2_INLINE void crossing_extremes(double Lu, double Lv, double Wu, double Wv, dou
   }
 }
 
-R2_INLINE Reach reach_of(const Disc& d, const View& view) {
+R2_HD Reach reach_of(const Disc& d, const View& view) {
   Reach r;
   r.filter = ::sqrt(d.rho / kFilterInverseVariance) * kLoose + kMarginPx;
   r.x0 = d.cx - r.filter, r.x1 = d.cx + r.filter;
@@ -98,7 +98,7 @@ R2_INLINE Reach reach_of(const Disc& d, const View& view) {
 }
 
 // The x range of ellipse and filter circle over the strip [y0, y1], pixels. False when neither reaches it.
-R2_INLINE bool strip_range(const Disc& d, const Reach& r, double y0, double y1, double& x0, double& x1) {
+R2_HD bool strip_range(const Disc& d, const Reach& r, double y0, double y1, double& x0, double& x1) {
   bool found = false;
   x0 = 1e30, x1 = -1e30;
   const double fy = (d.cy < y0 ? y0 : (d.cy > y1 ? y1 : d.cy)) - d.cy;
@@ -125,7 +125,7 @@ R2_INLINE bool strip_range(const Disc& d, const Reach& r, double y0, double y1, 
 
 // Does a disc that crosses the near plane reach the rectangle? Its visible part is convex on the screen, so either it
 // holds the projected centre or it cuts an edge, where the condition is a quadratic.
-R2_INLINE bool crossing_meets(const Disc& d, double x0, double x1, double y0, double y1) {
+R2_HD bool crossing_meets(const Disc& d, double x0, double x1, double y0, double y1) {
   const double ax = x0 - d.cx, bx = x1 - d.cx, ay = y0 - d.cy, by = y1 - d.cy;
   const double f = ::sqrt(d.rho / kFilterInverseVariance);
   if (ax <= f && bx >= -f && ay <= f && by >= -f) return true;

@@ -9,6 +9,9 @@ namespace {
 
 using room2dgs::Extent;
 using room2dgs::kGradients;
+using room2dgs::kSumColor;
+using room2dgs::kSumNormal;
+using room2dgs::kSumOpacity;
 using room2dgs::kTile;
 using room2dgs::Record;
 using room2dgs::Span;
@@ -18,12 +21,6 @@ using room2dgs::SurfelArrays;
 R2_INLINE Surfel<double> load_surfel(const SurfelArrays& s, int64_t i) {
   const float *c = s.centers + 3 * i, *q = s.rotations + 4 * i, *e = s.scales + 2 * i;
   return {{c[0], c[1], c[2]}, q[0], q[1], q[2], q[3], e[0], e[1]};
-}
-
-// Unit direction from the camera to the surfel in the world, and 1 / distance.
-R2_INLINE Vec3<double> view_direction(const View& view, const Projected<double>& o, double& inverse_distance) {
-  inverse_distance = 1.0 / vsqrt(dot(o.p, o.p));
-  return rotate_transposed(view.R, inverse_distance * o.p);
 }
 
 // The four side planes of the view, through the camera's centre, normals inwards, for a quick test of spheres.
@@ -118,13 +115,7 @@ R2_INLINE bool place(const Disc& d, const View& view, Record& record, Extent& ex
   return tiles > 0;
 }
 
-R2_INLINE void color_of(const SurfelArrays& s, int64_t i, Vec3<double> direction, double* color) {
-  const float* sh = s.sh + 3 * s.sh_count * i;
-  for (int c = 0; c < 3; ++c) color[c] = 0.5;
-  sh_terms<double>(direction, s.sh_count, [&](int term, double value, double, double, double) {
-    for (int c = 0; c < 3; ++c) color[c] += value * sh[3 * term + c];
-  });
-}
+R2_INLINE const float* sh_of(const SurfelArrays& s, int64_t i) { return s.sh + 3 * s.sh_count * i; }
 
 void project(const View& view, const SurfelArrays& s, int64_t begin, int64_t end, Record* records, Extent* extents,
              SpanSink sink) {
@@ -166,7 +157,7 @@ void project(const View& view, const SurfelArrays& s, int64_t begin, int64_t end
       r.den_max = static_cast<float>(o.p.z / view.near);
       r.log2_opacity = static_cast<float>(::log2(static_cast<double>(s.opacities[i])));
       double inverse_distance, color[3];
-      color_of(s, i, view_direction(view, o, inverse_distance), color);
+      color_of(sh_of(s, i), s.sh_count, view_direction(view, o, inverse_distance), color);
       for (int c = 0; c < 3; ++c) r.color[c] = color[c] > 0 ? static_cast<float>(color[c]) : 0.0f;
       r.normal[0] = static_cast<float>(o.side * axes.tw.x);
       r.normal[1] = static_cast<float>(o.side * axes.tw.y);
@@ -187,29 +178,10 @@ R2_INLINE void add_outer(double* m, Vec3<double> left, Vec3<double> right) {
   m[6] += left.z * right.x, m[7] += left.z * right.y, m[8] += left.z * right.z;
 }
 
-// Gradient of the colour's coefficients; gives that of the unit direction.
-R2_INLINE Vec3<double> color_backward(const SurfelArrays& s, int64_t i, Vec3<double> direction, const double* g_color,
-                                      float* to_sh) {
-  const float* sh = s.sh + 3 * s.sh_count * i;
-  double color[3], g[3];
-  color_of(s, i, direction, color);
-  for (int c = 0; c < 3; ++c) g[c] = color[c] > 0 ? g_color[c] : 0;
-  Vec3<double> g_direction = {0, 0, 0};
-  sh_terms<double>(direction, s.sh_count, [&](int term, double value, double ddx, double ddy, double ddz) {
-    double through = 0;
-    for (int c = 0; c < 3; ++c) {
-      to_sh[3 * term + c] = static_cast<float>(value * g[c]);
-      if (g[c] != 0) through += g[c] * sh[3 * term + c];
-    }
-    g_direction = g_direction + through * Vec3<double>{ddx, ddy, ddz};
-  });
-  return g_direction;
-}
-
 void project_backward(const View& view, const SurfelArrays& s, const Extent* extents, const uint32_t* first_entry,
                       const float* entries, int64_t begin, int64_t end, const room2dgs::SurfelGradients& out,
-                      room2dgs::PoseGradient* pose) {
-  room2dgs::PoseGradient sum_pose = {};
+                      room2dgs::CameraGradient* camera) {
+  room2dgs::CameraGradient total = {};
   const Vec3<double> translation = {view.t[0], view.t[1], view.t[2]};
   const int sh_floats = 3 * s.sh_count;
   for (int64_t i = begin; i < end; ++i) {
@@ -227,38 +199,32 @@ void project_backward(const View& view, const SurfelArrays& s, const Extent* ext
     const Surfel<double> surfel = load_surfel(s, i);
     const Axes<double> axes = axes_of(surfel);
     const Projected<double> o = project(surfel, axes, view);
-    NineGrad<double> g;
-    const double gu = sum[0], gv = sum[3], gden = sum[6];
-    g.aux = sum[1], g.auy = sum[2], g.avx = sum[4], g.avy = sum[5], g.bx = sum[7], g.by = sum[8], g.z = sum[9];
-    g.cx = 2 * sum[10], g.cy = 2 * sum[11];
-    if (o.plane) {
-      g.cx -= gu * o.aux + gv * o.avx + gden * o.bx;
-      g.cy -= gu * o.auy + gv * o.avy + gden * o.by;
-    }
+    const NineGrad<double> g = nine_from_sums(sum, o);
     out.center_px[2 * i] = static_cast<float>(g.cx), out.center_px[2 * i + 1] = static_cast<float>(g.cy);
     const CameraGrad<double> c = project_backward(surfel, o, view, g);
     out.scales[2 * i] = static_cast<float>(c.su), out.scales[2 * i + 1] = static_cast<float>(c.sv);
-    out.opacities[i] = static_cast<float>(sum[12] / s.opacities[i]);
+    out.opacities[i] = static_cast<float>(sum[kSumOpacity] / s.opacities[i]);
 
     double inverse_distance;
     const Vec3<double> direction = view_direction(view, o, inverse_distance);
-    const Vec3<double> gd = color_backward(s, i, direction, sum + 13, out.sh + sh_floats * i);
+    const Vec3<double> gd = color_backward<double>(sh_of(s, i), s.sh_count, direction, sum + kSumColor, out.sh + sh_floats * i);
     // normalise(p - o): the part across the ray, over the distance
     const Vec3<double> g_view = inverse_distance * (gd + (-dot(gd, direction)) * direction);
     put(out.centers + 3 * i, rotate_transposed(view.R, c.p) + g_view);
     double gq[4];
     axes_backward(axes, rotate_transposed(view.R, c.tu), rotate_transposed(view.R, c.tv),
-                  rotate_transposed(view.R, c.tw) + o.side * Vec3<double>{sum[16], sum[17], sum[18]}, gq);
+                  rotate_transposed(view.R, c.tw) + o.side * Vec3<double>{sum[kSumNormal], sum[kSumNormal + 1], sum[kSumNormal + 2]}, gq);
     for (int k = 0; k < 4; ++k) out.rotations[4 * i + k] = static_cast<float>(gq[k]);
 
     // camera = R world + t for the centre, R alone for the axes, and the projection centre -R^T t for the direction
-    add_outer(sum_pose.R, c.p, surfel.center);
-    add_outer(sum_pose.R, c.tu, axes.tu), add_outer(sum_pose.R, c.tv, axes.tv), add_outer(sum_pose.R, c.tw, axes.tw);
-    add_outer(sum_pose.R, translation, g_view);
+    add_outer(total.R, c.p, surfel.center);
+    add_outer(total.R, c.tu, axes.tu), add_outer(total.R, c.tv, axes.tv), add_outer(total.R, c.tw, axes.tw);
+    add_outer(total.R, translation, g_view);
     const Vec3<double> g_translation = c.p + rotate(view.R, g_view);
-    sum_pose.t[0] += g_translation.x, sum_pose.t[1] += g_translation.y, sum_pose.t[2] += g_translation.z;
+    total.t[0] += g_translation.x, total.t[1] += g_translation.y, total.t[2] += g_translation.z;
+    total.fx += c.fx, total.fy += c.fy, total.cx += c.cx, total.cy += c.cy;
   }
-  *pose = sum_pose;
+  *camera = total;
 }
 
 }  // namespace

@@ -149,23 +149,45 @@ void RasterFrame::forward(const Camera& view, const SurfelArrays& surfels, const
 }
 
 void RasterFrame::backward(const SurfelArrays& surfels, const Images& out, const ImageGradients& gradients,
-                           const SurfelGradients& to, PoseGradient& pose) {
+                           const SurfelGradients& to, CameraGradient& to_camera) {
   const BlendArgs args = blend_args();
   entry_sums.grow(static_cast<int64_t>(entries) * kGradients);
   parallel_for(tile_count(),
                [&](int64_t tile, int) { kernels().blend_backward(args, out, gradients, tile, entry_sums.data()); });
   const int64_t blocks = (count + kProjectBlock - 1) / kProjectBlock;
-  std::vector<PoseGradient> partial(blocks);
+  std::vector<CameraGradient> partial(blocks);
   parallel_for(blocks, [&](int64_t block, int) {
     const int64_t begin = block * kProjectBlock, end = std::min(begin + kProjectBlock, count);
     kernels().project_backward(camera, surfels, extents.data(), first_entry.data(), entry_sums.data(), begin, end, to,
                                &partial[block]);
   });
-  pose = {};
-  for (const PoseGradient& p : partial) {
-    for (int k = 0; k < 9; ++k) pose.R[k] += p.R[k];
-    for (int k = 0; k < 3; ++k) pose.t[k] += p.t[k];
+  to_camera = {};
+  for (const CameraGradient& p : partial) {
+    for (int k = 0; k < 9; ++k) to_camera.R[k] += p.R[k];
+    for (int k = 0; k < 3; ++k) to_camera.t[k] += p.t[k];
+    to_camera.fx += p.fx, to_camera.fy += p.fy, to_camera.cx += p.cx, to_camera.cy += p.cy;
   }
+}
+
+void RasterFrame::background_backward(const float* g_color, double* to) {
+  struct Sum {
+    double channel[3];
+  };
+  std::vector<Sum> partial(tile_count());
+  parallel_for(tile_count(), [&](int64_t tile, int) {
+    const int x = static_cast<int>(tile % camera.tiles_x()) * kTile, y = static_cast<int>(tile / camera.tiles_x()) * kTile;
+    Sum sum = {};
+    for (int row = 0; row < kTile && y + row < camera.height; ++row)
+      for (int column = 0; column < kTile && x + column < camera.width; ++column) {
+        const double T = transmittance[tile * kTilePixels + row * kTile + column];
+        const float* g = g_color + 3 * (static_cast<int64_t>(y + row) * camera.width + x + column);
+        for (int c = 0; c < 3; ++c) sum.channel[c] += T * g[c];
+      }
+    partial[tile] = sum;
+  });
+  for (int c = 0; c < 3; ++c) to[c] = 0;
+  for (const Sum& sum : partial)
+    for (int c = 0; c < 3; ++c) to[c] += sum.channel[c];
 }
 
 int64_t RasterFrame::count_pairs(const Images& out) {

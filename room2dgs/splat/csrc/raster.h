@@ -8,6 +8,8 @@ namespace room2dgs {
 constexpr int kTile = 16;               // pixels
 constexpr int kTilePixels = kTile * kTile;
 constexpr int kGradients = 20;          // floats that one (surfel, tile) entry gives back; 19 used
+// What they are: u, v and den each with the moments (1, dx, dy), depth, filter (dx, dy), opacity, colour, normal.
+enum : int { kSumU = 0, kSumV = 3, kSumDen = 6, kSumZ = 9, kSumFilter = 10, kSumOpacity = 12, kSumColor = 13, kSumNormal = 16 };
 constexpr int64_t kProjectBlock = 1024;  // surfels a task; fixed, so that results do not depend on threads
 
 struct Camera {
@@ -91,9 +93,10 @@ struct BlendArgs {
   PixelState state;
 };
 
-// Sums over surfels of the pose's gradient: 9 of R, 3 of t.
-struct PoseGradient {
+// Sums over surfels of the camera's gradient.
+struct CameraGradient {
   double R[9], t[3];
+  double fx, fy, cx, cy;
 };
 
 struct Kernels {
@@ -102,7 +105,7 @@ struct Kernels {
   int64_t (*count_pairs)(const BlendArgs&, const Images&, int64_t tile);
   void (*blend_backward)(const BlendArgs&, const Images&, const ImageGradients&, int64_t tile, float* entries);
   void (*project_backward)(const Camera&, const SurfelArrays&, const Extent*, const uint32_t* first_entry,
-                           const float* entries, int64_t begin, int64_t end, const SurfelGradients&, PoseGradient*);
+                           const float* entries, int64_t begin, int64_t end, const SurfelGradients&, CameraGradient*);
 };
 
 }  // namespace room2dgs

@@ -1,4 +1,4 @@
-// Real spherical harmonics to degree 3 and their derivative with respect to the direction (splat/sh.py has the same).
+// Real spherical harmonics to degree 3 and their derivative with respect to the direction (geometry/spherical_harmonics.py has the same).
 #pragma once
 
 #include "surfel.h"
@@ -34,6 +34,33 @@ R2_HD void sh_terms(Vec3<T> d, int count, F&& f) {
   f(13, c32 * x * (4.0f * zz - xx - yy), c32 * (4.0f * zz - 3.0f * xx - yy), -2.0f * c32 * x * y, 8.0f * c32 * x * z);
   f(14, c35 * z * (xx - yy), 2.0f * c35 * x * z, -2.0f * c35 * y * z, c35 * (xx - yy));
   f(15, c30 * x * (xx - 3.0f * yy), c30 * (3.0f * xx - 3.0f * yy), -6.0f * c30 * x * y, o);
+}
+
+// Colour seen along a unit direction, before the clamp at 0; `sh` is (count, 3).
+template <class T>
+R2_HD void color_of(const float* sh, int count, Vec3<T> direction, T* color) {
+  for (int c = 0; c < 3; ++c) color[c] = 0.5;
+  sh_terms<T>(direction, count, [&](int term, T value, T, T, T) {
+    for (int c = 0; c < 3; ++c) color[c] += value * sh[3 * term + c];
+  });
+}
+
+// Gradient of the coefficients, to `to_sh`; gives that of the unit direction.
+template <class T>
+R2_HD Vec3<T> color_backward(const float* sh, int count, Vec3<T> direction, const T* g_color, float* to_sh) {
+  T color[3], g[3];
+  color_of(sh, count, direction, color);
+  for (int c = 0; c < 3; ++c) g[c] = color[c] > 0 ? g_color[c] : 0;
+  Vec3<T> g_direction = {0, 0, 0};
+  sh_terms<T>(direction, count, [&](int term, T value, T ddx, T ddy, T ddz) {
+    T through = 0;
+    for (int c = 0; c < 3; ++c) {
+      to_sh[3 * term + c] = static_cast<float>(value * g[c]);
+      if (g[c] != 0) through += g[c] * sh[3 * term + c];
+    }
+    g_direction = g_direction + through * Vec3<T>{ddx, ddy, ddz};
+  });
+  return g_direction;
 }
 
 }  // namespace R2_ISA

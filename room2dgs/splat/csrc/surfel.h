@@ -1,5 +1,6 @@
-// The maths of one surfel in one view, and its derivative, for any scalar type. The CPU uses double: a few hundred
-// nanoseconds a surfel buy the digits that a grazing disc loses in float, and pixels cost far more than surfels.
+// The maths of one surfel in one view, and its derivative, for any scalar type and machine (scalar.h). The CPU uses
+// double: a few hundred nanoseconds a surfel buy the digits that a grazing disc loses in float, and pixels cost far more
+// than surfels. What happens at a pixel is in pixel.h.
 //
 // Centre form of the ray-disc intersection (eq. 5-7 of the paper, rewritten about the projected centre c):
 //   delta = x - c,  den = 1 + b.delta,  z = z_c / den,  u = a_u.delta / den,  v = a_v.delta / den.
@@ -13,14 +14,9 @@ namespace R2_ISA {
 using View = room2dgs::Camera;
 
 constexpr float kAlphaMin = 1.0f / 255.0f;
-constexpr float kAlphaMax = 0.99f;
-constexpr float kTransmittanceMin = 1e-4f;
 constexpr float kFilterInverseVariance = 2.0f;
-constexpr float kDenMin = 1e-6f;
 constexpr float kEdgeOn = 1e-3f;
 constexpr float kFilterOnlySlope = 1e10f;  // stands for an infinitely thin disc: only its filter is seen
-constexpr float kDistortionNear = 0.2f, kDistortionFar = 100.0f;
-constexpr float kDistortionScale = kDistortionNear * kDistortionFar / (kDistortionFar - kDistortionNear);
 
 template <class T>
 struct Vec3 {
@@ -102,6 +98,13 @@ struct Projected {
   bool front, plane;
 };
 
+// Unit direction from the camera to the surfel in the world, and 1 / distance.
+template <class T>
+R2_HD Vec3<T> view_direction(const View& view, const Projected<T>& o, T& inverse_distance) {
+  inverse_distance = T(1) / vsqrt(dot(o.p, o.p));
+  return rotate_transposed(view.R, inverse_distance * o.p);
+}
+
 template <class T>
 R2_HD Projected<T> project(const Surfel<T>& s, const Axes<T>& a, const View& view) {
   Projected<T> o;
@@ -141,11 +144,28 @@ struct NineGrad {
   T cx, cy, z, aux, auy, avx, avy, bx, by;
 };
 
-// Gradients of a surfel's place in the camera frame and of its scales.
+// From a surfel's sums over pixels (raster.h, kSum...): what moves with the projected centre goes to it.
+template <class T>
+R2_HD NineGrad<T> nine_from_sums(const T* sum, const Projected<T>& o) {
+  using namespace room2dgs;
+  const T gu = sum[kSumU], gv = sum[kSumV], gden = sum[kSumDen];
+  NineGrad<T> g;
+  g.aux = sum[kSumU + 1], g.auy = sum[kSumU + 2], g.avx = sum[kSumV + 1], g.avy = sum[kSumV + 2];
+  g.bx = sum[kSumDen + 1], g.by = sum[kSumDen + 2], g.z = sum[kSumZ];
+  g.cx = T(kFilterInverseVariance) * sum[kSumFilter], g.cy = T(kFilterInverseVariance) * sum[kSumFilter + 1];
+  if (o.plane) {
+    g.cx -= gu * o.aux + gv * o.avx + gden * o.bx;
+    g.cy -= gu * o.auy + gv * o.avy + gden * o.by;
+  }
+  return g;
+}
+
+// Gradients of a surfel's place in the camera frame, of its scales and of the intrinsics.
 template <class T>
 struct CameraGrad {
   Vec3<T> p, tu, tv, tw;
   T su, sv;
+  T fx, fy, cx, cy;
 };
 
 template <class T>
@@ -161,6 +181,10 @@ R2_HD CameraGrad<T> project_backward(const Surfel<T>& s, const Projected<T>& o, 
   const T z = o.p.z, inverse_z = T(1) / z;
   const T ku = z / s.su, kv = z / s.sv;
   CameraGrad<T> r;
+  // c = f d + (c_x, c_y); a_u, a_v and b fall as 1 / f, each along its own axis
+  r.fx = fma(g.cx, o.dx, -ifx * fma(g.aux, o.aux, fma(g.avx, o.avx, gbx * o.bx)));
+  r.fy = fma(g.cy, o.dy, -ify * fma(g.auy, o.auy, fma(g.avy, o.avy, gby * o.by)));
+  r.cx = g.cx, r.cy = g.cy;
   // a_u = k_u (J^T t_u - (t_u.d) b), k_u = z / s_u
   const T au_g = fma(g.aux, o.aux, g.auy * o.auy), av_g = fma(g.avx, o.avx, g.avy * o.avy);
   r.su = -au_g / s.su;

@@ -1,0 +1,55 @@
+"""`render`: surfels and a camera to images, by whichever backend fits."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from room2dgs.splat.backends import View, backend_for
+from room2dgs.splat.checks import check_shapes
+from room2dgs.splat.types import Rendering, Surfels
+
+
+def render(
+    surfels: Surfels,
+    K: Tensor,
+    cam_from_world: Tensor,
+    width: int,
+    height: int,
+    *,
+    background: Tensor | None = None,
+    near_m: float = 0.05,
+    center_px: Tensor | None = None,
+    with_normal: bool = True,
+    with_distortion: bool = True,
+    backend: str | None = None,
+) -> Rendering:
+    """Render one view.
+
+    Differentiable once with respect to every tensor of `surfels`, to `K` (its fx, fy, cx, cy), `cam_from_world` and
+    `background`. The same inputs give the same bits on any number of threads. `torch.compile` takes it as one
+    operator, without a graph break.
+
+    Args:
+        surfels: see `Surfels`; float32 for the compiled kernels.
+        K: (3, 3) intrinsics in pixels, centres at +0.5; focal lengths above 0, no skew, last row 0 0 1.
+        cam_from_world: (4, 4) rigid pose, metres.
+        width, height: image size in pixels, 1..16384.
+        background: (3,) RGB, black by default.
+        near_m: surfels with centres nearer than this, and parts of discs that are, are not drawn; above 0.
+        center_px: (N, 2) zeros that require grad: their gradient is that of the projected centres, in 1/pixel.
+        with_normal, with_distortion: leave out an output that is not wanted (it is zeros then).
+        backend: a name in `splat.backends.BACKENDS`; by default the one of the tensors' device.
+
+    Returns:
+        `Rendering`.
+
+    Raises:
+        ValueError: shapes, types, sizes or values that do not fit, or no backend for them.
+    """
+    check_shapes(surfels, K, cam_from_world, width, height, background, center_px)
+    chosen = backend_for(surfels.centers, backend)
+    if background is None:
+        background = torch.zeros(3, dtype=torch.float32, device=surfels.centers.device)
+    view = View(K, cam_from_world, width, height, background, near_m, center_px, with_normal, with_distortion)
+    return chosen.render(surfels, view)

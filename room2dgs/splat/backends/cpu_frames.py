@@ -1,0 +1,65 @@
+"""Who owns the buffers that a view's backward pass needs, and for how long.
+
+A custom operator passes tensors and nothing else, so the owner is a tensor: the operator's last output, `state`, a tiny
+one whose memory carries the frame in a table here. While any tensor shares that memory the frame is kept; then it
+goes back to the shelf for the next view. A copy of `state` is another piece of memory and finds nothing: the backward
+pass then renders again, to the same bits.
+"""
+
+from __future__ import annotations
+
+import weakref
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from room2dgs import _C
+
+SHELF = 4  # fresh memory would cost page faults at every iteration
+_shelf: list[_C.RasterFrame] = []
+_held: dict[int, tuple[_C.RasterFrame, int]] = {}
+
+
+def take() -> _C.RasterFrame:
+    """A frame to render into, used or new."""
+    try:  # not a look before the leap: another thread may take the last one
+        return _shelf.pop()
+    except IndexError:
+        return _C.RasterFrame()
+
+
+def give(frame: _C.RasterFrame) -> None:
+    """Back to the shelf; its contents are done with."""
+    if len(_shelf) < SHELF:
+        _shelf.append(frame)
+
+
+def hold(frame: _C.RasterFrame, view: int) -> Tensor:
+    """Keep a rendered frame for as long as the tensor returned lives.
+
+    Args:
+        view: the number that the frame's `forward` gave.
+
+    Returns:
+        (2,) int64: surfels seen, and (surfel, tile) pairs.
+    """
+    memory = np.array([frame.visible, frame.entries], dtype=np.int64)
+    key = memory.ctypes.data
+    _held[key] = (frame, view)
+    weakref.finalize(memory, _release, key).atexit = False  # runs before the memory can serve another
+    return torch.from_numpy(memory)
+
+
+def find(state: Tensor) -> tuple[_C.RasterFrame, int] | None:
+    """The frame and view that `hold` gave this memory for; None for a copy."""
+    return _held.get(state.data_ptr())
+
+
+def held() -> int:
+    """How many frames wait for a backward pass."""
+    return len(_held)
+
+
+def _release(key: int) -> None:
+    give(_held.pop(key)[0])

@@ -1,0 +1,115 @@
+"""What a renderer is given must be drawable as it stands: anything else is refused with a sentence.
+
+Shapes, types and devices can be checked while `torch.compile` traces; values only when the numbers are there. Hence
+two functions.
+"""
+
+from __future__ import annotations
+
+import math
+
+from torch import Tensor
+
+from room2dgs.splat.constants import SH_DEGREE_OF
+from room2dgs.splat.types import Surfels
+
+MAX_SIDE_PX = 16384
+SKEW_MAX_PX = 1e-6  # rounding of a product of matrices, not a skew
+RIGID_TOLERANCE = 1e-3  # of R R^T - I
+
+
+def check_shapes(
+    surfels: Surfels,
+    K: Tensor,
+    cam_from_world: Tensor,
+    width: int,
+    height: int,
+    background: Tensor | None,
+    center_px: Tensor | None,
+) -> None:
+    """Shapes, types and devices.
+
+    Raises:
+        ValueError: one of them does not fit.
+    """
+    count = surfels.centers.shape[0]
+    shapes = {"centers": (count, 3), "rotations": (count, 4), "scales": (count, 2), "opacities": (count,)}
+    for name, shape in shapes.items():
+        _check_shape("surfels." + name, getattr(surfels, name), shape)
+    sh = surfels.sh
+    if sh.ndim != 3 or sh.shape[0] != count or sh.shape[1] not in SH_DEGREE_OF or sh.shape[2] != 3:
+        raise ValueError(f"surfels.sh has shape {tuple(sh.shape)}, not ({count}, 1 | 4 | 9 | 16, 3)")
+    dtype, device = surfels.centers.dtype, surfels.centers.device
+    for name, tensor in zip(Surfels._fields, surfels, strict=True):
+        if not tensor.dtype.is_floating_point or tensor.dtype != dtype or tensor.device != device:
+            raise ValueError(
+                f"surfels.{name} is {tensor.dtype} on {tensor.device}, but surfels.centers {dtype} on {device}"
+            )
+    _check_shape("K", K, (3, 3))
+    _check_shape("cam_from_world", cam_from_world, (4, 4))
+    others = {"K": K, "cam_from_world": cam_from_world}
+    if background is not None:
+        _check_shape("background", background, (3,))
+        others["background"] = background
+    if center_px is not None:
+        _check_shape("center_px", center_px, (count, 2))
+        others["center_px"] = center_px
+    for name, tensor in others.items():
+        if not tensor.dtype.is_floating_point or tensor.device != device:
+            raise ValueError(f"{name} is {tensor.dtype} on {tensor.device}, not floating point on {device}")
+    for name, side in (("width", width), ("height", height)):
+        if isinstance(side, float):
+            raise ValueError(f"{name} is {side}, not a whole number of pixels")
+    if not (1 <= width <= MAX_SIDE_PX and 1 <= height <= MAX_SIDE_PX):
+        raise ValueError(f"image size {width} x {height} is not in 1..{MAX_SIDE_PX}")
+
+
+def _check_shape(name: str, tensor: Tensor, shape: tuple[int, ...]) -> None:
+    if tuple(tensor.shape) != shape:
+        raise ValueError(f"{name} has shape {tuple(tensor.shape)}, not {shape}")
+
+
+def check_values(K: Tensor, cam_from_world: Tensor, background: Tensor, near_m: float) -> None:
+    """Numbers that the maths does not allow for, or that would be ignored.
+
+    Raises:
+        ValueError: a focal length that is not positive, a skewed K or one whose last row is not 0 0 1, a pose that is
+            not rigid, a near plane that is not in front of the camera, anything that is not finite.
+    """
+    if not (math.isfinite(near_m) and near_m > 0):
+        raise ValueError(f"near_m is {near_m}; the near plane lies in front of the camera, at a distance above 0")
+    (fx, skew, cx), (other_skew, fy, cy), last = K.tolist()
+    if not all(map(math.isfinite, (fx, skew, cx, other_skew, fy, cy, *last))):
+        raise ValueError("K has an entry that is not finite")
+    if not (fx > 0 and fy > 0):
+        raise ValueError(f"K has focal lengths {fx} and {fy}; both must be above 0")
+    if abs(skew) > SKEW_MAX_PX or abs(other_skew) > SKEW_MAX_PX:
+        raise ValueError(f"K is skewed (K[0,1] = {skew}, K[1,0] = {other_skew}); undistort to images without skew")
+    if not _is_last_row(last):
+        raise ValueError(f"K's last row is {last}, not 0 0 1")
+    *rows, last = cam_from_world.tolist()
+    if not all(math.isfinite(x) for row in (*rows, last) for x in row):
+        raise ValueError("cam_from_world has an entry that is not finite")
+    if not _is_last_row(last):
+        raise ValueError(f"cam_from_world's last row is {last}, not 0 0 0 1")
+    for i in range(3):
+        for j in range(i + 1):
+            product = sum(a * b for a, b in zip(rows[i][:3], rows[j][:3], strict=True))
+            if abs(product - (i == j)) > RIGID_TOLERANCE:
+                raise ValueError("cam_from_world is not rigid: its 3 x 3 block is no rotation")
+    if not all(map(math.isfinite, background.tolist())):
+        raise ValueError("background has an entry that is not finite")
+
+
+def _is_last_row(row: list[float]) -> bool:
+    return all(abs(x) <= 1e-6 for x in row[:-1]) and abs(row[-1] - 1) <= 1e-6
+
+
+def check_center_px(center_px: Tensor | None) -> None:
+    """`center_px` exists for its gradient: it cannot move anything.
+
+    Raises:
+        ValueError: it is not zero.
+    """
+    if center_px is not None and center_px.count_nonzero():
+        raise ValueError("center_px is not zero; it exists for its gradient and cannot move projected centres")

@@ -1,0 +1,81 @@
+// The maths of one surfel at one pixel, and its derivative, for any lane type F (scalar.h): float, or eight pixels of a
+// row (simd.h, included before this file). Both directions take their branches from `intersect`: the same ones.
+#pragma once
+
+#include "raster.h"
+#include "scalar.h"
+#include "surfel.h"
+
+namespace R2_ISA {
+
+constexpr float kAlphaMax = 0.99f;
+constexpr float kTransmittanceMin = 1e-4f;
+constexpr float kDenMin = 1e-6f;
+constexpr float kDistortionNear = 0.2f, kDistortionFar = 100.0f;
+constexpr float kDistortionScale = kDistortionNear * kDistortionFar / (kDistortionFar - kDistortionNear);
+
+template <class F>
+struct Hit {
+  F u, v, inverse, rho, z, raw;  // raw: opacity before the clamp; the hit counts where it reaches kAlphaMin
+  Mask<F> plane;                 // the disc itself is hit; elsewhere its screen-space filter
+};
+
+// A record (x, y) = (dx, dy) from its projected centre.
+template <class F>
+R2_HD Hit<F> intersect(const room2dgs::Record& r, F dx, float dy) {
+  const auto all = [](float x) { return Lanes<F>::all(x); };
+  Hit<F> h;
+  const F den = fma(all(r.bx), dx, all(r.by * dy + 1.0f));
+  h.inverse = 1.0f / den;
+  h.u = fma(all(r.aux), dx, all(r.auy * dy)) * h.inverse;
+  h.v = fma(all(r.avx), dx, all(r.avy * dy)) * h.inverse;
+  const F rho_plane = fma(h.u, h.u, h.v * h.v);
+  const F rho_filter = fma(dx * kFilterInverseVariance, dx, all(kFilterInverseVariance * dy * dy));
+  h.plane = (den > kDenMin) & (den <= r.den_max) & (rho_plane <= rho_filter);
+  h.rho = select(h.plane, rho_plane, rho_filter);
+  h.z = select(h.plane, r.z * h.inverse, all(r.z));
+  h.raw = exp2_from(fma(h.rho, all(-0.72134752044f), all(r.log2_opacity)));
+  return h;
+}
+
+// Opacity where the hit is kept, 0 elsewhere.
+template <class F>
+R2_HD F alpha_of(const Hit<F>& hit, Mask<F> keep) {
+  return masked(keep, vmin(hit.raw, Lanes<F>::all(kAlphaMax)));
+}
+
+// 2DGS's m = far / (far - near) (1 - near / z), less that of the pixel's first hit: nothing cancels.
+template <class F>
+R2_HD F shifted_depth(F z, F first) {
+  return kDistortionScale * (z - first) / (z * first);
+}
+
+// sum_j w_j (mu - mu_j)^2 over hits of total weight w, with m1 = sum w mu and m2 = sum w mu^2.
+template <class F>
+R2_HD F spread(F mu, F w, F m1, F m2) {
+  return fma(mu, fma(mu, w, -2.0f * m1), m2);
+}
+
+// What one hit gives to its record's sums (raster.h, kSum...).
+template <class F>
+struct HitGradient {
+  F u, v, den, z, filter, opacity;
+};
+
+// From the gradients of the hit's alpha and of its depth; none through the clamp.
+template <class F>
+R2_HD HitGradient<F> hit_backward(const Hit<F>& hit, Mask<F> keep, F g_alpha, F g_z) {
+  HitGradient<F> g;
+  g_z = masked(keep, g_z);
+  g.opacity = masked(keep & (hit.raw < kAlphaMax), hit.raw * g_alpha);
+  g.filter = masked(inverted(hit.plane), g.opacity);
+  // masked last: off the plane u, v and 1 / den may be infinite
+  const F through = g.opacity * hit.inverse;
+  g.u = masked(hit.plane, -through * hit.u);
+  g.v = masked(hit.plane, -through * hit.v);
+  g.den = masked(hit.plane, hit.inverse * fma(g.opacity, hit.rho, -g_z * hit.z));
+  g.z = select(hit.plane, g_z * hit.inverse, g_z);
+  return g;
+}
+
+}  // namespace R2_ISA
