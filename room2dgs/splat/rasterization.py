@@ -1,1 +1,241 @@
-def rasterization_2dgs(): ...
+"""`rasterization_2dgs`: the renderer under the argument names and shapes of gsplat's function of that name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from room2dgs.geometry.depth_points import depth_to_normals
+from room2dgs.geometry.spherical_harmonics import C0
+from room2dgs.splat.api import render
+from room2dgs.splat.constants import SH_DEGREE_OF
+from room2dgs.splat.footprint import Footprint, footprint
+from room2dgs.splat.types import Rendering, Surfels
+
+RENDER_MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
+TILE = 16
+
+
+class _Drawn(NamedTuple):
+    rendering: Rendering
+    color: Tensor
+    places: Footprint
+
+
+def rasterization_2dgs(
+    means: Tensor,
+    quats: Tensor,
+    scales: Tensor,
+    opacities: Tensor,
+    colors: Tensor,
+    viewmats: Tensor,
+    Ks: Tensor,
+    width: int,
+    height: int,
+    near_plane: float = 0.01,
+    far_plane: float = 1e10,
+    radius_clip: float = 0.0,
+    eps2d: float = 0.3,
+    sh_degree: int | None = None,
+    packed: bool = False,
+    tile_size: int = TILE,
+    backgrounds: Tensor | None = None,
+    render_mode: str = "RGB",
+    sparse_grad: bool = False,
+    absgrad: bool = False,
+    distloss: bool = False,
+    depth_mode: str = "expected",
+    *,
+    backend: str | None = None,
+) -> tuple[Tensor, Tensor, Tensor, Tensor | None, Tensor, Tensor, dict[str, Any]]:
+    """Render surfels into C views, and that for every element of the batch dimensions `...`, one after another.
+
+    Differentiable with respect to all tensors, Ks included. What differs from gsplat 1.5: depth is where the ray meets
+    the disc, not that of its centre; the distortion is the quadratic one of the 2DGS paper; parts of a disc nearer than
+    the near plane are cut off.
+
+    Args:
+        means: (..., N, 3) metres, world frame.
+        quats: (..., N, 4) as (w, x, y, z), any norm above 0.
+        scales: (..., N, 2) or (..., N, 3); a third column has no meaning for a disc.
+        opacities: (..., N) in (0, 1).
+        colors: with `sh_degree` coefficients (..., [C,] N, K, 3), else values (..., [C,] N, D) for any D.
+        viewmats: (..., C, 4, 4) world to camera.
+        Ks: (..., C, 3, 3) pixels, centres at +0.5.
+        width, height: pixels.
+        near_plane, far_plane: metres; surfels with centres outside are not drawn.
+        sh_degree: degree to use, at most that of `colors`.
+        tile_size: has no influence on the images; the kernels have their own.
+        backgrounds: (..., C, D), zeros by default.
+        render_mode: "RGB", "D" (accumulated depth), "ED" (expected depth), "RGB+D", "RGB+ED".
+        distloss: draw the distortion; else it is zeros.
+        depth_mode: the depth, "expected" or "median", that `surf_normals` come from.
+        radius_clip, eps2d, packed, sparse_grad, absgrad: gsplat's defaults alone.
+        backend: see `room2dgs.splat.render`.
+
+    Returns:
+        render_colors (..., C, H, W, X), X = D, 1 or D + 1 by the mode; render_alphas (..., C, H, W, 1);
+        render_normals (..., C, H, W, 3), world frame, facing the camera, weighted sums;
+        surf_normals (..., C, H, W, 3) of the depth, for the modes "RGB+D" and "RGB+ED", else None;
+        render_distort and render_median (..., C, H, W, 1);
+        meta: `means2d`, `depths`, `radii` (0: not seen), `opacities` of every camera and surfel, without gradients;
+        `gradient_2dgs` (..., C, N, 2), whose `.grad` after a backward pass is that of the projected centres, 1/pixel;
+        `render_distort`, `camera_ids` and `gaussian_ids` (None), `width`, `height`, `tile_size`, `n_cameras`,
+        `n_batches`.
+
+    Raises:
+        NotImplementedError: an option that this renderer does not have.
+        ValueError: shapes or values that do not fit.
+    """
+    _refuse(
+        radius_clip=(radius_clip, 0.0), eps2d=(eps2d, 0.3), packed=(packed, False),
+        sparse_grad=(sparse_grad, False), absgrad=(absgrad, False),
+    )  # fmt: skip
+    _among("render_mode", render_mode, RENDER_MODES)
+    _among("depth_mode", depth_mode, ("expected", "median"))
+    if tile_size < 1:
+        raise ValueError(f"tile_size is {tile_size}")
+    if not far_plane > near_plane:
+        raise ValueError(f"far_plane {far_plane} is not beyond near_plane {near_plane}")
+    batch, N, C = means.shape[:-2], means.shape[-2], viewmats.shape[-3]
+    scales = scales[..., :2] if scales.shape[-1] == 3 else scales
+    colors = _colors_of_cameras(colors, (*batch, C, N), sh_degree)
+    channels = 3 if sh_degree is not None else colors.shape[-1]
+    if backgrounds is None:
+        backgrounds = means.new_zeros(*batch, C, channels)
+    shapes = {
+        "means": (means, N, 3), "quats": (quats, N, 4), "scales": (scales, N, 2), "opacities": (opacities, N),
+        "viewmats": (viewmats, C, 4, 4), "Ks": (Ks, C, 3, 3), "backgrounds": (backgrounds, C, channels),
+    }  # fmt: skip
+    for name, (tensor, *shape) in shapes.items():
+        if tuple(tensor.shape) != (*batch, *shape):
+            raise ValueError(f"{name} has shape {tuple(tensor.shape)}, not {(*batch, *shape)}")
+
+    gradient_2dgs = means.new_zeros(*batch, C, N, 2).requires_grad_(torch.is_grad_enabled())
+    drawn: list[_Drawn] = []
+    for index in product(*map(range, (*batch, C))):
+        one = index[:-1]  # the element of the batch
+        surfels = Surfels(means[one], quats[one], scales[one], opacities[one], means.new_zeros(N, 1, 3))
+        options = {
+            "K": Ks[index], "cam_from_world": viewmats[index], "width": width, "height": height,
+            "near_m": near_plane, "center_px": gradient_2dgs[index], "backend": backend,
+        }  # fmt: skip
+        values = colors[index] if "RGB" in render_mode else None
+        drawn.append(_draw_view(surfels, values, backgrounds[index], sh_degree, distloss, far_plane, options))
+
+    def stacked(images: list[Tensor]) -> Tensor:
+        return torch.stack(images).reshape(*batch, C, *images[0].shape)
+
+    firsts = [d.rendering for d in drawn]
+    images = [stacked([d.color for d in drawn])] if "RGB" in render_mode else []
+    if render_mode.endswith("ED"):
+        images.append(stacked([r.depth for r in firsts])[..., None])
+    elif render_mode.endswith("D"):
+        images.append(stacked([r.depth * r.alpha for r in firsts])[..., None])
+    distort = stacked([r.distortion for r in firsts])[..., None]
+    surf_normals = None
+    if render_mode in ("RGB+D", "RGB+ED"):
+        depths = [r.depth if depth_mode == "expected" else r.median_depth for r in firsts]
+        views = [(Ks[index], viewmats[index]) for index in product(*map(range, (*batch, C)))]
+        surf_normals = stacked([depth_to_normals(d, *view) for d, view in zip(depths, views, strict=True)])
+    places = [d.places for d in drawn]
+    meta = {
+        "camera_ids": None, "gaussian_ids": None,
+        "means2d": stacked([p.center_px for p in places]), "depths": stacked([p.depth for p in places]),
+        "radii": stacked([p.radius_px for p in places]),
+        "opacities": opacities.detach()[..., None, :].expand(*batch, C, N),
+        "gradient_2dgs": gradient_2dgs, "render_distort": distort,
+        "width": width, "height": height, "tile_size": TILE, "n_cameras": C, "n_batches": batch.numel(),
+    }  # fmt: skip
+    return (
+        torch.cat(images, dim=-1),
+        stacked([r.alpha for r in firsts])[..., None],
+        stacked([r.normal for r in firsts]),
+        surf_normals,
+        distort,
+        stacked([r.median_depth for r in firsts])[..., None],
+        meta,
+    )
+
+
+def _draw_view(
+    surfels: Surfels,
+    values: Tensor | None,
+    background: Tensor,
+    sh_degree: int | None,
+    distloss: bool,
+    far_plane: float,
+    options: dict[str, Any],
+) -> _Drawn:
+    """One view; `values` (N, D) or coefficients (N, K, 3), or None where no colour is wanted."""
+    like = surfels.centers.dtype
+    K, pose, size = options["K"].to(like), options["cam_from_world"].to(like), (options["width"], options["height"])
+    places = footprint(surfels, K, pose, *size, options["near_m"], far_plane)
+    beyond = places.depth > far_plane
+    if beyond.any():
+        surfels = surfels._replace(opacities=torch.where(beyond, 0.0, surfels.opacities))
+
+    def draw(sh: Tensor, behind: Tensor, first: bool) -> Rendering:
+        wanted = {"background": behind, "with_normal": first, "with_distortion": first and distloss}
+        return render(surfels._replace(sh=sh), **options, **wanted)
+
+    if values is not None and sh_degree is None:
+        return _Drawn(*_draw_values(draw, values, background), places)
+    rendering = draw(surfels.sh, background.new_zeros(3), True) if values is None else draw(values, background, True)
+    return _Drawn(rendering, rendering.color, places)
+
+
+def _draw_values(
+    draw: Callable[[Tensor, Tensor, bool], Rendering], values: Tensor, background: Tensor
+) -> tuple[Rendering, Tensor]:
+    """Values (N, D) over a background (D,), three channels a rendering; gives the first one and (H, W, D).
+
+    The renderer clamps colours at 0, and the gradient with them, so values are lifted clear of it and the image is
+    lowered again: sum w (c - l) + l sum w.
+    """
+    count, channels = values.shape
+    lift = (values.detach().amin(0) - 0.5).clamp(max=0.0) if count else values.new_zeros(channels)
+    first, parts = None, []
+    for begin in range(0, channels, 3):
+        used = min(3, channels - begin)
+        sh = values.new_zeros(count, 1, 3)
+        sh[:, 0, :used] = (values[:, begin : begin + used] - lift[begin : begin + used] - 0.5) / C0
+        behind = torch.nn.functional.pad(background[begin : begin + used], (0, 3 - used))
+        rendering = draw(sh, behind, first is None)
+        first = first or rendering
+        parts.append(rendering.color[..., :used] + lift[begin : begin + used] * rendering.alpha[..., None])
+    return first, torch.cat(parts, dim=-1)
+
+
+def _colors_of_cameras(colors: Tensor, cameras: tuple[int, ...], sh_degree: int | None) -> Tensor:
+    """(..., C, N, D), or (..., C, N, K, 3) with just the coefficients of `sh_degree`."""
+    *batch, C, _ = cameras
+    tail = 1 if sh_degree is None else 2
+    if colors.ndim == len(batch) + 1 + tail:
+        colors = colors.unsqueeze(len(batch))
+        colors = colors.expand(*colors.shape[: len(batch)], C, *colors.shape[len(batch) + 1 :])
+    shape = tuple(colors.shape)
+    if len(shape) != len(cameras) + tail or shape[: len(cameras)] != cameras:
+        raise ValueError(f"colors has shape {shape}, which does not fit {tuple(cameras)} surfels of each camera")
+    if sh_degree is None:
+        if shape[-1] < 1:
+            raise ValueError("colors has no channel")
+        return colors
+    if sh_degree not in SH_DEGREE_OF.values() or shape[-1] != 3 or shape[-2] < (sh_degree + 1) ** 2:
+        raise ValueError(f"sh_degree {sh_degree} does not fit coefficients of shape {shape[-2:]}; degrees are 0 to 3")
+    return colors[..., : (sh_degree + 1) ** 2, :]
+
+
+def _among(name: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise ValueError(f"{name} is {value!r}, not one of {', '.join(known)}")
+
+
+def _refuse(**options: tuple[Any, Any]) -> None:
+    for name, (value, only) in options.items():
+        if value != only:
+            raise NotImplementedError(f"{name}={value!r} is not supported by this renderer; leave it at {only!r}")

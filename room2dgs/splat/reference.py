@@ -107,7 +107,7 @@ def render(
     projected = project(surfels, K, cam_from_world, near_m, center_px)
     order = torch.argsort(projected.depth.detach(), stable=True)
     order = order[projected.visible[order]]
-    reach = _angular_reach(surfels, cam_from_world.detach(), K)[order]
+    reach = _angular_reach(surfels, cam_from_world.detach(), K.detach())[order]
     projected = Projected(*(x[order] for x in projected))
     bearing = torch.nn.functional.normalize(
         torch.cat(

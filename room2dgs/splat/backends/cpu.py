@@ -148,7 +148,11 @@ def rasterize_backward(
     if lost:
         cpu_frames.give(frame)
     *to, to_center_px = to
-    return *to, *(x.to(y.dtype) for x, y in ((to_pose, cam_from_world), (to_K, K), (to_background, background))), to_center_px
+    return (
+        *to,
+        *(x.to(y.dtype) for x, y in ((to_pose, cam_from_world), (to_K, K), (to_background, background))),
+        to_center_px,
+    )
 
 
 @rasterize_backward.register_fake
@@ -170,9 +174,7 @@ def _empty_gradients(centers: Tensor, *others: Tensor) -> list[Tensor]:
 def _keep_for_backward(ctx, inputs, output) -> None:
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, _, *options = inputs
     _, alpha, depth, _, _, _, state = output
-    ctx.save_for_backward(
-        centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state
-    )
+    ctx.save_for_backward(centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state)
     ctx.options = options
     ctx.set_materialize_grads(False)
 
