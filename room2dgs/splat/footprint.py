@@ -7,8 +7,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.splat.constants import ALPHA_MIN, FILTER_INVERSE_VARIANCE
-from room2dgs.splat.reference import rotation_matrices
 from room2dgs.splat.types import Surfels
 
 SIGMAS = 3.0

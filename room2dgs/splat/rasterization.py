@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from room2dgs.geometry.depth_points import depth_to_normals
+from room2dgs.geometry.depth_maps import depth_to_normals
 from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.splat.api import render
 from room2dgs.splat.constants import SH_DEGREE_OF
