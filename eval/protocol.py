@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,23 @@ import numpy as np
 import trimesh
 
 from room2dgs.eval.geometry_scores import Scores, downsample, nearest_vertices, scores
+from room2dgs.eval.surface import Surface
 from room2dgs.mesh.io import read_mesh
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a protocol can be told.
+
+    Attributes:
+        threshold_m: of precision, recall and F-score, metres.
+        samples: protocol `area`: observed points wanted on each mesh.
+        seed: protocol `area`: of the random samples.
+    """
+
+    threshold_m: float = 0.05
+    samples: int = 200_000
+    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -25,6 +42,11 @@ class MeshFile:
     mesh: trimesh.Trimesh
     path: Path | None = None
     sha256: str | None = None
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The mesh for distances and ray casts, built once."""
+        return Surface(self.mesh)
 
 
 @dataclass(frozen=True)
@@ -44,18 +66,23 @@ class Result:
         return {**self.scores.as_dict(), "constants": self.constants}
 
 
-def load(path: Path) -> MeshFile:
-    """Read a mesh and hash its file.
+def load(source: str | Path | trimesh.Trimesh | MeshFile) -> MeshFile:
+    """Read a mesh and hash its file; a mesh stays as it is.
 
     Raises:
         InputError: as `read_mesh`.
     """
+    if isinstance(source, MeshFile):
+        return source
+    if isinstance(source, trimesh.Trimesh):
+        return MeshFile(source)
+    path = Path(source)
     mesh = read_mesh(path)
     digest = hashlib.sha256()
-    with Path(path).open("rb") as file:
+    with path.open("rb") as file:
         while chunk := file.read(1 << 20):
             digest.update(chunk)
-    return MeshFile(mesh, Path(path), digest.hexdigest())
+    return MeshFile(mesh, path, digest.hexdigest())
 
 
 def hashes(pred: MeshFile, gt: MeshFile) -> dict[str, str | None]:

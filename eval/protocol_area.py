@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from room2dgs.config import EvalConfig
 from room2dgs.eval import culling
 from room2dgs.eval.geometry_scores import scores
-from room2dgs.eval.protocol import MeshFile, Result, hashes
+from room2dgs.eval.protocol import MeshFile, Options, Result, hashes
 from room2dgs.eval.sampling import Samples, sample_by_area
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
@@ -55,26 +54,26 @@ class AreaResult(Result):
     gt: Compared
 
 
-def area(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], config: EvalConfig) -> AreaResult:
+def area(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: Options) -> AreaResult:
     """Score with area samples.
 
     Args:
         cameras: all usable views of the scene; their images bound what is judged.
-        config: threshold_m, samples (wanted observed samples a mesh) and seed are used.
+        options: threshold_m, samples (wanted observed samples a mesh) and seed are used.
     """
-    pred_surface, gt_surface = Surface(pred.mesh), Surface(gt.mesh)
-    forth = _compare(pred.mesh, pred_surface, gt_surface, gt_surface, cameras, config)
-    back = _compare(gt.mesh, gt_surface, pred_surface, gt_surface, cameras, config)
+    pred_surface, gt_surface = pred.surface, gt.surface
+    forth = _compare(pred.mesh, pred_surface, gt_surface, gt_surface, cameras, options)
+    back = _compare(gt.mesh, gt_surface, pred_surface, gt_surface, cameras, options)
     consistency = (
         float(forth.cosine.mean() + back.cosine.mean()) / 2 if len(forth.cosine) and len(back.cosine) else None
     )
     return AreaResult(
         protocol="area",
-        scores=scores(forth.distance, back.distance, config.threshold_m, consistency),
+        scores=scores(forth.distance, back.distance, options.threshold_m, consistency),
         constants={
-            "threshold_m": config.threshold_m,
-            "samples_wanted": config.samples,
-            "seed": config.seed,
+            "threshold_m": options.threshold_m,
+            "samples_wanted": options.samples,
+            "seed": options.seed,
             "pred_samples": len(forth.distance),
             "pred_samples_drawn": forth.drawn,
             "gt_samples": len(back.distance),
@@ -96,12 +95,12 @@ def _compare(
     other: Surface,
     truth: Surface,
     cameras: Sequence[Camera],
-    config: EvalConfig,
+    options: Options,
 ) -> Compared:
-    probe = sample_by_area(mesh, max(1, int(config.samples * PROBE_SHARE)), config.seed)
+    probe = sample_by_area(mesh, max(1, int(options.samples * PROBE_SHARE)), options.seed)
     seen = float((culling.first_view(probe.points, cameras, own, truth) >= 0).mean()) if len(probe.points) else 0.0
-    drawn = int(min(config.samples / max(seen, 1e-9), config.samples * LARGEST_DRAW))
-    samples = sample_by_area(mesh, drawn, config.seed)
+    drawn = int(min(options.samples / max(seen, 1e-9), options.samples * LARGEST_DRAW))
+    samples = sample_by_area(mesh, drawn, options.seed)
     view = culling.first_view(samples.points, cameras, own, truth)
     samples, view = samples[view >= 0], view[view >= 0]
     normals = own.face_normals[samples.triangle]

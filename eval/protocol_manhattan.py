@@ -15,8 +15,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from room2dgs.config import EvalConfig, MeshConfig
-from room2dgs.eval.protocol import MeshFile, Result, by_vertex
+from room2dgs.config import MeshConfig
+from room2dgs.eval.protocol import MeshFile, Options, Result, by_vertex
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.clean import clean
@@ -31,15 +31,15 @@ MIN_WEIGHT = 0.0  # a voxel seen once counts
 DOWNSAMPLE_M = 0.02
 
 
-def manhattan(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], config: EvalConfig) -> Result:
-    """Score by ManhattanSDF's protocol; of `config` only threshold_m is used."""
+def manhattan(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: Options) -> Result:
+    """Score by ManhattanSDF's protocol; of `options` only threshold_m is used."""
     fusion = MeshConfig(
         voxel_m=VOXEL_M,
         truncation_voxels=TRUNCATION_VOXELS,
         max_depth_m=MAX_DEPTH_M,
         min_weight=MIN_WEIGHT,
     )
-    fused = clean(integrate(_depth_views(Surface(pred.mesh), cameras), fusion))
+    fused = clean(integrate(_depth_views(pred.surface, cameras), fusion))
     constants = {
         "image_width": IMAGE_WIDTH,
         "voxel_m": VOXEL_M,
@@ -49,7 +49,7 @@ def manhattan(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], config: E
         "views": len(cameras),
     }
     vertices = fused.vertices, gt.mesh.vertices
-    return by_vertex("manhattan", pred, gt, vertices, DOWNSAMPLE_M, config.threshold_m, constants)
+    return by_vertex("manhattan", pred, gt, vertices, DOWNSAMPLE_M, options.threshold_m, constants)
 
 
 def _depth_views(surface: Surface, cameras: Sequence[Camera]) -> Iterator[FusedView]:

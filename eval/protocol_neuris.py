@@ -16,8 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
-from room2dgs.config import EvalConfig
-from room2dgs.eval.protocol import MeshFile, Result, by_vertex
+from room2dgs.eval.protocol import MeshFile, Options, Result, by_vertex
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
 
@@ -27,8 +26,8 @@ BOX_SCALE = 1.1  # of the ground truth's bounding box, about its middle
 DOWNSAMPLE_M = 0.02
 
 
-def neuris(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], config: EvalConfig) -> Result:
-    """Score by NeuRIS's protocol; of `config` only threshold_m is used."""
+def neuris(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: Options) -> Result:
+    """Score by NeuRIS's protocol; of `options` only threshold_m is used."""
     views = [_small(camera) for camera in cameras]
     truth = _first_hit_faces(gt.mesh, views)
     masks = [np.isfinite(hits.t) for hits in map(Surface(truth).seen_by, views)]
@@ -40,7 +39,7 @@ def neuris(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], config: Eval
         "bounding_box_scale": BOX_SCALE,
         "views": len(cameras),
     }
-    return by_vertex("neuris", pred, gt, (judged, truth.vertices), DOWNSAMPLE_M, config.threshold_m, constants)
+    return by_vertex("neuris", pred, gt, (judged, truth.vertices), DOWNSAMPLE_M, options.threshold_m, constants)
 
 
 def _small(camera: Camera) -> Camera:

@@ -14,8 +14,8 @@ import pytest
 import trimesh
 from hypothesis import settings
 
-from room2dgs.config import Config, EvalConfig, PointsConfig, load_config
-from room2dgs.eval.protocol import MeshFile
+from room2dgs.config import Config, PointsConfig, load_config
+from room2dgs.eval.protocol import MeshFile, Options
 from room2dgs.geometry.camera import Camera
 
 # CI must not turn red by the luck of the draw; at home hypothesis goes on searching
@@ -241,15 +241,8 @@ def all_around(centre=(0.0, 0.0, 0.0)) -> list[Camera]:
     return [camera_at(centre, sign * np.eye(3)[axis]) for axis in range(3) for sign in (-1, 1)]
 
 
-def config(**changes) -> EvalConfig:
-    values = {
-        "protocols": ["area"],
-        "threshold_m": 0.05,
-        "samples": 40_000,
-        "seed": 0,
-        "image_metrics": False,
-    }
-    return EvalConfig(**{**values, **changes})
+def options(**changes) -> Options:
+    return Options(**{"samples": 40_000, **changes})
 
 
 @pytest.fixture
@@ -264,6 +257,6 @@ def make():
         moved=moved,
         camera_at=camera_at,
         all_around=all_around,
-        config=config,
+        options=options,
         file=MeshFile,
     )

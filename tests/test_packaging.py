@@ -70,9 +70,9 @@ def test_import_and_configuration_elsewhere(installed):
         installed,
         """
 import importlib.util
-import room2dgs, room2dgs._C, room2dgs.eval.report, room2dgs.tools
+import room2dgs, room2dgs._C, room2dgs.eval.scoring, room2dgs.tools
 from room2dgs.config import conf_dir, load_config
-for module in (room2dgs, room2dgs._C, room2dgs.eval.report, room2dgs.tools):
+for module in (room2dgs, room2dgs._C, room2dgs.eval.scoring, room2dgs.tools):
     print(module.__file__)
 print(conf_dir())
 assert load_config(["scene.path=a", "out=b"]).train.iterations > 0

@@ -13,9 +13,9 @@ import numpy as np
 
 from room2dgs.bench.prior_measure import Picture, SceneScore
 from room2dgs.bench.prior_scores import NORMAL_SHARES_DEG, Ranking, share_name
-from room2dgs.eval.report import plain
 from room2dgs.eval.shading import UNKNOWN, error_color
 from room2dgs.files import whole_file
+from room2dgs.json_files import plain
 from room2dgs.study.ablation_html import STYLE, data_uri
 from room2dgs.study.ablation_tables import NOTHING, Table, as_html, markdown
 

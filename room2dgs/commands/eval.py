@@ -19,7 +19,7 @@ from room2dgs.commands.run_folder import (
 )
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import Log, read, rendered, trained_surfels, use_threads
-from room2dgs.config import Config, conf_dir, load_config
+from room2dgs.config import Config, EvalConfig, conf_dir, load_config
 from room2dgs.config.overrides import group_choices
 from room2dgs.errors import InputError
 
@@ -66,13 +66,11 @@ def score_mesh(overrides: list[str], out: str | None) -> None:
     gt = gt or scene.gt_mesh
     if gt is None:
         raise InputError(f"{config.scene.path} has no gt_mesh.ply; give gt=MESH")
-    from room2dgs.eval.run import evaluate
-
     folder = Path(config.out)
     seconds: dict[str, float] = {}
     with timed(seconds, "eval"):
-        evaluate(Path(config.eval.pred), gt, scene, config.eval, folder, print)
-    record(folder, {}, seconds)
+        part = _mesh_part(Path(config.eval.pred), gt, scene, config.eval, folder, print)
+    record(folder, part, seconds)
     print(f"scores: {folder / METRICS}, pictures: {folder / 'eval'}")
 
 
@@ -86,10 +84,8 @@ def score_run(scene: Scene, surfels: Surfels, config: Config, out: Path, seconds
         if gt is None:
             log("no ground truth (gt_mesh.ply in the capture, or eval.gt=MESH): the mesh is not scored")
         else:
-            from room2dgs.eval.run import evaluate
-
             pred = Path(config.eval.pred) if config.eval.pred else out / MESH
-            evaluate(required(pred, "mesh"), gt, scene, config.eval, out, log)
+            part |= _mesh_part(required(pred, "mesh"), gt, scene, config.eval, out, log)
             log(f"pictures of the error: {out / 'eval'}")
     record(out, part, seconds)
     log(f"scores: {out / METRICS}")
@@ -120,8 +116,21 @@ def written_out(argv: list[str]) -> list[str]:
     return result
 
 
+def _mesh_part(pred: Path, gt: Path, scene: Scene, settings: EvalConfig, out: Path, log: Log) -> dict[str, Any]:
+    """The mesh's scores, logged, with pictures of the error in the folder `eval`."""
+    from room2dgs.eval import evaluate, write_pictures
+
+    cameras = [frame.camera for frame in scene.frames]
+    options = {"threshold_m": settings.threshold_m, "samples": settings.samples, "seed": settings.seed}
+    found = evaluate(pred, gt, cameras, settings.protocols, **options)
+    write_pictures(found, scene.frames, out / "eval")
+    for line in found.lines():
+        log(line)
+    return found.as_dict()
+
+
 def _image_part(scene: Scene, surfels: Surfels, config: Config, log: Log) -> dict[str, Any]:
-    from room2dgs.eval.image_scores import image_scores
+    from room2dgs.eval import image_scores
 
     if not scene.test:
         log("no view is held out (scene.test_every=0): no image scores")

@@ -18,6 +18,7 @@ from typing import Any
 from room2dgs import __version__
 from room2dgs.commands.run_folder import METRICS
 from room2dgs.cores import available_cores
+from room2dgs.json_files import update_json
 
 PACKAGES = (
     "torch",
@@ -46,8 +47,6 @@ def record(out: Path, part: dict[str, Any], seconds: dict[str, float]) -> dict[s
     Returns:
         All that the file now holds.
     """
-    from room2dgs.eval.report import update_metrics
-
     before = earlier(out)
     memory = max(peak_memory_mb(), before.get("peak_memory_mb") or 0.0)
     common = {
@@ -57,11 +56,11 @@ def record(out: Path, part: dict[str, Any], seconds: dict[str, float]) -> dict[s
         "commit": commit(),
         "machine": machine(),
     }
-    return update_metrics(out / METRICS, {**part, **common})
+    return update_json(out / METRICS, {**part, **common})
 
 
 def earlier(out: Path) -> dict[str, Any]:
-    """What the run's metrics.json holds so far; nothing if it cannot be read (`update_metrics` says why)."""
+    """What the run's metrics.json holds so far; nothing if it cannot be read (`update_json` says why)."""
     try:
         metrics = json.loads((out / METRICS).read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from room2dgs.config import MeshConfig
 from room2dgs.geometry.camera import Camera
-from room2dgs.splat.types import Rendering
+
+if TYPE_CHECKING:  # fusion serves renderings and depth maps from elsewhere
+    from room2dgs.splat.types import Rendering
 
 
 @dataclass(frozen=True)

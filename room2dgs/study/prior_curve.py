@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from room2dgs.eval.geometry_scores import threshold_name
-from room2dgs.eval.report import plain
 from room2dgs.files import whole_file
+from room2dgs.json_files import plain
 from room2dgs.study.ablation import FINE, Row
 from room2dgs.study.ablation_tables import NOTHING, SIMULATED, Table, markdown, shown
 

@@ -16,7 +16,7 @@ def sites(make):
     def run(pred, gt):
         # four level views as a person holds a phone: they give the up axis; the two others see floor and ceiling
         cameras = make.all_around()
-        result = area(make.file(pred), make.file(gt), cameras, make.config(samples=8000))
+        result = area(make.file(pred), make.file(gt), cameras, make.options(samples=8000))
         return where_the_error_sits(result, Surface(pred), Surface(gt), cameras)
 
     return run

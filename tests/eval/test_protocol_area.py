@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from room2dgs.config import EvalConfig
-from room2dgs.eval.protocol import MeshFile
+from room2dgs.eval.protocol import MeshFile, Options
 from room2dgs.eval.protocol_area import area
 from room2dgs.geometry.camera import Camera
 
@@ -19,7 +18,7 @@ SHARE = 2e-3  # of 40,000 stratified samples: what their edges may misplace
 def score(make):
     def run(pred, gt, cameras=None, **changes):
         cameras = make.all_around() if cameras is None else cameras
-        return area(make.file(pred), make.file(gt), cameras, make.config(**changes)).scores.as_dict()
+        return area(make.file(pred), make.file(gt), cameras, make.options(**changes)).scores.as_dict()
 
     return run
 
@@ -49,8 +48,8 @@ def test_any_mesh_against_itself_is_perfect_wherever_it_stands(seed, far):
     K = np.array([[80.0, 0, 60], [0, 80.0, 50], [0, 0, 1]])
     camera = Camera(K, 120, 100, np.linalg.inv(world))
     mesh.apply_transform(world)
-    config = EvalConfig(threshold_m=0.05, samples=2000, seed=seed)
-    result = area(MeshFile(mesh), MeshFile(mesh), [camera], config)
+    options = Options(threshold_m=0.05, samples=2000, seed=seed)
+    result = area(MeshFile(mesh), MeshFile(mesh), [camera], options)
     assert result.scores.accuracy_m < 1e-5
     assert result.scores.as_dict()["f_score_1cm"] == 1
     assert result.constants["gt_samples"] > 500
@@ -199,7 +198,7 @@ def test_the_threshold_is_in_the_key_and_the_seed_fixes_the_result(make, score):
 
 def test_constants_say_what_was_done(make):
     cameras = make.all_around()
-    result = area(make.file(make.room(), sha256="a"), make.file(make.room(), sha256="b"), cameras, make.config())
+    result = area(make.file(make.room(), sha256="a"), make.file(make.room(), sha256="b"), cameras, make.options())
     constants = result.as_dict()["constants"]
     assert constants["views"] == 6
     assert (constants["pred_sha256"], constants["gt_sha256"]) == ("a", "b")

@@ -15,7 +15,7 @@ CELLS = 0.012  # of the area: what cells of 2 cm may misplace at edges
 @pytest.fixture
 def score(make):
     def run(protocol, pred, gt):
-        result = protocol(make.file(pred), make.file(gt), make.all_around(), make.config())
+        result = protocol(make.file(pred), make.file(gt), make.all_around(), make.options())
         return result.scores.as_dict()
 
     return run
@@ -99,6 +99,6 @@ def test_an_unseen_prediction_scores_nothing(make, score, small_room, protocol):
 @pytest.mark.parametrize("protocol", [neuris, manhattan])
 def test_constants_tell_a_coarse_truth(make, protocol):
     coarse = make.file(make.room(SMALL))
-    result = protocol(coarse, coarse, make.all_around()[:1], make.config())
+    result = protocol(coarse, coarse, make.all_around()[:1], make.options())
     assert result.constants["gt_edge_m"] > 1
     assert result.constants["downsample_m"] == 0.02
