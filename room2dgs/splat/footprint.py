@@ -59,7 +59,8 @@ def footprint(
     half = (shift.square() + factor * across.square().sum(-1)).sqrt() + shift.abs()
     half = half.clamp_min(SIGMAS / FILTER_INVERSE_VARIANCE**0.5)
     size = torch.tensor([width, height], dtype=half.dtype, device=half.device)
-    half = torch.where(whole[:, None], half, size.expand_as(half)).ceil()
+    to_the_far_edge = (center - size / 2).abs() + size / 2
+    half = torch.where(whole[:, None], half, to_the_far_edge).ceil()
     inside = ((center + half > 0) & (center - half < size)).all(-1) | ~whole
     seen = between & inside & (surfels.opacities >= ALPHA_MIN)
     radius = torch.where(seen[:, None], half.clamp(max=1e6), torch.zeros_like(half)).to(torch.int32)

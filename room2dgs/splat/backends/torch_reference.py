@@ -6,16 +6,18 @@ import torch
 
 from room2dgs.splat import reference
 from room2dgs.splat.backends.backend import Backend, View
-from room2dgs.splat.checks import check_center_px
+from room2dgs.splat.checks import check_center_px, check_values
 from room2dgs.splat.types import Rendering, Surfels
 
 
 def render(surfels: Surfels, view: View) -> Rendering:
     """One view by `reference.render`, with the same outputs left out as the compiled kernels do."""
+    check_values(view.K, view.cam_from_world, view.background, view.near_m)
     check_center_px(view.center_px)
+    K, pose, background = (x.to(surfels.centers.dtype) for x in (view.K, view.cam_from_world, view.background))
     rendering = reference.render(
-        surfels, view.K, view.cam_from_world, view.width, view.height,
-        background=view.background, near_m=view.near_m, center_px=view.center_px,
+        surfels, K, pose, view.width, view.height,
+        background=background, near_m=view.near_m, center_px=view.center_px,
     )  # fmt: skip
     if not view.with_normal:
         rendering = rendering._replace(normal=torch.zeros_like(rendering.normal))
