@@ -28,7 +28,7 @@ def depth_prior_loss(
     """L_d = mean w r^2 + gradient_weight * sum over scales of (mean w |d_x r| + mean w |d_y r|) (eq. 10).
 
     r = (x - (s p + t)) / m at the compared pixels, with x the rendered depth or its inverse, p the prior, and m the
-    mean of s p + t. The paper aligns the rendering to the prior, which makes the loss grow with the prior's unit
+    mean of s p + t, weighted by w as the fit is: so it is the weighted mean of x, and never near 0. The paper aligns the rendering to the prior, which makes the loss grow with the prior's unit
     (and it has no solution for a flat rendering); here the prior is aligned to the rendering, and r is relative: no
     unit of either map changes the value. s, t and m are held constant in the gradient. The gradient term is that of
     MiDaS: neighbours of r taken at strides 1, 2, 4, ..., each mean over the pairs whose two pixels are compared.
@@ -63,14 +63,15 @@ def depth_prior_loss(
     count = int(torch.count_nonzero(compared))
     # A depth of 1 in place of the others keeps infinities and NaN out of the gradients.
     rendered = torch.where(compared, depth, 1.0)
-    if count < MIN_PIXELS:
+    weight = torch.where(compared, 1.0 if confidence is None else confidence, 0.0).to(depth.dtype)
+    total_weight = float(weight.sum())
+    if count < MIN_PIXELS or not total_weight > 0:
         return 0.0 * rendered.sum()
     if space == "disparity":
         rendered = rendered.reciprocal()
     prior = torch.where(compared, prior, 0.0).to(depth.dtype)
-    weight = torch.where(compared, 1.0 if confidence is None else confidence, 0.0).to(depth.dtype)
     scale, shift = scale_and_shift(prior, rendered, weight) if align else (1.0, 0.0)
-    unit = scale * float(prior.sum()) / count + shift
+    unit = scale * float(prior.flatten().dot(weight.flatten())) / total_weight + shift
     residual = (rendered - (scale * prior + shift)) * (compared.to(depth.dtype) / unit)
     return _Penalty.apply(residual, compared, weight, count, gradient_weight, scales)
 

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from room2dgs.losses.depth_prior import MIN_PIXELS, depth_prior_loss, edge_band, scale_and_shift
 
@@ -135,8 +137,8 @@ def test_doubt_everywhere_makes_the_term_small_and_doubt_in_places_leaves_those_
     kept = valid & (alpha >= 0.5)
     share = torch.count_nonzero(kept & (weight > 0)) / torch.count_nonzero(kept)
     scale, shift = scale_and_shift(wrong, depth, kept * weight)
-    unit = scale * wrong[kept].mean() + shift
-    residual = (depth - scale * wrong - shift)[kept & (weight > 0)] / unit
+    # nor does it have a say in the unit: that is the mean of what was fitted
+    residual = (depth - scale * wrong - shift)[kept & (weight > 0)] / depth[kept & (weight > 0)].mean()
     assert left_out == pytest.approx(float(share * residual.square().mean()), rel=1e-9)
     assert (gradient[weight == 0] == 0).all() and (gradient[kept & (weight > 0)] != 0).any()
 
@@ -147,6 +149,42 @@ def test_the_fit_counts_pixels_by_their_weight():
     wanted = np.polyfit(prior.numpy().ravel(), depth.numpy().ravel(), 1, w=weight.sqrt().numpy().ravel())
     assert scale_and_shift(prior, depth, weight) == pytest.approx(tuple(wanted), rel=1e-9)
     assert scale_and_shift(prior, depth, 0 * weight) == (1.0, 0.0)
+
+
+def test_pixels_without_confidence_cannot_make_the_loss_large():
+    """Where only the far half counts, s p + t is about -3.2 at the other one: its plain mean over all is near 0."""
+    depth = ramp(0.1)
+    prior = depth + 3.2 + 0.01 * torch.rand(H, W, generator=torch.Generator().manual_seed(3), dtype=torch.float64)
+    weight = (torch.arange(W) >= W // 2).expand(H, W).double()
+    confident = everything(depth, prior, confidence=weight, gradient_weight=0).item()
+    elsewhere = torch.where(weight > 0, prior, 1e-3)
+    scale, shift = scale_and_shift(elsewhere, depth, weight)
+    assert everything(depth, elsewhere, confidence=weight, gradient_weight=0).item() == pytest.approx(confident)
+    residual = (depth - scale * prior - shift)[weight > 0] / depth[weight > 0].mean()
+    assert confident == pytest.approx((residual.square().sum() / (H * W)).item()) and confident < 1e-4
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    depth_unit=st.floats(1e-4, 1e4),
+    prior_unit=st.floats(1e-4, 1e4),
+    seed=st.integers(0, 999),
+    space=st.sampled_from(["depth", "disparity"]),
+    noise=st.floats(0, 5),
+    sure=st.floats(0.1, 1),
+)
+def test_no_unit_changes_the_loss_whatever_the_confidence(depth_unit, prior_unit, seed, space, noise, sure):
+    g = torch.Generator().manual_seed(seed)
+    depth, alpha, prior, valid = maps(seed)
+    prior = prior + noise * torch.rand(H, W, generator=g, dtype=torch.float64)
+    confidence = torch.rand(H, W, generator=g, dtype=torch.float64)
+    confidence *= torch.rand(H, W, generator=g) < sure
+    value, gradient = value_and_gradient(depth, alpha, prior, valid, space=space, confidence=confidence)
+    other, smaller = value_and_gradient(
+        depth_unit * depth, alpha, prior_unit * prior, valid, space=space, confidence=confidence
+    )
+    assert np.isfinite(value) and other == pytest.approx(value, rel=1e-8, abs=1e-20)
+    torch.testing.assert_close(depth_unit * smaller, gradient, rtol=1e-6, atol=1e-12)
 
 
 def test_no_weight_at_all_costs_nothing():
