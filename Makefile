@@ -1,6 +1,7 @@
 # make demo    a room, its mesh, scores and pictures, in demo/
 # make test    the tests
 # make lint    style
+# make sanitize  the bindings and threads under AddressSanitizer, UndefinedBehaviorSanitizer and ThreadSanitizer
 # make bench   how fast the rasterizer is on this machine
 # make clean   forget everything that was made here
 
@@ -15,7 +16,7 @@ SOURCES := $(shell find room2dgs -name '*.cpp' -o -name '*.h' -o -name '*.cu') C
 ROOM_OPTIONS ?=
 DEMO_OPTIONS ?=
 
-.PHONY: install demo test lint bench clean
+.PHONY: install demo test lint sanitize bench clean
 .DELETE_ON_ERROR:
 
 install: $(READY)
@@ -40,6 +41,9 @@ test: $(READY)
 lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+sanitize: $(READY)
+	$(BIN)/python tests/bindings/sanitize.py
 
 bench: $(READY)
 	$(BIN)/room2dgs bench raster

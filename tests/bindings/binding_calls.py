@@ -1,0 +1,171 @@
+"""Every function of `_C`: its arguments by name, and arrays that fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from room2dgs import _C
+
+
+@dataclass(frozen=True)
+class Array:
+    """An array argument; `shape` holds digits and the names of sizes (h, w, n surfels, k coefficients)."""
+
+    name: str
+    shape: str
+    dtype: type = np.float32
+    written: bool = False
+    optional: bool = False
+
+    def lengths(self, sizes: dict[str, int]) -> tuple[int, ...]:
+        return tuple(int(axis) if axis.isdigit() else sizes[axis] for axis in self.shape)
+
+
+@dataclass(frozen=True)
+class Call:
+    """A function: its name in `_C`, or that of a method of `RasterFrame`."""
+
+    name: str
+    arguments: tuple[Array | str, ...]
+    method: bool = False
+    after_forward: bool = False
+
+    def arrays(self) -> list[Array]:
+        return [argument for argument in self.arguments if isinstance(argument, Array)]
+
+
+def _written(*arrays: Array) -> tuple[Array, ...]:
+    return tuple(Array(a.name, a.shape, a.dtype, True, a.optional) for a in arrays)
+
+
+SURFELS = (
+    Array("centers", "n3"),
+    Array("rotations", "n4"),
+    Array("scales", "n2"),
+    Array("opacities", "n"),
+    Array("sh", "nk3"),
+)
+MAPS = (
+    Array("color", "hw3"),
+    Array("alpha", "hw"),
+    Array("depth", "hw"),
+    Array("median", "hw"),
+    Array("normal", "hw3", optional=True),
+    Array("distortion", "hw", optional=True),
+)
+FIVE_MAPS = _written(*MAPS[:4], Array("normal", "hw3"))
+PINHOLE = ("fx", "fy", "cx", "cy", Array("cam_from_world", "33", np.float64))
+CALLS = {
+    call.name: call
+    for call in (
+        Call(
+            "rgb_loss",
+            (
+                Array("rendered", "hw3"),
+                Array("target", "hw3"),
+                "dssim",
+                Array("gradient", "hw3", written=True, optional=True),
+            ),
+        ),
+        Call("depth_normals", (Array("depth", "hw"), *PINHOLE, Array("normal", "hw3", written=True))),
+        Call(
+            "normal_consistency",
+            (
+                Array("depth", "hw"),
+                Array("alpha", "hw"),
+                Array("normal", "hw3"),
+                *PINHOLE,
+                *_written(
+                    Array("grad_depth", "hw"), Array("grad_normal", "hw3"), Array("grad_rotation", "33", np.float64)
+                ),
+            ),
+        ),
+        Call(
+            "forward",
+            (
+                *SURFELS,
+                Array("cam_from_world", "44", np.float64),
+                Array("K", "33", np.float64),
+                "width",
+                "height",
+                "near",
+                Array("background", "3"),
+                *_written(*MAPS),
+            ),
+            method=True,
+        ),
+        Call(
+            "backward",
+            (
+                "view",
+                *SURFELS,
+                Array("alpha", "hw"),
+                Array("depth", "hw"),
+                *(Array(f"g_{a.name}", a.shape, optional=True) for a in MAPS),
+                *_written(*(Array(f"to_{a.name}", a.shape) for a in SURFELS)),
+                *_written(Array("to_center_px", "n2"), Array("to_pose", "44")),
+            ),
+            method=True,
+            after_forward=True,
+        ),
+        Call("time_stages", (*SURFELS, *FIVE_MAPS), method=True, after_forward=True),
+        Call(
+            "bare_loop",
+            (*FIVE_MAPS, Array("g_color", "hw3", optional=True), "every", "repeats"),
+            method=True,
+            after_forward=True,
+        ),
+        Call("count_pairs", FIVE_MAPS, method=True, after_forward=True),
+        Call("tiles_of", (Array("counts", "n", written=True),), method=True, after_forward=True),
+    )
+}
+
+
+def numbers(sizes: dict[str, int]) -> dict[str, float]:
+    """The arguments that are no arrays."""
+    return {
+        "dssim": 0.2, "fx": 30.0, "fy": 32.0, "cx": sizes["w"] / 2, "cy": sizes["h"] / 2,
+        "width": sizes["w"], "height": sizes["h"], "near": 0.05, "every": 2, "repeats": 1,
+    }  # fmt: skip
+
+
+def filled(array: Array, sizes: dict[str, int], random: np.random.Generator) -> np.ndarray:
+    """Sensible values; what is written holds NaN."""
+    shape = array.lengths(sizes)
+    if array.written:
+        return np.full(shape, np.nan, array.dtype)
+    if array.name == "K":
+        known = numbers(sizes)
+        return np.array([[known["fx"], 0, known["cx"]], [0, known["fy"], known["cy"]], [0, 0, 1.0]])
+    if array.name == "cam_from_world":
+        return np.eye(shape[0])
+    values = random.random(shape)
+    if array.name == "centers":
+        values = values * 2 + [-1, -1, 0.5]
+    elif array.name in ("rotations", "sh"):
+        values = values - 0.5
+    return values.astype(array.dtype)
+
+
+def arguments(call: Call, sizes: dict[str, int], seed: int = 0) -> dict[str, object]:
+    """All arguments of a call that fit, by name; `view` is left to the frame's forward pass."""
+    random = np.random.default_rng(seed)
+    known = numbers(sizes)
+    return {
+        **{name: known.get(name) for name in call.arguments if isinstance(name, str)},
+        **{array.name: filled(array, sizes, random) for array in call.arrays()},
+    }
+
+
+def run(call: Call, values: dict[str, object], sizes: dict[str, int], seed: int = 0) -> object:
+    """Calls it, after a forward pass of the same surfels where it needs one."""
+    if not call.method:
+        return getattr(_C, call.name)(**values)
+    frame = _C.RasterFrame()
+    if call.after_forward:
+        view = frame.forward(**arguments(CALLS["forward"], sizes, seed))
+        if "view" in values and values["view"] is None:
+            values = {**values, "view": view}
+    return getattr(frame, call.name)(**values)
