@@ -28,10 +28,11 @@ def depth_prior_loss(
     """L_d = mean w r^2 + gradient_weight * sum over scales of (mean w |d_x r| + mean w |d_y r|) (eq. 10).
 
     r = (x - (s p + t)) / m at the compared pixels, with x the rendered depth or its inverse, p the prior, and m the
-    mean of s p + t, weighted by w as the fit is: so it is the weighted mean of x, and never near 0. The paper aligns the rendering to the prior, which makes the loss grow with the prior's unit
-    (and it has no solution for a flat rendering); here the prior is aligned to the rendering, and r is relative: no
-    unit of either map changes the value. s, t and m are held constant in the gradient. The gradient term is that of
-    MiDaS: neighbours of r taken at strides 1, 2, 4, ..., each mean over the pairs whose two pixels are compared.
+    mean of s p + t, weighted by w as the fit is; where s and t are fitted that is the mean of x, so never near 0. The
+    paper aligns the rendering to the prior, which makes the loss grow with the prior's unit (and it has no solution
+    for a flat rendering); here the prior is aligned to the rendering, and r is relative: no unit of either map
+    changes the value. s, t and m are held constant in the gradient. The gradient term is that of MiDaS: neighbours of
+    r taken at strides 1, 2, 4, ..., each mean over the pairs whose two pixels are compared.
 
     w is the prior's confidence; a pair of neighbours has the smaller of its two. Means are over numbers
     of pixels and not over weights: a map that doubts itself everywhere has little to say. s and t are fitted with the

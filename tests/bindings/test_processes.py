@@ -17,7 +17,7 @@ CSRC = HERE.parents[1] / "room2dgs" / "csrc"
 def python(program: str, *arguments: str | Path) -> str:
     """What a program prints in a fresh interpreter."""
     done = subprocess.run(
-        [sys.executable, "-c", program, *map(str, arguments)], capture_output=True, text=True, timeout=300
+        [sys.executable, "-c", program, *map(str, arguments)], check=False, capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, f"exit code {done.returncode}\n{done.stderr}"
     return done.stdout
@@ -127,7 +127,7 @@ def test_the_pool_itself(tmp_path, sanitize):
     subprocess.run(command, check=True)
     options = {"TSAN_OPTIONS": f"die_after_fork=0:suppressions={HERE / 'tsan.supp'}"}
     done = subprocess.run(
-        [tmp_path / "check"], capture_output=True, text=True, timeout=300, env={**os.environ, **options}
+        [tmp_path / "check"], check=False, capture_output=True, text=True, timeout=300, env={**os.environ, **options}
     )
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -136,7 +136,7 @@ DTYPE = """
 import sys, torch
 torch.set_default_dtype(getattr(torch, sys.argv[1]))
 from room2dgs import losses, splat
-from room2dgs.geometry.depth_points import depth_to_normals
+from room2dgs.geometry.depth_maps import depth_to_normals
 
 def random(*shape):
     return torch.rand(shape, generator=generator, dtype=torch.float32)
