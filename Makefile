@@ -1,5 +1,5 @@
 # make demo    a room, its mesh, scores and pictures, in demo/
-# make test    the tests
+# make test    the tests; those marked slow: make test-slow, both: make test-all
 # make lint    style
 # make sanitize  the bindings and threads under AddressSanitizer, UndefinedBehaviorSanitizer and ThreadSanitizer
 # make bench   how fast the rasterizer is on this machine
@@ -15,8 +15,9 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 SOURCES := $(shell find room2dgs -name '*.cpp' -o -name '*.h' -o -name '*.cu') CMakeLists.txt pyproject.toml constraints.txt
 ROOM_OPTIONS ?=
 DEMO_OPTIONS ?=
+TEST_OPTIONS ?= -n 2 --dist loadfile
 
-.PHONY: install demo test lint sanitize bench clean
+.PHONY: install demo test test-slow test-all lint sanitize bench clean
 .DELETE_ON_ERROR:
 
 install: $(READY)
@@ -24,7 +25,7 @@ install: $(READY)
 $(READY): $(SOURCES)
 	@$(PYTHON) room2dgs/system_libraries.py
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python tools/requirements.py dev > $(VENV)/requirements.txt
+	$(BIN)/python .ci/requirements.py dev > $(VENV)/requirements.txt
 	$(PIP) install -q $(PINS) -r $(VENV)/requirements.txt
 	$(PIP) install -q --no-build-isolation --no-deps -e .
 	$(BIN)/room2dgs doctor
@@ -36,7 +37,12 @@ demo: $(READY)
 	$(BIN)/room2dgs run scene.path=demo/room out=demo/run $(DEMO_OPTIONS)
 
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest $(TEST_OPTIONS) -m "not slow"
+
+test-slow: $(READY)
+	$(BIN)/python -m pytest $(TEST_OPTIONS) -m slow
+
+test-all: test-slow test
 
 lint: $(READY)
 	$(BIN)/ruff check .

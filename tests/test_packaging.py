@@ -1,10 +1,13 @@
-"""The wheel works away from the checkout and puts nothing but room2dgs on anyone's path."""
+"""The sdist builds a wheel that works away from the checkout and puts nothing but room2dgs on anyone's path."""
 
 from __future__ import annotations
 
+import json
+import re
+import runpy
 import subprocess
 import sys
-import sysconfig
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -13,14 +16,30 @@ import pytest
 CHECKOUT = Path(__file__).resolve().parents[1]
 PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q"]
 
+pytestmark = pytest.mark.slow  # the extension is compiled anew
+
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> Path:
+def sdist(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("sdist")
+    code = f"from scikit_build_core.build import build_sdist; build_sdist({str(folder)!r})"
+    subprocess.run([sys.executable, "-c", code], cwd=CHECKOUT, check=True, stdout=subprocess.DEVNULL)
+    (path,) = folder.glob("room2dgs-*.tar.gz")
+    return path
+
+
+@pytest.fixture(scope="module")
+def wheel(sdist: Path, tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     options = ["--no-deps", "--no-build-isolation", "--no-index", "-w", folder]
-    subprocess.run([*PIP, "wheel", *options, CHECKOUT], check=True)
+    subprocess.run([*PIP, "wheel", *options, sdist], check=True)
     (path,) = folder.glob("room2dgs-*.whl")
     return path
+
+
+@pytest.fixture(scope="module")
+def names(wheel: Path) -> set[str]:
+    return set(zipfile.ZipFile(wheel).namelist())
 
 
 @pytest.fixture(scope="module")
@@ -30,39 +49,61 @@ def installed(wheel: Path, tmp_path_factory) -> Path:
     return folder
 
 
-def python_away_from_the_checkout(installed: Path, code: str) -> subprocess.CompletedProcess:
+def python_away_from_the_checkout(installed: Path, code: str, *arguments: str) -> subprocess.CompletedProcess:
     """Runs code with the installed wheel first on the path and everybody else's libraries behind it.
 
     -I keeps the working folder and the environment off the path, -S the .pth files, and with them the finder
     of an editable install.
     """
-    libraries = {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}
-    path = f"import sys; sys.path[:0] = [{str(installed)!r}]; sys.path += {sorted(libraries)!r}\n"
-    command = [sys.executable, "-I", "-S", "-c", path + code]
-    return subprocess.run(command, cwd=installed.parent, capture_output=True, text=True, timeout=120, check=False)
+    libraries = [path for path in sys.path if Path(path).name in ("site-packages", "dist-packages")]
+    path = f"import sys; sys.path[:0] = [{str(installed)!r}]; sys.path += {libraries!r}\n"
+    command = [sys.executable, "-I", "-S", "-c", path + code, *arguments]
+    return subprocess.run(command, cwd=installed.parent, capture_output=True, text=True, timeout=600, check=False)
 
 
-def test_only_one_top_level_package(wheel):
-    top = {name.partition("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
+def test_sdist_has_what_is_needed_to_build_test_and_cite(sdist):
+    with tarfile.open(sdist) as archive:
+        files = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"pyproject.toml", "CMakeLists.txt", "LICENSE", "README.md", "CITATION.cff", "CHANGELOG.md"} <= files
+    assert {"room2dgs/csrc/module.cpp", "conf/config.yaml", "eval/__init__.py", "tools/make_room.py"} <= files
+    assert "tests/test_packaging.py" in files
+    assert not [name for name in files if name.startswith((".venv", "build/", "demo/")) or name.endswith(".so")]
+
+
+def test_only_one_top_level_package(names):
+    top = {name.partition("/")[0] for name in names}
     assert {name for name in top if not name.endswith(".dist-info")} == {"room2dgs"}
 
 
-def test_configuration_scores_tools_network_and_kernels_travel_inside(wheel):
-    names = set(zipfile.ZipFile(wheel).namelist())
-    for folder in ("conf", "eval", "tools"):
+def test_configuration_scores_network_kernels_and_types_travel_inside(names):
+    for folder in ("conf", "eval"):
         for file in (CHECKOUT / folder).rglob("*"):
             if file.suffix in (".py", ".yaml"):
                 assert f"room2dgs/{file.relative_to(CHECKOUT).as_posix()}" in names
     assert {"room2dgs/priors/network/room_prior.onnx", "room2dgs/priors/network/README.md"} <= names
-    assert any(name.startswith("room2dgs/_C.") for name in names)
+    assert any(name.startswith("room2dgs/_C.") and name.endswith(".so") for name in names)
     assert not any(name.endswith((".cpp", ".h", ".cu")) for name in names)
     assert any(name.endswith("licenses/LICENSE") for name in names)
 
 
-def test_console_command(wheel):
+def test_of_the_tools_only_the_demo_room_and_simulated_priors(names):
+    tools = {name.removeprefix("room2dgs/tools/").partition("/")[0] for name in names if "/tools/" in name}
+    assert tools == {"__init__.py", "demo_room", "make_room.py", "prior_errors.py", "simulate_priors.py"}
+
+
+def test_nothing_in_the_wheel_imports_a_tool_that_is_not_there(wheel, names):
     archive = zipfile.ZipFile(wheel)
-    (name,) = (name for name in archive.namelist() if name.endswith("entry_points.txt"))
-    assert "room2dgs=room2dgs.cli:main" in archive.read(name).decode().replace(" ", "")
+    for name in names:
+        if name.endswith(".py"):
+            for module in re.findall(r"(?:from|import) (room2dgs\.tools(?:\.\w+)*)", archive.read(name).decode()):
+                path = module.replace(".", "/")
+                assert {f"{path}.py", f"{path}/__init__.py"} & names, f"{name} imports {module}"
+
+
+def test_console_command(wheel, names):
+    (name,) = (name for name in names if name.endswith("entry_points.txt"))
+    text = zipfile.ZipFile(wheel).read(name).decode()
+    assert "room2dgs=room2dgs.cli:main" in text.replace(" ", "")
 
 
 def test_import_and_configuration_elsewhere(installed):
@@ -88,3 +129,39 @@ def test_doctor_elsewhere(installed):
     assert done.returncode == 0, done.stdout + done.stderr
     assert "instructions" in done.stdout
     assert "Nothing is missing" in done.stdout
+
+
+def test_the_demo_room_is_made_elsewhere(installed, tmp_path):
+    code = "from room2dgs.tools.make_room import main; sys.exit(main(sys.argv[1:]))"
+    size = ["--frames", "2", "--width", "32", "--height", "24"]
+    done = python_away_from_the_checkout(installed, code, str(tmp_path / "room"), *size)
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in (tmp_path / "room" / "color").iterdir()} == {"0.jpg", "1.jpg"}
+
+
+def test_a_capture_is_reconstructed_with_the_shipped_network_and_scored_elsewhere(installed, wall, tmp_path):
+    short = ["points.source=file", "seeds.voxel_m=0.1", "train.iterations=20", "mesh.voxel_m=0.05", "eval.samples=2000"]
+    code = "from room2dgs.cli import main; sys.exit(main(sys.argv[1:]))"
+    places = [f"scene.path={wall}", f"points.file={wall / 'points.ply'}", f"out={tmp_path / 'run'}"]
+    done = python_away_from_the_checkout(installed, code, "run", *places, *short)
+    assert done.returncode == 0, done.stdout + done.stderr
+    metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert metrics["priors"] == "room_prior"
+    assert metrics["f_score_5cm"] > 0.5
+    assert (tmp_path / "run" / "mesh.ply").is_file()
+
+
+def test_requirements_for_make_are_those_of_the_project():
+    requirements = runpy.run_path(str(CHECKOUT / ".ci" / "requirements.py"))["requirements"]
+    pyproject = {
+        "build-system": {"requires": ["builder"]},
+        "project": {
+            "name": "room",
+            "dependencies": ["first>=1", "second"],
+            "optional-dependencies": {"a": ["room[b]", "third"], "b": ["fourth", "second"]},
+        },
+    }
+    assert requirements(pyproject, []) == ["builder", "first>=1", "second"]
+    assert requirements(pyproject, ["a"]) == ["builder", "first>=1", "second", "fourth", "third"]
+    with pytest.raises(KeyError):
+        requirements(pyproject, ["c"])

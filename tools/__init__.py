@@ -1,1 +1,1 @@
-"""Capture-side programs: what makes or converts captures before room2dgs reads them."""
+"""Programs that make captures or what stands for them: the demo room, random rooms, simulated priors, training data."""

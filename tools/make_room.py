@@ -21,10 +21,10 @@ import numpy as np
 
 from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
-from room2dgs.tools.room_layout import room_patches
-from room2dgs.tools.room_mesh import visible_mesh
-from room2dgs.tools.room_path import camera_path
-from room2dgs.tools.room_render import build_room, exposed, pinhole, render
+from room2dgs.tools.demo_room.layout import room_patches
+from room2dgs.tools.demo_room.mesh import visible_mesh
+from room2dgs.tools.demo_room.path import camera_path
+from room2dgs.tools.demo_room.render import build_room, exposed, pinhole, render
 
 CONTENT = {"color", "depth", "pose", "intrinsic", "gt_mesh.ply", "room.json"}
 

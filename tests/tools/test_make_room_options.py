@@ -6,11 +6,11 @@ import numpy as np
 import open3d as o3d
 import pytest
 
+from room2dgs.tools.demo_room.geometry import triangulated
+from room2dgs.tools.demo_room.layout import room_patches
+from room2dgs.tools.demo_room.path import CLEARANCE, camera_path, pose
+from room2dgs.tools.demo_room.render import build_room, exposed, pinhole, ray_scene, render
 from room2dgs.tools.make_room import main
-from room2dgs.tools.room_geometry import triangulated
-from room2dgs.tools.room_layout import room_patches
-from room2dgs.tools.room_path import CLEARANCE, camera_path, pose
-from room2dgs.tools.room_render import build_room, exposed, pinhole, ray_scene, render
 
 
 def files(path) -> dict[str, bytes]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from room2dgs.tools.demo_room.geometry import Patch
 from room2dgs.tools.random_rooms import clutter, extras, fittings, kitchen, plants, seats, storage, tables
 from room2dgs.tools.random_rooms.layout import AT_WALL
 from room2dgs.tools.random_rooms.shapes import extent
 from room2dgs.tools.random_rooms.style import random_style
 from room2dgs.tools.random_rooms.themes import CHANCES, THEMES
-from room2dgs.tools.room_geometry import Patch
 
 WALL_PIECES = sorted(
     {build for theme in THEMES.values() for build in theme.walls} | set(AT_WALL), key=lambda f: f.__name__

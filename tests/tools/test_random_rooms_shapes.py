@@ -8,6 +8,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from room2dgs.tools.demo_room.geometry import Material, parallelogram, triangulated
 from room2dgs.tools.random_rooms.shapes import (
     bar,
     cushion,
@@ -23,7 +24,6 @@ from room2dgs.tools.random_rooms.shapes import (
     tube,
     two_sided,
 )
-from room2dgs.tools.room_geometry import Material, parallelogram, triangulated
 
 PAINT = Material("paint", ((0.5, 0.5, 0.5),))
 half_sizes = st.floats(0.01, 1.0)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Material, Patch, box, curtain
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.clutter import bottle, scatter
 from room2dgs.tools.random_rooms.shapes import block, lathe, moved, rod, rotation, rounded_box, tube, two_sided
 from room2dgs.tools.random_rooms.style import Style, carcass
-from room2dgs.tools.room_geometry import Material, Patch, box, curtain
 
 Rng = np.random.Generator
 

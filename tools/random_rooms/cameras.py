@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from room2dgs.tools.demo_room.path import pose
 from room2dgs.tools.random_rooms.layout import RandomRoom
-from room2dgs.tools.room_path import pose
 
 CLEARANCE = 0.25  # metres between the camera and any surface
 NEAR = 0.3  # most of a picture must be farther than this

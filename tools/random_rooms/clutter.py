@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Patch
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.shapes import (
     block,
@@ -17,7 +18,6 @@ from room2dgs.tools.random_rooms.shapes import (
     rounded_box,
     tube,
 )
-from room2dgs.tools.room_geometry import Patch
 
 Rng = np.random.Generator
 GLAZES = (materials.ceramic, materials.plastic, materials.glass_like, materials.metal, materials.painted)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Patch
 from room2dgs.tools.random_rooms.placing import Plan, Wall
 from room2dgs.tools.random_rooms.shell import Space
 from room2dgs.tools.random_rooms.style import Style
-from room2dgs.tools.room_geometry import Patch
 
 
 class Draft:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Patch, box
 from room2dgs.tools.random_rooms import clutter, materials, seats, tables
 from room2dgs.tools.random_rooms.clutter import LARGE, scatter
 from room2dgs.tools.random_rooms.shapes import bar, block, extent, moved, resting, rod, rotation
 from room2dgs.tools.random_rooms.style import Style, carcass
-from room2dgs.tools.room_geometry import Patch, box
 
 Rng = np.random.Generator
 

@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Material, Patch, box
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.clutter import open_box, scatter
 from room2dgs.tools.random_rooms.shapes import block, lathe, moved, rod, tube
 from room2dgs.tools.random_rooms.storage import fronts
 from room2dgs.tools.random_rooms.style import Style, carcass
-from room2dgs.tools.room_geometry import Material, Patch, box
 
 Rng = np.random.Generator
 TOP = 0.04  # metres, a counter's thickness

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Material, Patch
 from room2dgs.tools.random_rooms import (
     bathroom,
     extras,
@@ -29,7 +30,6 @@ from room2dgs.tools.random_rooms.shapes import extent, moved
 from room2dgs.tools.random_rooms.shell import Space
 from room2dgs.tools.random_rooms.style import random_style
 from room2dgs.tools.random_rooms.themes import Theme, random_theme
-from room2dgs.tools.room_geometry import Material, Patch
 
 Rng = np.random.Generator
 AT_WALL = (

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Material
 from room2dgs.tools.random_rooms.pictures import KINDS, PER_KIND
-from room2dgs.tools.room_geometry import Material
 
 Rng = np.random.Generator
 Color = tuple[float, float, float]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Material, Patch
 from room2dgs.tools.random_rooms import fittings, materials, shell
 from room2dgs.tools.random_rooms.draft import Draft
 from room2dgs.tools.random_rooms.shapes import moved, rotation
 from room2dgs.tools.random_rooms.shell import Opening, Space
-from room2dgs.tools.room_geometry import Material, Patch
 
 Rng = np.random.Generator
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Patch
 from room2dgs.tools.random_rooms.shapes import extent, moved, rotation
 from room2dgs.tools.random_rooms.shell import Space
-from room2dgs.tools.room_geometry import Patch
 
 if TYPE_CHECKING:
     from room2dgs.tools.random_rooms.draft import Draft

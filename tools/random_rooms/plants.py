@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Material, Patch
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.shapes import ellipsoid, flipped, lathe, moved, tube
-from room2dgs.tools.room_geometry import Material, Patch
 
 Rng = np.random.Generator
 

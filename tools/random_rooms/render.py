@@ -13,12 +13,12 @@ import cv2
 import numpy as np
 import open3d as o3d
 
+from room2dgs.tools.demo_room.atlas import Charts, lookup, pack, srgb_to_linear
+from room2dgs.tools.demo_room.geometry import Patch, TriangleSoup, triangulated
+from room2dgs.tools.demo_room.light import cast, hit_uv, light_atlas
+from room2dgs.tools.demo_room.render import ray_scene
 from room2dgs.tools.random_rooms.materials import Light, Surface
 from room2dgs.tools.random_rooms.pictures import SIDE, mean_colors, pool
-from room2dgs.tools.room_atlas import Charts, lookup, pack, srgb_to_linear
-from room2dgs.tools.room_geometry import Patch, TriangleSoup, triangulated
-from room2dgs.tools.room_light import cast, hit_uv, light_atlas
-from room2dgs.tools.room_render import ray_scene
 
 LIGHT_TEXEL = 0.09  # metres
 BOUNCE_RAYS = 40

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Material, Patch, box
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.shapes import (
     bar,
@@ -21,7 +22,6 @@ from room2dgs.tools.random_rooms.shapes import (
     tube,
 )
 from room2dgs.tools.random_rooms.style import Style, carcass, fabric
-from room2dgs.tools.room_geometry import Material, Patch, box
 
 Rng = np.random.Generator
 

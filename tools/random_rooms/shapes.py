@@ -1,4 +1,4 @@
-"""Solids and sheets beyond those of `room_geometry`: rounded boxes, lathes, tubes, prisms, two-sided sheets.
+"""Solids and sheets beyond those of `demo_room.geometry`: rounded boxes, lathes, tubes, prisms, two-sided sheets.
 
 Each is a list of patches (or one patch) in metres, normals outwards. Round things have at least 16 facets a turn.
 """
@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from room2dgs.tools.room_geometry import Material, Patch, box
+from room2dgs.tools.demo_room.geometry import Material, Patch, box
 
 FACET = 0.035  # metres, the edge that curved things aim at
 

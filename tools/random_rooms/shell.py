@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Material, Patch, box, parallelogram
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.shapes import block, lathe, moved
-from room2dgs.tools.room_geometry import Material, Patch, box, parallelogram
 
 
 @dataclass(frozen=True)

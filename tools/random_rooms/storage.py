@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Material, Patch, box
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.clutter import LARGE, SMALL, scatter
 from room2dgs.tools.random_rooms.seats import four_legs
 from room2dgs.tools.random_rooms.shapes import moved, rod
 from room2dgs.tools.random_rooms.style import Style, carcass
-from room2dgs.tools.room_geometry import Material, Patch, box
 
 Rng = np.random.Generator
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Material
 from room2dgs.tools.random_rooms import materials
-from room2dgs.tools.room_geometry import Material
 
 
 @dataclass(frozen=True)

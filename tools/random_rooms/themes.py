@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from room2dgs.tools.demo_room.geometry import Material, Patch
 from room2dgs.tools.random_rooms import bathroom, extras, fittings, kitchen, materials, plants, seats, storage, tables
 from room2dgs.tools.random_rooms.style import Style
-from room2dgs.tools.room_geometry import Material, Patch
 
 Rng = np.random.Generator
 Builder = Callable[[Rng, Style], list[Patch]]

@@ -1,6 +1,6 @@
 """Print what pyproject.toml asks for, one requirement a line: its own build, its dependencies and the extras named.
 
-`python tools/requirements.py dev > requirements.txt`
+`python .ci/requirements.py dev > requirements.txt`
 
 pip cannot install a project's dependencies without the project. The Makefile needs just that: dependencies are
 built in isolation, as their authors expect, our extension is not, so that it finds the same compiler tools at

@@ -19,7 +19,7 @@ class Material:
     """How a surface looks.
 
     Attributes:
-        kind: a name in `room_textures.TEXTURES`, or "emitter" for a light.
+        kind: a name in `demo_room.textures.TEXTURES`, or "emitter" for a light.
         colors: display colours (sRGB, 0-1) that the texture mixes.
     """
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from room2dgs.tools.room_atlas import linear_to_srgb
-from room2dgs.tools.room_geometry import EMITTER, triangulated
-from room2dgs.tools.room_light import cast
-from room2dgs.tools.room_render import Room
+from room2dgs.tools.demo_room.atlas import linear_to_srgb
+from room2dgs.tools.demo_room.geometry import EMITTER, triangulated
+from room2dgs.tools.demo_room.light import cast
+from room2dgs.tools.demo_room.render import Room
 
 MAX_EDGE = 0.035  # metres, so that diagonals stay under 5 cm
 

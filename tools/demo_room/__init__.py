@@ -1,0 +1,1 @@
+"""The demo room, part by part: furniture, textures, baked light, camera path, photos, exact mesh."""
