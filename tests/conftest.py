@@ -8,6 +8,13 @@ from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
 
+# Parallel workers share the cores. With a thread each for every core, OpenMP's would wait for one another, spinning.
+# Before torch is imported: that is when it reads them.
+if workers := int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "0")):
+    share = max(1, (os.cpu_count() or 1) // workers)
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, str(share))
+
 import cv2
 import numpy as np
 import pytest

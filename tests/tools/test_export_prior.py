@@ -10,6 +10,8 @@ from room2dgs.tools import export_prior
 from room2dgs.tools.prior_network.checkpoint import PARTS, Checkpoint, save_checkpoint
 from room2dgs.tools.prior_network.network import FullSize, PriorNetwork
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def network() -> PriorNetwork:

@@ -8,6 +8,8 @@ import pytest
 from room2dgs.tools import make_prior_data
 from room2dgs.tools.make_prior_data import BRIGHTEST, encoded, main
 
+pytestmark = pytest.mark.slow
+
 NAMES = ["depth.npy", "focal.npy", "normal.npy", "radiance.npy"]
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from room2dgs.tools.demo_room.geometry import triangulated
+from room2dgs.tools.demo_room.light import cast
+from room2dgs.tools.demo_room.render import ray_scene
 from room2dgs.tools.random_rooms.cameras import CLEARANCE, NEAR, draw, marched, picture_rays, random_views
 from room2dgs.tools.random_rooms.layout import random_room
-from room2dgs.tools.room_geometry import triangulated
-from room2dgs.tools.room_light import cast
-from room2dgs.tools.room_render import ray_scene
+
+pytestmark = pytest.mark.slow
 
 COUNT = 6
 

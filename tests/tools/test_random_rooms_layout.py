@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from room2dgs.tools.demo_room.geometry import Material, triangulated
+from room2dgs.tools.demo_room.light import cast
+from room2dgs.tools.demo_room.render import ray_scene
 from room2dgs.tools.random_rooms import floor_plans, materials, shell
 from room2dgs.tools.random_rooms.draft import Draft
 from room2dgs.tools.random_rooms.layout import RandomRoom, random_room
@@ -12,9 +15,8 @@ from room2dgs.tools.random_rooms.openings import doorway
 from room2dgs.tools.random_rooms.shapes import block
 from room2dgs.tools.random_rooms.shell import Opening, Space
 from room2dgs.tools.random_rooms.style import random_style
-from room2dgs.tools.room_geometry import Material, triangulated
-from room2dgs.tools.room_light import cast
-from room2dgs.tools.room_render import ray_scene
+
+pytestmark = pytest.mark.slow
 
 PAINT = Material("paint", ((0.5, 0.5, 0.5),))
 SEEDS = range(24)

@@ -36,6 +36,7 @@ def same_tensors(one, other) -> bool:
     return all(torch.equal(one[part][name], other[part][name]) for part in one for name in one[part])
 
 
+@pytest.mark.slow
 def test_a_broken_off_run_ends_with_the_bits_of_an_unbroken_one_on_one_thread_or_two(prior_shards, tmp_path):
     whole = load_checkpoint(train(prior_shards, tmp_path / "whole", OPTIONS, threads=2, log=quiet))
 
@@ -56,6 +57,7 @@ def test_a_broken_off_run_ends_with_the_bits_of_an_unbroken_one_on_one_thread_or
     assert not same_tensors({"a": whole.tensors["weights"]}, {"a": whole.tensors["average"]})
 
 
+@pytest.mark.slow
 def test_training_learns_and_writes_its_curves(prior_shards, tmp_path):
     lines: list[str] = []
     options = replace(OPTIONS, steps=30, validate_every=15, warmup=0, save_minutes=60.0)
@@ -63,7 +65,9 @@ def test_training_learns_and_writes_its_curves(prior_shards, tmp_path):
     angles = [float(line.split("normal_mean ")[1].split(",")[0]) for line in lines if "validation" in line]
     reported = [float(line.split("loss ")[1].split(",")[0]) for line in lines if "samples/s" in line]
     assert reported[-1] < reported[0]
-    assert len(angles) == 3
+    before, after, end = angles  # at steps 15 and 30, and of what was written
+    assert after < 0.9 * before
+    assert end == after
     assert list((tmp_path / "run/tensorboard").iterdir())
     assert [path.name for path in (tmp_path / "run").glob("*.safetensors")] == ["checkpoint.safetensors"]
 

@@ -19,6 +19,16 @@ from room2dgs.priors.joint.overlap import overlap, textureless_regions
 from room2dgs.priors.joint.room_axes import room_axes
 from room2dgs.priors.joint.terms import axis_residuals, planarity_residuals
 
+FEWER = 5  # times fewer steps than a run takes: these rooms are small
+
+
+@pytest.fixture(autouse=True)
+def few_steps(request, monkeypatch):
+    """All stages in few steps; slow tests take them as they are."""
+    if not request.node.get_closest_marker("slow"):
+        monkeypatch.setattr(joint, "STAGES", tuple(stage._replace(steps=stage.steps // FEWER) for stage in STAGES))
+
+
 NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int32))
 
 
@@ -84,6 +94,7 @@ def test_normals_help_a_view_that_has_nothing_else(ring):
     assert off(found) < 0.5 * off(spoilt[name])
 
 
+@pytest.mark.slow
 def test_true_maps_stay_true(ring):
     frames, depths, normals, points = ring
     assert error(joint_depths(frames, depths, normals, points).depths, depths) < 2e-3
@@ -101,7 +112,7 @@ def test_one_bad_map_does_not_spoil_the_others(ring):
 
 
 def test_full_confidence_everywhere_changes_no_bit(ring, monkeypatch):
-    monkeypatch.setattr(joint, "STAGES", STAGES[:1])
+    monkeypatch.setattr(joint, "STAGES", joint.STAGES[:1])
     frames, depths, normals, points = ring
     spoilt, confidence = warped(depths), {name: np.ones(depth.shape, np.float32) for name, depth in depths.items()}
     one = joint_depths(frames, spoilt, normals, points).depths
@@ -110,8 +121,9 @@ def test_full_confidence_everywhere_changes_no_bit(ring, monkeypatch):
         np.testing.assert_array_equal(depth, other[name])
 
 
+@pytest.mark.slow
 def test_pixels_of_low_confidence_are_less_stiff_and_spoil_no_other_view(ring, monkeypatch):
-    monkeypatch.setattr(joint, "STAGES", STAGES[:3])
+    monkeypatch.setattr(joint, "STAGES", joint.STAGES[:3])
     frames, depths, normals, _ = ring
     rng = np.random.default_rng(3)
     spoilt, confidence, wrong = warped(depths, 0.04), {}, {}
@@ -133,8 +145,9 @@ def test_pixels_of_low_confidence_are_less_stiff_and_spoil_no_other_view(ring, m
     assert weighted[0] < 0.8 * without[0] and weighted[1] < without[1]
 
 
+@pytest.mark.slow
 def test_normals_of_no_confidence_do_not_tilt_the_depth(ring, monkeypatch):
-    monkeypatch.setattr(joint, "STAGES", STAGES[:3])
+    monkeypatch.setattr(joint, "STAGES", joint.STAGES[:3])
     frames, depths, normals, points = ring
     turn = cv2.Rodrigues(np.array([0.3, 0.2, -0.25]))[0]
     turned = {name: (normal @ turn.T).astype(np.float32) for name, normal in normals.items()}
