@@ -36,8 +36,13 @@ def manhattan(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: 
     fusion = MeshConfig(
         voxel_m=VOXEL_M,
         truncation_voxels=TRUNCATION_VOXELS,
+        depth="median",
         max_depth_m=MAX_DEPTH_M,
+        min_alpha=0.0,
+        max_angle_deg=90.0,
         min_weight=MIN_WEIGHT,
+        min_triangles=0,
+        keep_clusters=1,
     )
     fused = clean(integrate(_depth_views(pred.surface, cameras), fusion))
     constants = {

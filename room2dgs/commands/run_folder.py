@@ -10,7 +10,7 @@ from functools import reduce
 from pathlib import Path
 
 from room2dgs.config import Config, dump_config, load_config
-from room2dgs.config.overrides import PATH_KEYS
+from room2dgs.config.keys import path_keys
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 
@@ -110,7 +110,7 @@ def open_log() -> Path | None:
 
 def absolute(config: Config) -> Config:
     """Paths that stay right when a later command starts elsewhere."""
-    for key in PATH_KEYS:
+    for key in path_keys():
         *parents, name = key.split(".")
         node = reduce(getattr, parents, config)
         if getattr(node, name):

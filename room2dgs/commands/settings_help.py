@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from room2dgs.config import Config, conf_dir
+from omegaconf import OmegaConf
+
+from room2dgs.config import conf_dir
+from room2dgs.config.composing import composed
 from room2dgs.config.keys import leaf_keys
 from room2dgs.config.overrides import group_choices
+from room2dgs.config.sentences import shown
 
 
 def asked_for_help(argv: list[str]) -> bool:
@@ -28,7 +32,7 @@ def settings(sections: tuple[str, ...] = ()) -> list[str]:
     choices = group_choices(conf_dir())
     lines: list[str] = []
     previous = ""
-    for key in leaf_keys(Config):
+    for key in leaf_keys():
         section = key.name.partition(".")[0] if "." in key.name else ""
         if section and sections and section not in sections:
             continue
@@ -38,18 +42,14 @@ def settings(sections: tuple[str, ...] = ()) -> list[str]:
             nested = {group: names for group, names in choices.items() if group.startswith(section + "/")}
             lines += [f"  {group}={'|'.join(names)}" for group, names in nested.items() if section]
             previous = section
-        value = _shown(defaults.get(key.name))
+        value = shown(defaults.get(key.name))
         lines.append(f"  {key.name + '=' + value:<44} {key.comment}".rstrip())
     return lines
 
 
 def _defaults() -> dict[str, Any]:
     """Dotted key -> value of the default configuration, unset ones left out."""
-    from hydra import compose, initialize_config_dir
-    from omegaconf import OmegaConf
-
-    with initialize_config_dir(str(conf_dir().resolve()), version_base="1.3"):
-        tree = OmegaConf.to_container(compose("config"))
+    tree = OmegaConf.to_container(composed(()))
     flat: dict[str, Any] = {}
     _flatten("", tree, flat)
     return {key: value for key, value in flat.items() if value != "???"} | {
@@ -63,13 +63,3 @@ def _flatten(prefix: str, tree: Any, into: dict[str, Any]) -> None:
             _flatten(f"{prefix}.{key}" if prefix else str(key), value, into)
     else:
         into[prefix] = tree
-
-
-def _shown(value: Any) -> str:
-    if value is None:
-        return "null"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list):
-        return "[" + ",".join(_shown(item) for item in value) + "]"
-    return str(value)

@@ -1,28 +1,19 @@
-"""Settings: typed, composed by Hydra, checked before anything runs."""
+"""Settings: composed by Hydra, validated by pydantic at the fields' own bounds."""
 
-from room2dgs.config.load import conf_dir, dump_config, load_config
-from room2dgs.config.schema import (
-    NETWORK_SOURCES,
-    Config,
-    DepthPriorConfig,
-    EvalConfig,
-    LossConfig,
-    MeshConfig,
-    MultiviewConfig,
-    NormalPriorConfig,
-    NormalReweightingConfig,
-    OnnxConfig,
-    PointsConfig,
-    PriorConfig,
-    RatesConfig,
-    RenderConfig,
-    ResolutionConfig,
-    SceneConfig,
-    SeedsConfig,
-    StrategyConfig,
-    TermConfig,
-    TrainConfig,
-)
+from room2dgs.config.composing import conf_dir
+from room2dgs.config.groups.eval import EvalConfig
+from room2dgs.config.groups.loss import LossConfig, MultiviewConfig, NormalReweightingConfig, TermConfig
+from room2dgs.config.groups.mesh import MeshConfig
+from room2dgs.config.groups.network import NETWORK_SOURCES, OnnxConfig
+from room2dgs.config.groups.points import PointsConfig
+from room2dgs.config.groups.prior import DepthPriorConfig, NormalPriorConfig, PriorConfig
+from room2dgs.config.groups.render import RenderConfig
+from room2dgs.config.groups.scene import SceneConfig
+from room2dgs.config.groups.seeds import SeedsConfig
+from room2dgs.config.groups.strategy import StrategyConfig
+from room2dgs.config.groups.train import RatesConfig, ResolutionConfig, TrainConfig
+from room2dgs.config.load import dump_config, load_config
+from room2dgs.config.schema import Config
 
 __all__ = [
     "NETWORK_SOURCES",

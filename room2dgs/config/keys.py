@@ -1,13 +1,19 @@
-"""The settings' names: which exist, what type each wants, what the comment beside it says."""
+"""The settings' names: which exist, what each takes, what it means; all read from the fields."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-import inspect
 import types
 import typing
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any, Literal
+
+from annotated_types import Ge, Gt, Le
+
+from room2dgs.config.fields import IsPath, Wants
+from room2dgs.config.schema import Config
 
 _WORDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
 
@@ -19,49 +25,94 @@ class Key:
     Attributes:
         name: dotted, as it is overridden ("train.rates.center").
         wants: the type in words ("a whole number or null").
-        comment: what the dataclass says beside the field, or an empty string.
+        allowed: what to write in place of an impossible value ("choose from a, b"; "give a value of 1 or more").
+        comment: the field's description.
+        is_path: it names a file or folder.
     """
 
     name: str
     wants: str
+    allowed: str
     comment: str
-
-
-def leaf_keys(schema: type, prefix: str = "") -> list[Key]:
-    """Every setting below `schema`, a config dataclass, in the order of its fields."""
-    hints = typing.get_type_hints(schema)
-    comments = _field_comments(schema)
-    keys = []
-    for field in dataclasses.fields(schema):
-        name = prefix + field.name
-        if dataclasses.is_dataclass(hints[field.name]):
-            keys += leaf_keys(hints[field.name], name + ".")
-        else:
-            keys.append(Key(name, _in_words(hints[field.name]), comments.get(field.name, "")))
-    return keys
-
-
-def _in_words(hint: object) -> str:
-    """`int | None` -> "a whole number or null"."""
-    if isinstance(hint, types.UnionType) or typing.get_origin(hint) is typing.Union:
-        inner = [_in_words(part) for part in typing.get_args(hint) if part is not type(None)]
-        return " or ".join([*inner, "null"])
-    if typing.get_origin(hint) is list:
-        (item,) = typing.get_args(hint)
-        if dataclasses.is_dataclass(item):
-            example = ",".join(f"{field.name}:..." for field in dataclasses.fields(item))
-            return f"a list such as [{{{example}}}]"
-        return "a list such as [a,b]" if item is str else "a list such as [0.1,0.2]"
-    return _WORDS.get(hint, str(hint))
+    is_path: bool
 
 
 @functools.cache
-def _field_comments(schema: type) -> dict[str, str]:
-    """Field name -> the comment at the end of its line."""
-    found = {}
-    for line in inspect.getsource(schema).splitlines():
-        code, mark, comment = line.partition("#")
-        name, colon, _ = code.strip().partition(":")
-        if mark and colon and name.isidentifier():
-            found[name] = comment.strip()
-    return found
+def leaf_keys(schema: type = Config, prefix: str = "") -> tuple[Key, ...]:
+    """Every setting below `schema`, a config dataclass, in the order of its fields."""
+    keys: list[Key] = []
+    for name, field in schema.__pydantic_fields__.items():
+        if dataclasses.is_dataclass(field.annotation):
+            keys += leaf_keys(field.annotation, f"{prefix}{name}.")
+            continue
+        hints = list(_hints(field.annotation, field.metadata))
+        is_path = any(isinstance(mark, IsPath) for mark in hints)
+        words = _in_words(field.annotation, field.metadata)
+        keys.append(Key(prefix + name, words, _allowed(hints, words), field.description or "", is_path))
+    return tuple(keys)
+
+
+@functools.cache
+def path_keys() -> tuple[str, ...]:
+    """The settings that name a file or folder. Their values are taken as they stand: Hydra would stumble over `=`,
+    `,` or a bracket in a folder's name."""
+    return tuple(key.name for key in leaf_keys() if key.is_path)
+
+
+def _hints(hint: Any, metadata: Iterable[Any] = ()) -> Iterator[Any]:
+    """The marks of a type and of all types inside it, outermost first, with the `Literal`s among them."""
+    for mark in metadata:
+        yield from getattr(mark, "metadata", (mark,))
+    origin = typing.get_origin(hint)
+    if origin is typing.Annotated:
+        inner, *marks = typing.get_args(hint)
+        yield from _hints(inner, marks)
+    elif origin is Literal:
+        yield hint
+    elif not dataclasses.is_dataclass(hint):
+        for inner in typing.get_args(hint):
+            yield from _hints(inner)
+
+
+def _in_words(hint: Any, metadata: Iterable[Any] = ()) -> str:
+    """`int | None` -> "a whole number or null"."""
+    wants = next((mark.words for mark in metadata if isinstance(mark, Wants)), None)
+    origin, inner = typing.get_origin(hint), typing.get_args(hint)
+    if wants:
+        words = wants
+    elif origin is typing.Annotated:
+        words = _in_words(inner[0], inner[1:])
+    elif origin in (types.UnionType, typing.Union):
+        words = " or ".join([*(_in_words(part) for part in inner if part is not type(None)), "null"])
+    elif origin is Literal:
+        words = f"one of {', '.join(inner)}"
+    elif origin is list:
+        words = f"a list such as [{_example(inner[0])}]"
+    else:
+        words = _WORDS.get(hint, str(hint))
+    return words
+
+
+def _example(item: Any) -> str:
+    """What may stand in a list."""
+    if dataclasses.is_dataclass(item):
+        return "{" + ",".join(f"{field.name}:..." for field in dataclasses.fields(item)) + "}"
+    return "a,b" if typing.get_origin(item) is Literal else "0.1,0.2"
+
+
+def _allowed(hints: list[Any], words: str) -> str:
+    choices = next((typing.get_args(mark) for mark in hints if typing.get_origin(mark) is Literal), None)
+    if choices:
+        return f"choose from {', '.join(choices)}"
+    if any(isinstance(mark, Wants) for mark in hints):
+        return f"give {words}"
+    low = next((mark.ge for mark in hints if isinstance(mark, Ge)), None)
+    above = next((mark.gt for mark in hints if isinstance(mark, Gt)), None)
+    high = next((mark.le for mark in hints if isinstance(mark, Le)), None)
+    if low is not None and high is not None:
+        return f"give a value from {low} to {high}"
+    if low is not None:
+        return f"give a value of {low} or more"
+    if above is not None:
+        return f"give a value above {above}" + ("" if high is None else f" and at most {high}")
+    return f"give {words}"

@@ -2,27 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
+from room2dgs.config.keys import leaf_keys, path_keys
+from room2dgs.config.sentences import no_setting
 from room2dgs.errors import InputError
-
-# Their values are taken as they stand: Hydra would stumble over `=`, `,` or a bracket in a folder's name.
-PATH_KEYS = (
-    "out",
-    "scene.path",
-    "scene.gt_mesh",
-    "points.file",
-    "points.cache",
-    "prior.depth.path",
-    "prior.normal.path",
-    "prior.depth.onnx.model",
-    "prior.normal.onnx.model",
-    "prior.cache",
-    "eval.gt",
-    "eval.pred",
-)
 
 # Keys of earlier versions, also as they stand in an earlier run's config.yaml -> what they are called now.
 RENAMED = {
@@ -46,36 +31,39 @@ def group_choices(conf: Path) -> dict[str, list[str]]:
     }
 
 
-def checked_overrides(overrides: Iterable[str], keys: Iterable[str], groups: dict[str, list[str]]) -> list[str]:
+def checked_overrides(overrides: Iterable[str], groups: dict[str, list[str]]) -> list[str]:
     """The overrides with paths quoted for Hydra.
 
     Args:
         overrides: "KEY=VALUE" each.
-        keys: every dotted setting.
         groups: what `group_choices` gives.
 
     Raises:
         InputError: not KEY=VALUE, an unknown key or an unknown choice of a group.
     """
-    nodes = {part for key in keys for part in _ancestors(key)}
-    result = []
-    for override in overrides:
-        key, equals, value = override.partition("=")
-        if not equals or not key:
-            raise InputError(f"{override!r} is not understood; settings are written KEY=VALUE")
-        if new_name(key):
-            raise InputError(f"{key} is now {new_name(key)}")
-        if key in groups and key not in PATH_KEYS:
-            if value not in groups[key]:
-                raise InputError(f"{override} is not known; {_choose(key, value, groups[key])}")
-        elif key.replace(".", "/") in groups and "." in key and not value.startswith("{"):
-            raise InputError(f"{override} is not understood; write {key.replace('.', '/')}={value}")
-        elif key not in nodes:
-            near = difflib.get_close_matches(key, sorted(nodes | set(groups)), n=1)
-            hint = f"did you mean {near[0]}" if near else "`room2dgs run --help` lists them all"
-            raise InputError(f"{key} is no setting; {hint}")
-        result.append(f"{key}={_quoted(value)}" if key in PATH_KEYS else override)
-    return result
+    return [_checked(override, groups) for override in overrides]
+
+
+def known_key(override: str, groups: dict[str, list[str]]) -> str:
+    """The key of "KEY=VALUE": a setting, a group of settings or a Hydra group.
+
+    Raises:
+        InputError: not KEY=VALUE, or an unknown key.
+    """
+    key, equals, _ = override.partition("=")
+    if not equals or not key:
+        raise InputError(f"{override!r} is not understood; settings are written KEY=VALUE")
+    if new_name(key):
+        raise InputError(f"{key} is now {new_name(key)}")
+    nodes = {part for known in leaf_keys() for part in _ancestors(known.name)} | set(groups)
+    if key not in nodes:
+        raise InputError(no_setting(key, nodes))
+    return key
+
+
+def override_keys(overrides: Iterable[str]) -> list[str]:
+    """The keys that the overrides name, in order."""
+    return [override.partition("=")[0] for override in overrides]
 
 
 def new_name(key: str) -> str | None:
@@ -86,23 +74,8 @@ def new_name(key: str) -> str | None:
     return None
 
 
-def override_keys(overrides: Iterable[str]) -> list[str]:
-    """The keys that the overrides name, in order."""
-    return [override.partition("=")[0] for override in overrides]
-
-
-def _ancestors(key: str) -> list[str]:
-    parts = key.split(".")
-    return [".".join(parts[: count + 1]) for count in range(len(parts))]
-
-
-def _choose(key: str, value: str, choices: list[str]) -> str:
-    if value.startswith(("{", "[")):
-        return f"set single values, for example {key}.NAME=VALUE"
-    return f"choose from {', '.join(choices)}" if choices else f"there is no choice for {key} yet"
-
-
-def _quoted(value: str) -> str:
+def quoted(value: str) -> str:
+    """A path as Hydra reads it back unchanged; what is quoted already, empty or `null` stays."""
     if value in ("", "null") or (value[0] in "'\"" and value[-1] == value[0] and len(value) > 1):
         return value
     # Hydra unescapes \' and the backslashes just before it or before the closing quote.
@@ -114,3 +87,25 @@ def _quoted(value: str) -> str:
         escaped.append(char)
         backslashes = backslashes + 1 if char == "\\" else 0
     return "'" + "".join(escaped) + "\\" * backslashes + "'"
+
+
+def _checked(override: str, groups: dict[str, list[str]]) -> str:
+    key, value = known_key(override, groups), override.partition("=")[2]
+    if key in path_keys():
+        return f"{key}={quoted(value)}"
+    if key in groups and value not in groups[key]:
+        raise InputError(f"{override} is not known; {_choose(key, value, groups[key])}")
+    if "." in key and key.replace(".", "/") in groups and not value.startswith("{"):
+        raise InputError(f"{override} is not understood; write {key.replace('.', '/')}={value}")
+    return override
+
+
+def _ancestors(key: str) -> list[str]:
+    parts = key.split(".")
+    return [".".join(parts[: count + 1]) for count in range(len(parts))]
+
+
+def _choose(key: str, value: str, choices: list[str]) -> str:
+    if value.startswith(("{", "[")):
+        return f"set single values, for example {key}.NAME=VALUE"
+    return f"choose from {', '.join(choices)}" if choices else f"there is no choice for {key} yet"

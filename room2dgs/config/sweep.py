@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
-from room2dgs.config.overrides import PATH_KEYS
+from room2dgs.config.keys import path_keys
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def combinations(overrides: Iterable[str]) -> list[Combination]:
 
 def _choices(text: str) -> list[str]:
     key, equals, _ = text.partition("=")
-    if not equals or key in PATH_KEYS:
+    if not equals or key in path_keys():
         return [text]
     try:
         override = OverridesParser.create().parse_override(text)

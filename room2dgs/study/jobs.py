@@ -14,7 +14,7 @@ from pathlib import Path
 
 from room2dgs.commands.metrics import earlier
 from room2dgs.commands.run_folder import CONFIG, POINTS, PRIOR_MAPS, absolute, last_value
-from room2dgs.config import Config, conf_dir, load_config
+from room2dgs.config import Config, conf_dir, dump_config, load_config
 from room2dgs.config.keys import leaf_keys
 from room2dgs.config.sweep import Combination, combinations
 from room2dgs.errors import InputError
@@ -148,14 +148,15 @@ def _job(combination: Combination, out: Path) -> Job:
     return Job(row, experiment, absolute(load_config(overrides)), overrides)
 
 
-def _settings(config: Config) -> Config:
-    return replace(config, out="", resume=False)
+def _settings(config: Config) -> str:
+    """As text, which tells 1 from 1.0: in a schedule they differ."""
+    return dump_config(replace(config, out="any", resume=False))
 
 
 def _differing(one: Config, other: Config) -> str:
     """The first setting in which two runs differ, or an empty string."""
-    for key in leaf_keys(Config):
+    for key in leaf_keys():
         path = key.name.split(".")
-        if key.name not in ("out", "resume") and reduce(getattr, path, one) != reduce(getattr, path, other):
+        if key.name not in ("out", "resume") and repr(reduce(getattr, path, one)) != repr(reduce(getattr, path, other)):
             return key.name
     return ""

@@ -57,7 +57,7 @@ def check_same(before: dict[str, Any], now: dict[str, Any], where: Path) -> None
     # what comes over JSON has lists where there may be tuples
     now = json.loads(json.dumps(now))
     for key in sorted(before.keys() | now.keys(), key=lambda key: (key in (VIEWS, PRIORS), key)):
-        if before.get(key) == now.get(key):
+        if json.dumps(before.get(key)) == json.dumps(now.get(key)):  # 1, an iteration, is not 1.0, all of them
             continue
         if key == VIEWS:
             raise InputError(f"{where} was trained on other views than the scene has now; choose another out=DIR")

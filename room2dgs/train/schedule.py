@@ -57,9 +57,12 @@ def image_fraction(iteration: int, resolutions: list[ResolutionConfig]) -> float
     return next((level.fraction for level in resolutions if iteration < level.until), 1.0)
 
 
-def at_iteration(value: float, iterations: int) -> int:
-    """What a schedule's setting means in a run of `iterations`: a value below 1 is a share of them."""
-    return round(value * iterations) if value < 1 else int(value)
+def at_iteration(time: int | float, iterations: int) -> int:
+    """What a schedule's setting means in a run of `iterations`: an int is an iteration, a float a share of them.
+
+    1 is iteration 1; 1.0 is `iterations`, the end of the run.
+    """
+    return round(time * iterations) if isinstance(time, float) else time
 
 
 def term_weight(iteration: int, term: TermConfig, iterations: int) -> float:
@@ -93,7 +96,7 @@ def has_shares(config: Config) -> bool:
     times = [time for term in terms for time in (term.start, term.end, term.ramp)]
     if config.strategy.name != "fixed":
         times += [config.strategy.start, config.strategy.stop, config.strategy.reset_every]
-    return config.loss.normal_reweighting.enabled or any(time is not None and 0 < time < 1 for time in times)
+    return config.loss.normal_reweighting.enabled or any(isinstance(time, float) for time in times)
 
 
 def multiview_acts(iteration: int, config: Config) -> bool:

@@ -15,7 +15,7 @@ import pytest
 import trimesh
 
 from room2dgs import cli
-from room2dgs.config import Config, load_config
+from room2dgs.config import load_config
 from room2dgs.config.keys import leaf_keys
 
 WIDTH, HEIGHT = 64, 48  # of the wall's photos
@@ -298,6 +298,6 @@ assert not {"torch", "open3d", "pycolmap"} & set(sys.modules)
 def test_help_of_run_names_every_setting(capsys):
     assert cli.main(["run", "--help"]) == 0
     shown = capsys.readouterr().out
-    for key in leaf_keys(Config):
+    for key in leaf_keys():
         (line,) = re.findall(rf"^  {re.escape(key.name)}=.*$", shown, re.MULTILINE)
         assert key.comment in line

@@ -1,12 +1,13 @@
 """Which pixels are fused, and what a view hands to the volume."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
-from room2dgs.config import MeshConfig
+from room2dgs.config import MeshConfig, load_config
 from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.views import fused_view, valid_depth
 
@@ -18,7 +19,7 @@ def make_camera(width=40, height=30, focal=30.0, cam_from_world=None) -> Camera:
 
 def make_config(**changes) -> MeshConfig:
     values = {"depth": "median", "max_depth_m": 5.0, "min_alpha": 0.5, "max_angle_deg": 60.0}
-    return MeshConfig(**{**values, **changes})
+    return replace(load_config(["scene.path=x", "out=y"]).mesh, **{**values, **changes})
 
 
 def make_rendering(camera, normal=(0.0, 0.0, -1.0), depth=2.0, alpha=1.0):

@@ -2,11 +2,12 @@
 
 import gc
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from room2dgs.config import MeshConfig
+from room2dgs.config import MeshConfig, load_config
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.clean import clean
@@ -26,7 +27,7 @@ def make_config(**changes) -> MeshConfig:
         "min_triangles": 10,
         "keep_clusters": 5,
     }
-    return MeshConfig(**{**values, **changes})
+    return replace(load_config(["scene.path=x", "out=y"]).mesh, **{**values, **changes})
 
 
 def make_camera(centre=(0.0, 0.0, 0.0), turn_deg=0.0, focal=120.0) -> Camera:

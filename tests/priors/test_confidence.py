@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.priors.confidence import confidence_of, read_confidence
 from room2dgs.priors.network.map_cache import is_cached, is_empty, read_array, write_map
+
+NETWORK = load_config(["scene.path=x", "out=y"]).prior.depth.onnx
 
 
 @pytest.fixture
@@ -26,10 +31,8 @@ def test_confidences_of_known_errors(settings):
 
 @given(st.floats(1e-3, 10), st.floats(0, 10), st.floats(0, 10))
 def test_a_larger_error_never_has_more_confidence(scale, one, other):
-    from room2dgs.config import OnnxConfig
-
     small, large = sorted((one, other))
-    found = confidence_of(np.array([[small, large]]), OnnxConfig(error_scale=scale, max_error=10.0))
+    found = confidence_of(np.array([[small, large]]), replace(NETWORK, error_scale=scale, max_error=10.0))
     assert 0 <= found[0, 1] <= found[0, 0] <= 1
 
 

@@ -101,10 +101,23 @@ def test_ramp_rises_in_equal_steps_from_above_zero_to_the_full_weight():
     assert weights == pytest.approx([0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0])
 
 
-def test_times_below_one_are_shares_of_the_run():
+def test_floats_are_shares_of_the_run_and_ints_are_iterations():
     shares = term(start=0.25, end=0.5, ramp=0.1, weight=1.0)
     assert [term_weight(i, shares, 40) for i in (9, 10, 12, 14, 19, 20)] == pytest.approx([0, 0.2, 0.6, 1, 1, 0])
-    assert [at_iteration(value, 200) for value in (0, 0.25, 0.999, 1, 1.0, 150, 300)] == [0, 50, 200, 1, 1, 150, 300]
+    assert [at_iteration(time, 200) for time in (0, 0.25, 0.999, 1, 1.0, 150, 300)] == [0, 50, 200, 1, 200, 150, 300]
+
+
+@given(share=st.floats(0, 1), iteration=st.integers(0, 100_000), iterations=st.integers(1, 100_000))
+def test_a_share_lies_within_the_run_and_an_iteration_is_itself(share, iteration, iterations):
+    assert 0 <= at_iteration(share, iterations) <= iterations
+    assert at_iteration(iteration, iterations) == iteration
+    assert abs(at_iteration(share, iterations) - share * iterations) <= 0.5
+
+
+def test_a_whole_share_is_the_whole_run_and_one_is_an_iteration():
+    acts = [[term_weight(i, term(start=0, end=end), 10) > 0 for i in range(10)] for end in (1.0, 1, 0.1)]
+    assert acts == [[True] * 10, [True] + [False] * 9, [True] + [False] * 9]
+    assert not any(term_weight(i, term(start=1.0), 10) for i in range(10))
 
 
 @given(st.integers(1, 40), st.integers(0, 2**31), st.integers(0, 5))

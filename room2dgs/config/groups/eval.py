@@ -1,0 +1,25 @@
+"""conf/eval: scores."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from room2dgs.config.fields import GROUP, Float, Int, PathText
+
+
+@dataclass(config=GROUP)
+class EvalConfig:
+    """Scores against a ground truth."""
+
+    protocols: list[Literal["area", "neuris", "manhattan"]] = Field(
+        min_length=1, description="area | neuris | manhattan"
+    )
+    gt: PathText | None = Field(description="ground-truth mesh (null: the scene's)")
+    pred: PathText | None = Field(description="mesh to score (null: the run's)")
+    threshold_m: Float = Field(ge=1e-4, description="of precision, recall and F-score")
+    samples: Int = Field(ge=100, description="area protocol: points a mesh")
+    seed: Int = Field(description="of the samples")
+    image_metrics: bool = Field(description="score the held-out views against their photos")

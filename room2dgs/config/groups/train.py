@@ -1,0 +1,66 @@
+"""conf/train: the optimisation."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+from pydantic.dataclasses import dataclass
+
+from room2dgs.config.fields import GROUP, Float, Int
+
+Rate = Annotated[Float, Field(ge=0, le=1e3)]
+
+
+@dataclass(config=GROUP)
+class RatesConfig:
+    """Adam's learning rates; `center` in metres for a scene of 1 m extent, as 2DGS has it."""
+
+    center: Rate = Field(description="of the surfels' centres")
+    center_final: Rate = Field(description="reached exponentially at the last iteration")
+    rotation: Rate = Field(description="of the quaternions")
+    scale: Rate = Field(description="of the learnt scale numbers")
+    opacity: Rate = Field(description="of the logits")
+    color: Rate = Field(description="SH degree 0; the higher degrees learn at a twentieth")
+    feature: Rate = Field(description="shared decoder: each seed's feature")
+    network: Rate = Field(description="shared decoder: its network")
+    network_final: Rate = Field(description="reached exponentially at the last iteration")
+
+    @model_validator(mode="after")
+    def _finals_can_be_reached(self) -> RatesConfig:
+        for name in ("center", "network"):
+            if getattr(self, name) > 0 and getattr(self, f"{name}_final") == 0:
+                raise ValueError(f"{{key}}.{name}_final=0 cannot be reached exponentially; give a small positive rate")
+        return self
+
+
+@dataclass(config=GROUP)
+class ResolutionConfig:
+    """Image size during training: `fraction` of the full size until iteration `until`."""
+
+    fraction: Float = Field(gt=0, le=1)
+    until: Int = Field(ge=1)
+
+
+@dataclass(config=GROUP)
+class TrainConfig:
+    """The optimisation."""
+
+    iterations: Int = Field(ge=1, description="steps of the optimiser, one view each")
+    seed: Int = Field(description="of all that is random")
+    rates: RatesConfig = Field()
+    resolutions: list[ResolutionConfig] = Field(description="coarse to fine; after the last: full size")
+    log_every: Int = Field(ge=1, description="iterations between two log lines")
+    test_every: Int = Field(ge=0, description="iterations between two evaluations of the held-out views (0: none)")
+    checkpoint_every: Int = Field(ge=1, description="iterations between two checkpoints")
+    keep_checkpoints: Int = Field(ge=1, description="the last ones are kept")
+    tensorboard: bool = Field(description="write curves for TensorBoard")
+
+    @model_validator(mode="after")
+    def _resolutions_rise(self) -> TrainConfig:
+        previous = 0
+        for level in self.resolutions:
+            if level.until <= previous:
+                raise ValueError(f"train.resolutions needs rising `until`; until={level.until} breaks that")
+            previous = level.until
+        return self
