@@ -8,6 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from room2dgs.captures.cache import Cache
+from room2dgs.captures.image_files import read_photo
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 
@@ -22,6 +24,7 @@ class Frame:
         color_path: the photo.
         depth_path: registered depth map or None.
         depth_unit_m: metres of one unit of the depth file (0.001 for millimetres).
+        cache: where the decoded photo is kept; None: it is decoded each time.
     """
 
     name: str
@@ -29,21 +32,20 @@ class Frame:
     color_path: Path
     depth_path: Path | None = None
     depth_unit_m: float = 0.001
+    cache: Cache | None = field(default=None, repr=False, compare=False)
 
     def color(self) -> np.ndarray:
         """(H, W, 3) uint8 RGB, area-averaged down to the camera's size; orientation tags are not applied.
 
+        It is shared with the cache: do not write to it.
+
         Raises:
             InputError: the file cannot be decoded.
         """
-        image = cv2.imread(str(self.color_path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-        if image is None:
-            raise InputError(f"{self.color_path} cannot be decoded; replace it or delete the frame")
-        image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
         size = (self.camera.width, self.camera.height)
-        if (image.shape[1], image.shape[0]) != size:
-            image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-        return image
+        if self.cache is None:
+            return read_photo(self.color_path, size)
+        return self.cache.get_or(("photo", self.color_path, size), lambda: (read_photo(self.color_path, size),))[0]
 
     def depth(self) -> np.ndarray | None:
         """(H, W) float32 z-depth in metres, 0 = invalid, nearest-sampled to the camera's size.
@@ -99,6 +101,7 @@ class Scene:
         train, test: disjoint views.
         dropped: frames on disk that cannot be used, with reasons.
         gt_mesh: ground-truth mesh in the same world frame, if there is one.
+        cache: of all that is kept of the views.
     """
 
     path: Path
@@ -106,6 +109,7 @@ class Scene:
     test: tuple[Frame, ...]
     dropped: tuple[Dropped, ...] = field(default=())
     gt_mesh: Path | None = None
+    cache: Cache = field(default_factory=Cache, repr=False, compare=False)
 
     @property
     def frames(self) -> tuple[Frame, ...]:

@@ -11,7 +11,7 @@ from room2dgs.commands.metrics import earlier, timed
 from room2dgs.commands.render import render_scene
 from room2dgs.commands.run_folder import MESH, RENDERS, claimed, logger, new_run
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import read, trained_surfels
+from room2dgs.commands.stages import cached, read, trained_surfels
 from room2dgs.commands.train import train_scene
 
 USAGE = "room2dgs run scene.path=DIR out=DIR [resume=true] [KEY=VALUE ...]"
@@ -25,8 +25,8 @@ def main(argv: list[str]) -> int:
     ground_truth(config)  # told now if missing, not after the training
     seconds: dict[str, float] = {}
     with timed(seconds, "read"):
-        scene = read(config)
-    with claimed(config) as out:
+        scene = read(config, keep=True)
+    with claimed(config) as out, cached(scene, out):
         log = logger(out)
         train_scene(scene, config, out, log, seconds)
         surfels = trained_surfels(out)
@@ -50,6 +50,7 @@ def summary(out: Path, metrics: dict[str, Any]) -> list[str]:
     seconds = metrics["seconds"]
     stages = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
     lines.append(f"{metrics['primitives']:,} surfels; {sum(seconds.values()):.0f} s in all: {stages}")
+    lines.append(f"peak memory {metrics['peak_memory_mb'] / 1000:.2f} GB")
     lines.append(f"mesh      {out / MESH}")
     lines.append(f"pictures  {out / RENDERS}")
     if (out / "eval" / "views.png").exists():

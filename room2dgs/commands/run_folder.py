@@ -16,7 +16,7 @@ from room2dgs.files import whole_file
 
 CONFIG, LOG, MESH, METRICS = "config.yaml", "log.txt", "mesh.ply", "metrics.json"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
-PRIORS, PRIOR_MAPS = "priors.csv", "priors"
+PRIORS, PRIOR_MAPS, CACHE = "priors.csv", "priors", "cache"
 
 _logs: list[Path] = []
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Frame, PointCloud, Scene
-from room2dgs.commands.run_folder import PRIOR_MAPS, PRIORS, SURFELS, required
+from room2dgs.commands.run_folder import CACHE, PRIOR_MAPS, PRIORS, SURFELS, required
 from room2dgs.config import Config
 
 if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be told at once
@@ -18,15 +19,29 @@ if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be t
 Log = Callable[[str], None]
 
 
-def read(config: Config) -> Scene:
+def read(config: Config, keep: bool = False) -> Scene:
     """The capture.
+
+    Args:
+        keep: the photos, decoded, as far as memory.cache_mb allows: for commands that use them all.
 
     Raises:
         InputError: as `read_scene`.
     """
+    from room2dgs.captures.cache import Cache
     from room2dgs.captures.read import read_scene
 
-    return read_scene(config.scene)
+    return read_scene(config.scene, Cache(config.memory.cache_mb) if keep else None)
+
+
+@contextmanager
+def cached(scene: Scene, out: Path) -> Iterator[None]:
+    """What the scene's cache has no room for lies in the run's folder, until the block ends."""
+    scene.cache.use_folder(out / CACHE)
+    try:
+        yield
+    finally:
+        scene.cache.clear()
 
 
 def use_threads(config: Config) -> None:

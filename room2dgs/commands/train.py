@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from room2dgs.captures.scene import Scene
-from room2dgs.commands.metrics import record, stale, timed
+from room2dgs.commands.metrics import peak_memory_mb, record, stale, timed
 from room2dgs.commands.run_folder import POINTS, claimed, logger, new_run
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import Log, read, read_priors, use_threads
+from room2dgs.commands.stages import Log, cached, read, read_priors, use_threads
 from room2dgs.config import Config
 
 # of the surfels before a run went on
@@ -24,10 +24,11 @@ def main(argv: list[str]) -> int:
     config = new_run(argv)
     seconds: dict[str, float] = {}
     with timed(seconds, "read"):
-        scene = read(config)
-    with claimed(config) as out:
+        scene = read(config, keep=True)
+    with claimed(config) as out, cached(scene, out):
         log = logger(out)
         train_scene(scene, config, out, log, seconds)
+        log(f"peak memory {peak_memory_mb() / 1000:.2f} GB")
         log(f"next: room2dgs mesh out={out}")
     return 0
 

@@ -8,6 +8,7 @@ from pydantic.dataclasses import dataclass
 from room2dgs.config.fields import GROUP, Folder
 from room2dgs.config.groups.eval import EvalConfig
 from room2dgs.config.groups.loss import LossConfig
+from room2dgs.config.groups.memory import MemoryConfig
 from room2dgs.config.groups.mesh import MeshConfig
 from room2dgs.config.groups.points import PointsConfig
 from room2dgs.config.groups.prior import PriorConfig
@@ -34,6 +35,7 @@ class Config:
     train: TrainConfig = Field()
     mesh: MeshConfig = Field()
     eval: EvalConfig = Field()
+    memory: MemoryConfig = Field()
 
     @model_validator(mode="after")
     def _groups_fit_together(self) -> Config:

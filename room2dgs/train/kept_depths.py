@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 from torch import Tensor
+
+from room2dgs.captures.cache import Cache
+from room2dgs.captures.packed_maps import pack_depth, unpack_depth
 
 STEP = 2  # every other row and column is kept
 MIN_ALPHA = 0.5  # pixels less covered have no depth
 
 
 class KeptDepths:
-    """Inverse depths by view, at most an epoch old, detached; of one image size.
+    """Depths by view, at most an epoch old, detached, in 16 bits (`packed_maps`); of one image size.
 
-    Inverse depth is linear in the image on a plane: interpolated between the kept pixels it is the plane's own.
+    Inverse depth is what is given: it is linear in the image on a plane, so that interpolated between the kept pixels
+    it is the plane's own.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, cache: Cache | None = None) -> None:
+        self._cache = Cache() if cache is None else cache
         self._fraction = 1.0
-        self._kept: dict[int, Tensor] = {}
+        self._mine = object()  # tells its keys from those of others
+        self._known: set[int] = set()
 
     def keep(self, index: int, fraction: float, depth: Tensor, alpha: Tensor) -> None:
         """Keep a rendering's depth; those of another image size are forgotten.
@@ -27,24 +34,40 @@ class KeptDepths:
             fraction: the image's size.
             depth, alpha: (H, W) of the rendering.
         """
-        self._at(fraction)
-        depth, alpha = (values.detach()[::STEP, ::STEP] for values in (depth, alpha))
-        there = (alpha >= MIN_ALPHA) & (depth > 0)
-        self._kept[index] = torch.where(there, 1 / torch.where(there, depth, 1.0), 0.0)
+        if fraction != self._fraction:
+            self._forget(fraction)
+        depth, alpha = (values.detach()[::STEP, ::STEP].numpy() for values in (depth, alpha))
+        self._put(index, pack_depth(np.where(alpha >= MIN_ALPHA, depth, np.float32(0))))
+
+    def has(self, index: int, fraction: float) -> bool:
+        """Whether a depth of this view is kept at this size."""
+        return fraction == self._fraction and index in self._known
 
     def get(self, index: int, fraction: float) -> Tensor | None:
         """(h, w) inverse depth of every `STEP`-th row and column, 1/m, 0 = none; None if none is kept."""
-        return self._kept.get(index) if fraction == self._fraction else None
+        if not self.has(index, fraction):
+            return None
+        depth = unpack_depth(self._codes(index))
+        return torch.from_numpy(np.divide(1, depth, out=np.zeros_like(depth), where=depth > 0))
 
     def state(self) -> dict[str, Tensor]:
-        """All that is kept, for a checkpoint."""
-        return {str(index): values for index, values in self._kept.items()}
+        """All that is kept, for a checkpoint: the 16 bits as int16."""
+        return {str(index): torch.from_numpy(self._codes(index).view(np.int16)) for index in sorted(self._known)}
 
     def load(self, state: dict[str, Tensor], fraction: float) -> None:
         """The way back from `state`; `fraction` is that of the last `keep`."""
-        self._fraction = fraction
-        self._kept = {int(index): values for index, values in state.items()}
+        self._forget(fraction)
+        for index, codes in state.items():
+            self._put(int(index), codes.numpy().view(np.uint16))
 
-    def _at(self, fraction: float) -> None:
-        if fraction != self._fraction:
-            self._fraction, self._kept = fraction, {}
+    def _codes(self, index: int) -> np.ndarray:
+        return self._cache.get((self._mine, index))[0]
+
+    def _put(self, index: int, codes: np.ndarray) -> None:
+        self._cache.put((self._mine, index), (codes,))
+        self._known.add(index)
+
+    def _forget(self, fraction: float) -> None:
+        for index in self._known:
+            self._cache.discard((self._mine, index))
+        self._fraction, self._known = fraction, set()

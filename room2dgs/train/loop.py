@@ -85,7 +85,7 @@ def train(
     log = log or file_log(out)
     identity = fingerprint(config, scene, priors)
     strategy = new_strategy(config, scene)
-    neighbour_views = NeighbourViews(Views(scene.train, priors), config)
+    neighbour_views = NeighbourViews(Views(scene.train, priors, scene.cache), config)
     model, clock = _start(scene, points, priors, config, out, identity, strategy, neighbour_views, log)
     with Report(out, config.train, model.iteration, log) as report:
         _optimise(model, strategy, scene, neighbour_views, config, out, identity, clock, report)
@@ -151,7 +151,7 @@ def _optimise(
     report: Report,
 ) -> None:
     settings = config.train
-    views, held_out = neighbour_views.views, Views(scene.test)
+    views, held_out = neighbour_views.views, Views(scene.test, cache=scene.cache)
     extent = scene.extent
     # a run from the beginning takes the place of an earlier one, once it has a checkpoint of its own
     kept = checkpoint.up_to(out, model.iteration) if model.iteration else []

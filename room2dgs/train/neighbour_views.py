@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import torch
 from torch import Tensor
 
+from room2dgs.captures.cache import Arrays
 from room2dgs.config import Config
 from room2dgs.train.grey import GreyPhoto, grey_photo
 from room2dgs.train.kept_depths import KeptDepths
@@ -47,9 +49,8 @@ class NeighbourViews:
     def __init__(self, views: Views, config: Config) -> None:
         self.views = views
         self._config = config
-        self._depths = KeptDepths()
-        self._fraction = 1.0
-        self._photos: dict[int, GreyPhoto] = {}
+        self._depths = KeptDepths(views.cache)
+        self._mine = object()  # tells its keys from those of others
         self._lists: list[np.ndarray] | None = None
 
     def pair(self, iteration: int, index: int) -> Pair | None:
@@ -60,17 +61,16 @@ class NeighbourViews:
         if not multiview_acts(iteration, self._config):
             return None
         fraction = self._fraction_of(iteration)
-        kept = [(int(n), self._depths.get(int(n), fraction)) for n in self._neighbours(index)]
-        kept = [(n, depth) for n, depth in kept if depth is not None]
+        kept = [int(n) for n in self._neighbours(index) if self._depths.has(int(n), fraction)]
         if not kept:
             return None
         random = np.random.default_rng([self._config.train.seed % 2**63, iteration, DRAW])
-        other, inverse_depth = kept[random.integers(len(kept))]
+        other = kept[random.integers(len(kept))]
         return Pair(
             self._photo(index, fraction),
             self.views.at(other, fraction),
             self._photo(other, fraction),
-            inverse_depth,
+            self._depths.get(other, fraction),
             int(random.integers(2**62)),
         )
 
@@ -95,13 +95,15 @@ class NeighbourViews:
         return self._lists[index]
 
     def _photo(self, index: int, fraction: float) -> GreyPhoto:
-        if fraction != self._fraction:
-            self._fraction, self._photos = fraction, {}
-        if index not in self._photos:
-            settings = self._config.loss.multiview
-            image = self.views.at(index, fraction).image
-            self._photos[index] = grey_photo(image, settings.patch, settings.min_std)
-        return self._photos[index]
+        settings = self._config.loss.multiview
+
+        def made() -> Arrays:
+            photo = grey_photo(self.views.photo(index, fraction), settings.patch, settings.min_std)
+            return tuple(values.numpy() for values in photo)
+
+        # made again when the cache needs room: that is faster than a disk
+        kept = self.views.cache.get_or((self._mine, index, fraction), made, write=False)
+        return GreyPhoto(*map(torch.from_numpy, kept))
 
     def _fraction_of(self, iteration: int) -> float:
         return image_fraction(iteration, self._config.train.resolutions)

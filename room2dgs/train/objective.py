@@ -15,6 +15,7 @@ from room2dgs.losses.surface import distortion, normal_consistency
 from room2dgs.splat.types import Rendering
 from room2dgs.train.multiview import GEOMETRIC, PHOTOMETRIC, multiview_terms
 from room2dgs.train.neighbour_views import Pair
+from room2dgs.train.prior_maps import COMPARED
 from room2dgs.train.schedule import doubt_deg, term_weight
 from room2dgs.train.views import View
 
@@ -33,8 +34,6 @@ SURFACE_TERMS: dict[str, Callable[[Rendering, View], Tensor]] = {
         rendering, view.K, view.cam_from_world, DEPTH_KIND
     ),
 }
-# Every other row and column: a surfel covers many pixels, and the terms cost a quarter.
-SPARSE = (slice(None, None, 2), slice(None, None, 2))
 PRIOR_TERMS = {"depth_prior": "depth", "normal_prior": "normal"}  # act on views that have this map
 MULTIVIEW_TERMS = (GEOMETRIC, PHOTOMETRIC)  # act on views that have a neighbour
 
@@ -79,14 +78,14 @@ def needed_maps(view: View, config: Config, iteration: int, pair: Pair | None = 
 
 
 def _depth_prior(rendering: Rendering, view: View) -> Tensor:
-    maps = (rendering.depth, rendering.alpha, view.maps.depth, view.maps.depth_confidence)
-    depth, alpha, prior, confidence = (values[SPARSE] for values in maps)
-    return depth_prior_loss(depth, alpha, prior, confidence > 0, confidence=confidence)
+    depth, alpha = rendering.depth[COMPARED], rendering.alpha[COMPARED]
+    confidence = view.maps.depth_confidence
+    return depth_prior_loss(depth, alpha, view.maps.depth, confidence > 0, confidence=confidence)
 
 
 def _normal_prior(rendering: Rendering, view: View, doubted_deg: float | None) -> Tensor:
-    maps = (rendering.normal, rendering.alpha, view.maps.normal, view.maps.normal_confidence)
-    normal, alpha, prior, confidence = (values[SPARSE] for values in maps)
+    normal, alpha = rendering.normal[COMPARED], rendering.alpha[COMPARED]
+    prior, confidence = view.maps.normal, view.maps.normal_confidence
     valid = confidence > 0
     if doubted_deg is not None:
         confidence = confidence * doubt(normal, prior, doubted_deg)

@@ -6,14 +6,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 import torch
 from torch import Tensor
 
+from room2dgs.captures.cache import Cache
+from room2dgs.captures.packed_maps import pack
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
+from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.camera_tensors import view_matrices
-from room2dgs.train.prior_maps import prior_maps
+from room2dgs.train.prior_maps import compared_maps, prior_maps
 
 
 class View(NamedTuple):
@@ -21,11 +25,11 @@ class View(NamedTuple):
 
     Attributes:
         name: the frame's.
-        image: (H, W, 3) uint8 RGB.
+        image: (H, W, 3) uint8 RGB; shared with the cache, not to be written to.
         K: (3, 3) float32, pixels.
         cam_from_world: (4, 4) float32, metres.
         width, height: pixels.
-        maps: the priors as `prior_maps` gives them: depth without its own edges, all with confidences.
+        maps: the priors at the pixels that losses compare (`compared_maps`).
     """
 
     name: str
@@ -42,51 +46,71 @@ class View(NamedTuple):
 
 
 class Views:
-    """Frames read once for each image size and kept as bytes; only the size in use is kept.
+    """Frames with their priors at any image size; photos are decoded and priors resized once.
 
     Args:
         priors: by frame name; frames may have none.
+        cache: keeps photos and maps.
+
+    Attributes:
+        frames, cache: as given.
     """
 
-    def __init__(self, frames: Sequence[Frame], priors: Mapping[str, ViewMaps[np.ndarray]] | None = None) -> None:
-        self.frames = frames
+    def __init__(
+        self,
+        frames: Sequence[Frame],
+        priors: Mapping[str, ViewMaps[np.ndarray]] | None = None,
+        cache: Cache | None = None,
+    ) -> None:
+        self.cache = Cache() if cache is None else cache
+        self.frames = [frame if frame.cache else replace(frame, cache=self.cache) for frame in frames]
         self._priors = priors or {}
-        self._fraction = 1.0
-        self._kept: dict[int, View] = {}
+        self._mine = object()  # tells its keys from those of others
 
     def __len__(self) -> int:
         return len(self.frames)
 
     def at(self, index: int, fraction: float = 1.0) -> View:
-        """The index-th view at `fraction` of the frame's size.
+        """The index-th view at `fraction` of the frame's size, intrinsics and priors scaled alike.
 
         Raises:
             InputError: the photo cannot be decoded.
         """
-        if fraction != self._fraction:
-            self._fraction, self._kept = fraction, {}
-        if index not in self._kept:
-            frame = self.frames[index]
-            self._kept[index] = load_view(frame, fraction, self._priors.get(frame.name))
-        return self._kept[index]
+        frame = self.frames[index]
+        camera = _resized(frame.camera, fraction)
+        return View(
+            frame.name,
+            self.photo(index, fraction),
+            *view_matrices(camera),
+            camera.width,
+            camera.height,
+            self._maps(frame.name, camera),
+        )
+
+    def photo(self, index: int, fraction: float = 1.0) -> Tensor:
+        """(H, W, 3) uint8 RGB of the index-th view; shared with the cache, not to be written to.
+
+        Raises:
+            InputError: it cannot be decoded.
+        """
+        frame = self.frames[index]
+        if fraction == 1.0:
+            return torch.from_numpy(frame.color())
+        camera = _resized(frame.camera, fraction)
+        size = (camera.width, camera.height)
+        key = ("smaller photo", frame.color_path, size)
+        made = self.cache.get_or(key, lambda: (cv2.resize(frame.color(), size, interpolation=cv2.INTER_AREA),))
+        return torch.from_numpy(made[0])
+
+    def _maps(self, name: str, camera: Camera) -> ViewMaps[Tensor]:
+        if name not in self._priors:
+            return ViewMaps()
+        key = (self._mine, name, camera.width, camera.height)
+        packed = self.cache.get_or(key, lambda: pack(prior_maps(self._priors[name], camera.width, camera.height)))
+        return compared_maps(packed)
 
 
-def load_view(frame: Frame, fraction: float, prior: ViewMaps[np.ndarray] | None = None) -> View:
-    """Read one photo at `fraction` of the frame's size, intrinsics and priors scaled alike.
-
-    Raises:
-        InputError: the photo cannot be decoded.
-    """
-    camera = frame.camera
-    if fraction != 1.0:
-        size = [max(1, round(fraction * pixels)) for pixels in (camera.width, camera.height)]
-        camera = camera.resized(*size)
-    image = np.ascontiguousarray(replace(frame, camera=camera).color())
-    return View(
-        frame.name,
-        torch.from_numpy(image),
-        *view_matrices(camera),
-        camera.width,
-        camera.height,
-        prior_maps(prior, camera.width, camera.height),
-    )
+def _resized(camera: Camera, fraction: float) -> Camera:
+    if fraction == 1.0:
+        return camera
+    return camera.resized(*(max(1, round(fraction * pixels)) for pixels in (camera.width, camera.height)))

@@ -11,7 +11,8 @@ from room2dgs.errors import InputError
 from room2dgs.splat.types import Rendering
 from room2dgs.train import load_surfels, loop, train
 from room2dgs.train.objective import loss_terms, needed_maps
-from room2dgs.train.views import Views, load_view
+from room2dgs.train.prior_maps import prior_maps
+from room2dgs.train.views import View, Views
 
 START = ["loss.depth_prior.start=0", "loss.normal_prior.start=0", "loss.normal_consistency.enabled=false"]
 
@@ -29,6 +30,10 @@ def slanted_depth() -> np.ndarray:
     return np.broadcast_to(1 / (0.4 + 0.01 * (np.arange(32, dtype=np.float32) + 0.5)), (24, 32)).copy()
 
 
+def view_with(frame, prior: ViewMaps | None = None) -> View:
+    return Views([frame], {frame.name: prior} if prior else None).at(0)
+
+
 def surfel_bits(result):
     return [values.numpy().tobytes() for values in load_surfels(result.surfels_path)]
 
@@ -38,47 +43,49 @@ def test_a_view_has_its_own_frames_maps_and_others_have_none(capture):
     views = Views(frames, {frames[1].name: wall_prior()})
     assert views.at(0).maps == ViewMaps()
     maps = views.at(1).maps
-    np.testing.assert_array_equal(maps.depth, np.full((24, 32), 1.5, np.float32))
-    np.testing.assert_array_equal(maps.normal, wall_prior().normal)
+    # at every other row and column, rounded as packed maps are
+    np.testing.assert_allclose(maps.depth, np.full((12, 16), 1.5), rtol=1e-4)
+    np.testing.assert_allclose(maps.normal, wall_prior().normal[::2, ::2], atol=1e-4)
     assert (maps.depth_confidence == 1).all() and (maps.normal_confidence == 1).all()
 
 
-def test_a_smaller_view_sees_the_same_plane(capture):
-    maps = load_view(capture[0].train[0], 0.5, wall_prior(tilt=0.3, depth=slanted_depth())).maps
-    # a small pixel's centre lies between two of the large ones
-    wanted = 1 / (0.4 + 0.01 * (2 * np.arange(16) + 1))
-    np.testing.assert_allclose(maps.depth, np.broadcast_to(wanted, (12, 16)), rtol=1e-6)
+def test_a_smaller_view_sees_the_same_plane():
+    maps = prior_maps(wall_prior(tilt=0.3, depth=slanted_depth()), 16, 12)
+    # a small pixel's centre lies between two of the large ones; every other small one is compared
+    wanted = 1 / (0.4 + 0.01 * (2 * np.arange(0, 16, 2) + 1))
+    np.testing.assert_allclose(maps.depth, np.broadcast_to(wanted, (6, 8)), rtol=1e-6)
     np.testing.assert_allclose(maps.normal[5, 6], [np.sin(0.3), 0, -np.cos(0.3)], atol=1e-6)
-    assert (maps.depth_confidence == 1).all() and maps.normal_confidence.shape == (12, 16)
+    assert (maps.depth_confidence == 1).all() and maps.normal_confidence.shape == (6, 8)
 
 
 @pytest.mark.parametrize("fraction", [1.0, 0.5])
-def test_invalid_pixels_and_depth_edges_are_not_valid_at_any_size(capture, fraction):
+def test_invalid_pixels_and_depth_edges_are_not_valid_at_any_size(fraction):
     depth = slanted_depth()
     depth[:, 20:] *= 1.5
     normal = wall_prior().normal
-    depth[4, 4], normal[10, 8] = 0, 0
-    depth[20, 2] = np.nan
-    maps = load_view(capture[0].train[0], fraction, wall_prior(depth=depth, normal=normal)).maps
+    depth[4, 4], normal[8, 8] = 0, 0
+    depth[20, 4] = np.nan
     step = int(1 / fraction)
-    depth_valid, normal_valid = maps.depth_confidence.numpy() > 0, maps.normal_confidence.numpy() > 0
-    np.testing.assert_array_equal(depth_valid, maps.depth.numpy() > 0)
-    np.testing.assert_array_equal(normal_valid, maps.normal.numpy().any(axis=-1))
-    assert not depth_valid[4 // step, 4 // step] and not depth_valid[20 // step, 2 // step]
-    assert not normal_valid[10 // step, 8 // step] and normal_valid.sum() == normal_valid.size - 1
+    maps = prior_maps(wall_prior(depth=depth, normal=normal), 32 // step, 24 // step)
+    depth_valid, normal_valid = maps.depth_confidence > 0, maps.normal_confidence > 0
+    np.testing.assert_array_equal(depth_valid, maps.depth > 0)
+    np.testing.assert_array_equal(normal_valid, maps.normal.any(axis=-1))
+    step *= 2  # every other pixel is compared
+    assert not depth_valid[4 // step, 4 // step] and not depth_valid[20 // step, 4 // step]
+    assert not normal_valid[8 // step, 8 // step] and normal_valid.sum() == normal_valid.size - 1
     assert not depth_valid[:, 18 // step : 22 // step].any()
     assert depth_valid[:, 26 // step :].all() and depth_valid[0, : 14 // step].all()
-    assert torch.isfinite(maps.depth).all()
+    assert np.isfinite(maps.depth).all()
 
 
 def test_terms_act_where_their_map_is_and_normals_are_rendered_only_then(capture, configure):
     config = configure(*START)
     frame = capture[0].train[0]
     wants = {
-        (True, True): load_view(frame, 1.0, wall_prior()),
-        (True, False): load_view(frame, 1.0, wall_prior(normal=None)),
-        (False, True): load_view(frame, 1.0, wall_prior(depth=None)),
-        (False, False): load_view(frame, 1.0),
+        (True, True): view_with(frame, wall_prior()),
+        (True, False): view_with(frame, wall_prior(normal=None)),
+        (False, True): view_with(frame, wall_prior(depth=None)),
+        (False, False): view_with(frame),
     }
     for (has_depth, has_normal), view in wants.items():
         assert (view.maps.depth is not None, view.maps.normal is not None) == (has_depth, has_normal)
@@ -155,14 +162,14 @@ def test_resume_wants_the_same_priors(capture, configure, log, tmp_path):
     train(scene, points, configure("resume=true"), tmp_path, log, priors | {scene.test[0].name: wall_prior()})
 
 
-def test_confidences_follow_their_maps_to_any_size(capture):
+def test_confidences_follow_their_maps_to_any_size():
     confidence = np.tile(np.linspace(0, 1, 32, dtype=np.float32), (24, 1))
-    frame = capture[0].train[0]
     prior = wall_prior(depth_confidence=confidence, normal_confidence=1 - confidence)
-    whole, half = (load_view(frame, fraction, prior).maps for fraction in (1.0, 0.5))
-    np.testing.assert_array_equal(whole.depth_confidence, confidence)
-    np.testing.assert_array_equal(whole.normal_confidence, 1 - confidence)
-    np.testing.assert_allclose(half.depth_confidence, confidence[::2].reshape(12, 16, 2).mean(2), atol=1e-6)
+    whole, half = (prior_maps(prior, width, 3 * width // 4) for width in (32, 16))
+    np.testing.assert_array_equal(whole.depth_confidence, confidence[::2, ::2])
+    np.testing.assert_array_equal(whole.normal_confidence, 1 - confidence[::2, ::2])
+    smaller = confidence[::2].reshape(12, 16, 2).mean(2)
+    np.testing.assert_allclose(half.depth_confidence, smaller[::2, ::2], atol=1e-6)
     np.testing.assert_allclose(half.normal_confidence, 1 - half.depth_confidence, atol=1e-6)
 
 
@@ -177,14 +184,14 @@ def test_terms_count_each_pixel_by_its_confidence(capture, configure):
     config, frame = configure(*START), capture[0].train[0]
 
     def terms(**weights):
-        view = load_view(frame, 1.0, wall_prior(**weights))
+        view = view_with(frame, wall_prior(**weights))
         found = loss_terms(slanted_rendering(), torch.zeros(24, 32, 3), view, config, 0)
         return [found[name].value.item() for name in ("depth_prior", "normal_prior")]
 
     depth, normal = terms()
-    confidence = np.full((24, 32), 0.25, np.float32)
-    assert terms(depth_confidence=confidence) == [pytest.approx(depth / 4), normal]
-    assert terms(normal_confidence=confidence) == [depth, pytest.approx(normal / 4)]
+    confidence = np.full((24, 32), 0.2, np.float32)  # a multiple of 1 / 255
+    assert terms(depth_confidence=confidence) == [pytest.approx(depth / 5), normal]
+    assert terms(normal_confidence=confidence) == [depth, pytest.approx(normal / 5)]
     # which pixels have none matters: every other row and column is compared
     confidence[::2, ::2] = 0
     assert terms(depth_confidence=confidence, normal_confidence=confidence) == [0, 0]
@@ -194,7 +201,7 @@ def test_normals_that_disagree_with_the_rendering_lose_weight_from_its_time_on(c
     frame, doubted = capture[0].train[0], ["loss.normal_reweighting={enabled:true,start:0.5,first_deg:60,last_deg:20}"]
 
     def normal_term(iteration, *settings, tilt=1.0, **weights):
-        view = load_view(frame, 1.0, wall_prior(**weights))
+        view = view_with(frame, wall_prior(**weights))
         config = configure(*START, *settings)
         found = loss_terms(slanted_rendering(tilt), torch.zeros(24, 32, 3), view, config, iteration)
         return found["normal_prior"].value.item()
@@ -206,8 +213,8 @@ def test_normals_that_disagree_with_the_rendering_lose_weight_from_its_time_on(c
     assert first == pytest.approx(whole * (1 + (1 - np.cos(1.0)) / 0.5) ** -2, rel=1e-4)
     assert last == pytest.approx(whole * (1 + (1 - np.cos(1.0)) / (1 - np.cos(np.radians(20)))) ** -2, rel=1e-4)
     assert normal_term(7, *doubted, tilt=0.0) == pytest.approx(normal_term(7, tilt=0.0), abs=1e-7)
-    half = np.full((24, 32), 0.5, np.float32)
-    assert normal_term(7, *doubted, normal_confidence=half) == pytest.approx(last / 2)
+    fifth = np.full((24, 32), 0.2, np.float32)
+    assert normal_term(7, *doubted, normal_confidence=fifth) == pytest.approx(last / 5)
 
 
 def test_a_run_that_doubts_is_resumed_to_the_same_bits_and_only_at_its_length(

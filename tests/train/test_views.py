@@ -5,8 +5,11 @@ import numpy as np
 import pytest
 import torch
 
+from room2dgs.captures import scene
+from room2dgs.captures.cache import Cache
+from room2dgs.captures.image_files import read_photo
 from room2dgs.errors import InputError
-from room2dgs.train.views import Views, load_view
+from room2dgs.train.views import Views
 
 
 def test_target_is_the_photo_in_rgb_from_0_to_1(capture):
@@ -19,21 +22,22 @@ def test_target_is_the_photo_in_rgb_from_0_to_1(capture):
 
 def test_a_smaller_view_sees_the_same_rays(capture):
     frame = capture[0].train[0]
-    full, half = load_view(frame, 1.0), load_view(frame, 0.5)
+    views = Views([frame])
+    full, half = views.at(0), views.at(0, 0.5)
     assert (half.width, half.height) == (16, 12) and half.image.shape == (12, 16, 3)
     point = torch.tensor([0.1, -0.2, 2.0])
     torch.testing.assert_close((half.K @ point)[:2], 0.5 * (full.K @ point)[:2])
 
 
-def test_a_photo_is_read_once_for_each_size(capture, monkeypatch):
-    frame = capture[0].train[0]
-    views = Views([frame])
+@pytest.mark.parametrize("budget_mb", [1500.0, 0.0])
+def test_a_photo_is_decoded_once_for_all_sizes_whatever_the_budget(capture, monkeypatch, budget_mb):
+    views = Views(capture[0].train, cache=Cache(budget_mb))
     reads = []
-    imread = cv2.imread
-    monkeypatch.setattr(cv2, "imread", lambda *args: reads.append(args) or imread(*args))
+    monkeypatch.setattr(scene, "read_photo", lambda *args: reads.append(args) or read_photo(*args))
     for fraction in (0.5, 0.5, 1.0, 1.0):
-        views.at(0, fraction)
-    assert len(reads) == 2
+        for index in range(len(views)):
+            views.at(index, fraction)
+    assert len(reads) == len(views)
 
 
 def test_a_photo_that_vanished_is_named(capture, tmp_path):

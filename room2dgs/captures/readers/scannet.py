@@ -118,9 +118,8 @@ def _posed(root: Path, photos: list[tuple[int, Path]]) -> tuple[list[_Entry], li
 
 
 def _common_size(photos: list[Path]) -> tuple[int, int]:
-    """(width, height) of all photos, each of which is decoded once."""
-    with ThreadPoolExecutor() as pool:
-        sizes = list(pool.map(color_size, photos))
+    """(width, height) of all photos."""
+    sizes = [color_size(path) for path in photos]
     for path, size in zip(photos, sizes, strict=True):
         if size != sizes[0]:
             raise InputError(

@@ -152,8 +152,11 @@ def at_camera(found: Prediction, camera: Camera) -> Prediction:
 
 def _photo(frame: Frame) -> tuple[np.ndarray, Camera]:
     """The photo at its full size, whatever size the run works at, and its camera."""
-    camera = frame.camera.resized(*color_size(frame.color_path))
-    return replace(frame, camera=camera).color(), camera
+    size = color_size(frame.color_path)
+    if size == (frame.camera.width, frame.camera.height):
+        return frame.color(), frame.camera
+    camera = frame.camera.resized(*size)
+    return replace(frame, camera=camera, cache=None).color(), camera  # seen once, at a size that nothing else asks for
 
 
 def _paths(frames: Sequence[Frame], kind: str, config: PriorConfig, model: ModelFile) -> dict[str, Path]:

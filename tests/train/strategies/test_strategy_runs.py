@@ -153,11 +153,11 @@ def test_growth_goes_to_tensorboard(capture, configure, log, tmp_path):
 def test_gradients_of_a_step_are_noted_only_when_asked_for(capture, configure):
     from room2dgs.train.clock import StageClock
     from room2dgs.train.model import new_model
-    from room2dgs.train.views import load_view
+    from room2dgs.train.views import Views
 
     scene, points = capture
     config = configure()
-    view = load_view(scene.train[0], 1.0)
+    view = Views(scene.train).at(0)
     steps = [
         iterate(new_model(scene, points, config), view, config, 1.0, StageClock(), asked) for asked in (False, True)
     ]
