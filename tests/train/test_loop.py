@@ -249,7 +249,13 @@ def test_tensorboard_has_every_term(capture, configure, log, tmp_path):
 
 
 def test_settings_survive_json(capture, configure):
-    from room2dgs.train.fingerprint import check_same, fingerprint
+    from room2dgs.train.fingerprint import check_same, digest, fingerprint
 
     now = fingerprint(configure(*EVENTS), capture[0])
-    check_same(json.loads(json.dumps(now)), now, folder_of(capture[0].path))
+    read = json.loads(json.dumps(now))
+    check_same(read, now, folder_of(capture[0].path))
+    assert digest(read) == digest(now)
+    later = fingerprint(configure(*EVENTS[:-1], "train.resolutions=[{fraction: 0.5, until: 6}]"), capture[0])
+    assert digest(later) != digest(now)
+    with pytest.raises(InputError, match=r"train\.resolutions=\[\{.*'until': 5.*'until': 6"):
+        check_same(read, later, folder_of(capture[0].path))
