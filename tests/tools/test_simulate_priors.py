@@ -70,7 +70,9 @@ def test_the_same_options_give_the_same_bytes_and_another_seed_others(made, plai
 def test_the_loader_takes_them_and_knows_them(made, plain):
     out, _ = made
     settings = [f"prior.depth.path={out / 'depth'}", f"prior.normal.path={out / 'normal'}"]
-    config = load_config([f"scene.path={plain.path}", "out=x", "scene.test_every=0", "prior=files", *settings])
+    config = load_config(
+        [f"scene.path={plain.path}", "out=x", "scene.test_every=0", "prior=files", *settings, "prior.depth.joint=false"]
+    )
     xyz = np.concatenate([plain.points(i)[::9, ::9][plain.depths[i][::9, ::9] > 0] for i in range(len(plain.depths))])
     points = PointCloud(xyz, np.zeros(xyz.shape, np.uint8), np.zeros(len(xyz), np.int32))
     priors = load_priors(read_scene(config.scene).train, points, config.prior, lambda line: None)
