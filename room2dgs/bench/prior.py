@@ -8,9 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table as Grid
-
 from room2dgs.bench.prior_in_run import depth_in_run
 from room2dgs.bench.prior_measure import SceneScore, measured
 from room2dgs.bench.prior_prediction import open_networks
@@ -22,7 +19,7 @@ from room2dgs.errors import InputError
 from room2dgs.priors.network.maps import KINDS
 from room2dgs.priors.network.shipped import NAME
 from room2dgs.priors.simulated import simulated
-from room2dgs.study.ablation_tables import Table
+from room2dgs.report.table import terminal
 
 USAGE = "room2dgs bench prior SCENE... [out=DIR] [in_run=true] [scene.frames=N] [KEY=VALUE ...]"
 HELP = """Measures depth, normals, confidence and time of the configured prior on captures with depth, or on made rooms.
@@ -69,11 +66,8 @@ def main(argv: list[str] | None = None) -> int:
         "versions": versions(),
         "notes": NOTES,
     }
-    console = Console(width=180)
-    for line in sentences(about):
-        console.print(line, soft_wrap=True, highlight=False)
-    for table in tables(scores):
-        console.print(_grid(table))
+    for text in (*sentences(about), *map(terminal, tables(scores))):
+        print(text)
     if out:
         write_report(Path(out), scores, about)
         print(f"report: {Path(out) / MARKDOWN}, with pictures: {Path(out) / HTML}")
@@ -132,12 +126,3 @@ def is_simulated(prior: PriorConfig) -> bool:
     """Whether any of its maps were made from the ground truth."""
     parts = (prior.depth, prior.normal)
     return any(part.source == "files" and simulated(Path(part.path or "")) for part in parts)
-
-
-def _grid(table: Table) -> Grid:
-    grid = Grid(title=table.title)
-    for place, heading in enumerate(table.heading):
-        grid.add_column(heading, justify="right" if place else "left")
-    for line in table.lines:
-        grid.add_row(*line)
-    return grid

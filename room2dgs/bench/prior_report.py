@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,8 +15,9 @@ from room2dgs.bench.prior_scores import NORMAL_SHARES_DEG, Ranking, share_name
 from room2dgs.eval.shading import UNKNOWN, error_color
 from room2dgs.files import whole_file
 from room2dgs.json_files import plain
-from room2dgs.study.ablation_html import STYLE, data_uri
-from room2dgs.study.ablation_tables import NOTHING, Table, as_html, markdown
+from room2dgs.report.page import Figure, drawn
+from room2dgs.report.page import page as filled
+from room2dgs.report.table import NOTHING, Table, markdown, table
 
 JSON, MARKDOWN, HTML = "bench_prior.json", "bench_prior.md", "bench_prior.html"
 FULL_LN_DEPTH, FULL_DEG = 0.3, 60.0  # where the pictures' colour scales end
@@ -44,15 +44,15 @@ NOTES = (
 
 def tables(scores: Sequence[SceneScore]) -> list[Table]:
     """Depth, normals, confidence and time, those that there is something to say in."""
-    found = [_table("Depth", _depth_columns(scores), [score for score in scores if score.depth])]
-    found.append(_table("Depth in a run", _run_columns(), [score for score in scores if score.in_run]))
-    found.append(_table("Normals", _normal_columns(), [score for score in scores if score.constant_deg is not None]))
+    found = [table("Depth", _depth_columns(scores), [score for score in scores if score.depth])]
+    found.append(table("Depth in a run", _run_columns(), [score for score in scores if score.in_run]))
+    found.append(table("Normals", _normal_columns(), [score for score in scores if score.constant_deg is not None]))
     for kind, number in (("depth", "{:.3f}"), ("normal", "{:.1f}°")):
         ranked = [score for score in scores if _ranked(score, kind)]
-        found.append(_table(f"Confidence, {kind}", _ranking_columns(kind, number), ranked))
+        found.append(table(f"Confidence, {kind}", _ranking_columns(kind, number), ranked))
     timed = [score for score in scores if score.milliseconds]
-    found.append(_table("Time of the network", _time_columns(timed), timed))
-    return [table for table in found if table.lines]
+    found.append(table("Time of the network", _time_columns(timed), timed))
+    return [one for one in found if len(one.frame)]
 
 
 def write_report(out: Path, scores: Sequence[SceneScore], about: dict[str, Any]) -> None:
@@ -66,7 +66,7 @@ def write_report(out: Path, scores: Sequence[SceneScore], about: dict[str, Any])
         whole = plain({**about, "scenes": [score.as_dict() for score in scores]})
         temporary.write_text(json.dumps(whole, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     shown = tables(scores)
-    lines = ["# Prior benchmark", *words, *(markdown(table) for table in shown), "\n".join(f"- {n}" for n in NOTES)]
+    lines = ["# Prior benchmark", *words, *map(markdown, shown), "\n".join(f"- {n}" for n in NOTES)]
     with whole_file(out / MARKDOWN) as temporary:
         temporary.write_text("\n\n".join(lines) + "\n", encoding="utf-8")
     with whole_file(out / HTML) as temporary:
@@ -86,30 +86,26 @@ def sentences(about: dict[str, Any]) -> list[str]:
 
 def page(scores: Sequence[SceneScore], shown: Sequence[Table], words: Sequence[str]) -> str:
     """The whole HTML page: tables, curves of the confidence, pictures."""
-    title = "Prior benchmark"
-    parts = [f"<h1>{title}</h1>"]
-    for line in words:
-        kind = " class=label" if line.startswith("WARNING") else ""
-        parts.append(f"<p{kind}>{html.escape(line)}</p>")
-    parts += [as_html(table) for table in shown]
-    parts.append("<ul>" + "".join(f"<li>{html.escape(note)}</li>" for note in NOTES) + "</ul>")
-    for score in scores:
-        parts += _curves(score)
-        if score.pictures:
-            scale = f"errors from blue, 0, to red, {FULL_LN_DEPTH:g} of ln depth or {FULL_DEG:g}°; grey: not known"
-            parts.append(f"<h2>{html.escape(score.scene)}</h2><p>{scale}</p>")
-        parts += [_pictures(picture) for picture in score.pictures]
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f"<style>{STYLE}</style></head>\n<body>\n" + "\n".join(parts) + "\n</body></html>\n"
+    return filled(
+        "bench_prior.html.j2",
+        title="Prior benchmark",
+        sentences=words,
+        tables=shown,
+        notes=NOTES,
+        scenes=[
+            {
+                "name": score.scene,
+                "curves": _curves(score),
+                "pictures": [(picture.name, _figures(picture)) for picture in score.pictures],
+            }
+            for score in scores
+        ],
+        scale=f"errors from blue, 0, to red, {FULL_LN_DEPTH:g} of ln depth or {FULL_DEG:g}°; grey: not known",
+        tile_width=TILE_WIDTH,
     )
 
 
 Columns = dict[str, Callable[[SceneScore], str]]
-
-
-def _table(title: str, columns: Columns, scores: Sequence[SceneScore]) -> Table:
-    return Table(title, tuple(columns), tuple(tuple(cell(score) for cell in columns.values()) for score in scores))
 
 
 def _depth_columns(scores: Sequence[SceneScore]) -> Columns:
@@ -192,22 +188,20 @@ def _share(value: float | None) -> str:
     return NOTHING if value is None or not np.isfinite(value) else f"{100 * value:.1f} %"
 
 
-def _curves(score: SceneScore) -> list[str]:
-    """Sparsification and calibration as drawings inside the page."""
-    found = []
-    for kind, unit in (("depth", "of ln depth"), ("normal", "degrees")):
-        one = _ranked(score, kind)
-        if one is not None:
-            picture = _drawing(one, f"{score.scene}, {kind}", unit)
-            found.append(f'<p><img alt="confidence of {kind}" src="{data_uri(picture)}" width=800></p>')
-    return found
+def _curves(score: SceneScore) -> list[Figure]:
+    """Sparsification and calibration, drawn."""
+    ranked = {(kind, unit): _ranked(score, kind) for kind, unit in (("depth", "of ln depth"), ("normal", "degrees"))}
+    return [
+        Figure(f"confidence of {kind}", _drawing(one, f"{score.scene}, {kind}", unit))
+        for (kind, unit), one in ranked.items()
+        if one is not None
+    ]
 
 
 def _drawing(one: Ranking, title: str, unit: str) -> np.ndarray:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Drawing
 
-    figure = Figure(figsize=(8, 3.2), dpi=130, layout="constrained")
+    figure = Drawing(figsize=(8, 3.2), layout="constrained")
     left, right = figure.subplots(1, 2)
     share = np.linspace(0, 1, len(one.curve), endpoint=False)
     left.plot(share, one.curve, label="by expected error")
@@ -220,12 +214,10 @@ def _drawing(one: Ranking, title: str, unit: str) -> np.ndarray:
     right.plot([0, end], [0, end], color="grey", lw=0.8, ls=":")
     right.plot(expected, true, "o-")
     right.set(title="tenths of the pixels", xlabel=f"expected error, {unit}", ylabel=f"true error, {unit}")
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3] / 255.0
+    return drawn(figure, dpi=130)
 
 
-def _pictures(picture: Picture) -> str:
+def _figures(picture: Picture) -> list[Figure]:
     tiles = [("photo", picture.photo / 255.0)]
     end = float(np.percentile(picture.true_depth[picture.true_depth > 0], 98)) if picture.true_depth.any() else 1.0
     tiles.append(("true depth", _depth_color(picture.true_depth, end)))
@@ -240,14 +232,12 @@ def _pictures(picture: Picture) -> str:
         tiles.append(("their error", _error_color(picture.angle, FULL_DEG)))
     if picture.expected_angle is not None:
         tiles.append(("their expected error", _error_color(picture.expected_angle, FULL_DEG)))
-    figures = []
-    for caption, image in tiles:
-        height = round(image.shape[0] * TILE_WIDTH / image.shape[1])
-        small = cv2.resize(image.astype(np.float32), (TILE_WIDTH, height), interpolation=cv2.INTER_AREA)
-        said = html.escape(caption)
-        figures.append(f'<figure><img alt="{said}" src="{data_uri(small)}"><figcaption>{said}</figcaption></figure>')
-    grid = f"grid-template-columns: repeat({min(5, len(figures))}, minmax(160px, {TILE_WIDTH}px))"
-    return f'<h3>{html.escape(picture.name)}</h3><div class=pictures style="{grid}">' + "\n".join(figures) + "</div>"
+    return [Figure(caption, _tile(image)) for caption, image in tiles]
+
+
+def _tile(image: np.ndarray) -> np.ndarray:
+    height = round(image.shape[0] * TILE_WIDTH / image.shape[1])
+    return cv2.resize(image.astype(np.float32), (TILE_WIDTH, height), interpolation=cv2.INTER_AREA)
 
 
 def _depth_color(depth: np.ndarray, end: float) -> np.ndarray:

@@ -19,8 +19,8 @@ ERROR = 1  # index of the error's picture in COLUMNS
 
 
 @dataclass
-class Look:
-    """One camera's look at every row's mesh.
+class MeshView:
+    """One camera's view at every row's mesh.
 
     Attributes:
         title: where the camera is.
@@ -33,7 +33,7 @@ class Look:
     tiles: dict[str, list[np.ndarray]] = field(default_factory=dict)
 
 
-def looks(meshes: Mapping[str, Path], gt: Path, scene: Scene, threshold_m: float) -> list[Look]:
+def mesh_views(meshes: Mapping[str, Path], gt: Path, scene: Scene, threshold_m: float) -> list[MeshView]:
     """A few of the capture's views, then the view from above, of each row's mesh.
 
     Args:
@@ -46,25 +46,25 @@ def looks(meshes: Mapping[str, Path], gt: Path, scene: Scene, threshold_m: float
     truth = Surface(gt_mesh)
     cameras = [frame.camera for frame in scene.frames]
     up = up_axis(cameras, truth.face_normals)
-    inside: list[Look] = []
-    above = Look("from above")
+    inside: list[MeshView] = []
+    above = MeshView("from above")
     for name, path in meshes.items():
         mesh = read_mesh(path)
         surface = Surface(mesh)
         for number, (photo, *tiles) in enumerate(inside_rows(mesh, surface, truth, scene.frames, threshold_m)):
             if number == len(inside):
-                inside.append(Look(f"view {number + 1}", photo))
+                inside.append(MeshView(f"view {number + 1}", photo))
             inside[number].tiles[name] = _light(tiles)
         above.tiles[name] = _light(top_row(mesh, surface, truth, gt_mesh, cameras, up, threshold_m))
     return [*inside, above]
 
 
-def write_error_sheet(path: Path, views: Sequence[Look], study: Study) -> None:
+def write_error_sheet(path: Path, views: Sequence[MeshView], study: Study) -> None:
     """The errors of all rows as one PNG: a line for each of the capture's views, a column for each row."""
-    inside = [look for look in views if look.photo is not None]
+    inside = [view for view in views if view.photo is not None]
     priors = {row.name: row.priors for row in study.rows}
     titles = [f"{name}\npriors: {priors[name]}" for name in inside[0].tiles]
-    lines = [[tiles[ERROR] for tiles in look.tiles.values()] for look in inside]
+    lines = [[tiles[ERROR] for tiles in view.tiles.values()] for view in inside]
     write_sheet(path, lines, titles, study.threshold_m)
 
 

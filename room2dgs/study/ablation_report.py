@@ -9,11 +9,12 @@ from typing import Any
 
 from room2dgs.captures.scene import Scene
 from room2dgs.files import whole_file
+from room2dgs.report.table import Table, markdown
 from room2dgs.study.ablation import Study, figures_of
-from room2dgs.study.ablation_html import page
 from room2dgs.study.ablation_order import order_sentences, pairs_of, ratio_sentences
-from room2dgs.study.ablation_pictures import Look, looks, write_error_sheet
-from room2dgs.study.ablation_tables import SIMULATED, Table, cost_table, markdown, score_table, stage_table
+from room2dgs.study.ablation_page import page
+from room2dgs.study.ablation_pictures import MeshView, mesh_views, write_error_sheet
+from room2dgs.study.ablation_tables import SIMULATED, cost_table, score_table, stage_table
 
 MARKDOWN, JSON, HTML, SHEET = "ablation.md", "ablation.json", "ablation.html", "ablation.png"
 MESH = "mesh.ply"
@@ -41,7 +42,7 @@ def write_page(study: Study, out: Path, scene: Scene, gt: Path | None) -> None:
         InputError: a mesh cannot be read.
     """
     meshes = {row.name: row.finished[0].folder / MESH for row in study.rows if row.finished and not row.same_as}
-    views: list[Look] = looks(meshes, gt, scene, study.threshold_m) if gt and meshes else []
+    views: list[MeshView] = mesh_views(meshes, gt, scene, study.threshold_m) if gt and meshes else []
     if views:
         write_error_sheet(out / SHEET, views, study)
     with whole_file(out / HTML) as temporary:

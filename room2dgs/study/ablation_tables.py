@@ -1,14 +1,12 @@
-"""An ablation's tables, as Markdown and as HTML."""
+"""An ablation's tables."""
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
+from room2dgs.report.table import NOTHING, Table, table
 from room2dgs.study.ablation import FINE, FULL, Row, Study, Value, difference
 
-NOTHING = "-"
 SIMULATED = "simulated priors"
 # figure -> factor and decimals of what is shown
 SHOWN: dict[str, tuple[float, int]] = {
@@ -25,15 +23,6 @@ SHOWN: dict[str, tuple[float, int]] = {
     "train_and_mesh_s": (1 / 60, 1),
     "peak_memory_mb": (1e-3, 1),
 }
-
-
-@dataclass(frozen=True)
-class Table:
-    """Cells as text; the first column names the row."""
-
-    title: str
-    heading: tuple[str, ...]
-    lines: tuple[tuple[str, ...], ...]
 
 
 def score_table(study: Study) -> Table:
@@ -103,32 +92,8 @@ def shown(value: Value | None, figure: str, signed: bool = False) -> str:
     return text if value.spread is None else f"{text} ± {value.spread * factor:,.{decimals}f}"
 
 
-def markdown(table: Table) -> str:
-    """The table with its title in bold above it."""
-
-    def line(cells: Sequence[str]) -> str:
-        return "| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |"
-
-    return "\n".join([f"**{table.title}**", "", line(table.heading), "|" + "---|" * len(table.heading)]) + "".join(
-        "\n" + line(cells) for cells in table.lines
-    )
-
-
-def as_html(table: Table) -> str:
-    """The table as a <table> with its title as caption."""
-    head = "".join(f"<th>{html.escape(cell)}</th>" for cell in table.heading)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>\n" for cells in table.lines
-    )
-    return (
-        f"<table><caption>{html.escape(table.title)}</caption>\n"
-        f"<thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody></table>"
-    )
-
-
 def _table(title: str, columns: dict[str, Callable[[Row], str]], study: Study, rows: Sequence[Row]) -> Table:
-    lines = tuple(tuple(cell(row) for cell in columns.values()) for row in rows)
-    return Table(f"{title} ({SIMULATED})" if study.simulated else title, tuple(columns), lines)
+    return table(f"{title} ({SIMULATED})" if study.simulated else title, columns, rows)
 
 
 def _name(row: Row) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,10 @@ import numpy as np
 from room2dgs.eval.geometry_scores import threshold_name
 from room2dgs.files import whole_file
 from room2dgs.json_files import plain
+from room2dgs.report.table import NOTHING, Table, markdown
+from room2dgs.report.table import table as tabulated
 from room2dgs.study.ablation import FINE, Row
-from room2dgs.study.ablation_tables import NOTHING, SIMULATED, Table, markdown, shown
+from room2dgs.study.ablation_tables import SIMULATED, shown
 
 JSON, MARKDOWN = "prior_error.json", "prior_error.md"
 F_SCORE = "f_score"
@@ -109,23 +111,22 @@ def label() -> str:
 
 def table(curve: Curve) -> Table:
     """Each prior's errors and what came of it."""
-    heading = (
-        "prior", "depth AbsRel", "δ1", "normals", f"F @ {curve.at}", "F @ 2cm", "precision", "recall", "acc. (cm)",
-        "comp. (cm)", "surfels", "train (min)",
-    )  # fmt: skip
-    figures = (F_SCORE, FINE, "precision", "recall", "accuracy_m", "completion_m", "primitives", "train_s")
-    lines = []
-    for point in curve.points:
-        quality = (
-            _number(point.error("abs_rel"), "{:.3f}"),
-            _number(point.error("delta1"), "{:.3f}"),
-            _number(point.error("normal_deg"), "{:.1f}°"),
-        )
-        cells = (shown(point.row.values.get(figure), figure) for figure in figures)
-        lines.append((_name(point), *quality, *cells))
+    columns: dict[str, Callable[[Point], str]] = {
+        "prior": _name,
+        "depth AbsRel": lambda point: _number(point.error("abs_rel"), "{:.3f}"),
+        "δ1": lambda point: _number(point.error("delta1"), "{:.3f}"),
+        "normals": lambda point: _number(point.error("normal_deg"), "{:.1f}°"),
+    }
+    figures = {
+        f"F @ {curve.at}": F_SCORE, "F @ 2cm": FINE, "precision": "precision", "recall": "recall",
+        "acc. (cm)": "accuracy_m", "comp. (cm)": "completion_m", "surfels": "primitives", "train (min)": "train_s",
+    }  # fmt: skip
+    for heading, figure in figures.items():
+        columns[heading] = lambda point, figure=figure: shown(point.row.values.get(figure), figure)
     seeds = sorted({run.seed for point in curve.points for run in point.row.runs})
     title = f"Scores by the prior's errors ({SIMULATED} but where a network is named)"
-    return Table(f"{title}, seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}", heading, tuple(lines))
+    title = f"{title}, seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}"
+    return tabulated(title, columns, curve.points)
 
 
 def sentences(curve: Curve) -> list[str]:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import html
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from room2dgs.files import whole_file
+from room2dgs.report.page import drawn
+from room2dgs.report.page import page as filled
 from room2dgs.study.ablation import FINE
-from room2dgs.study.ablation_html import STYLE, data_uri
-from room2dgs.study.ablation_tables import SIMULATED, as_html
+from room2dgs.study.ablation_tables import SIMULATED
 from room2dgs.study.prior_curve import F_SCORE, Curve, known, label, sentences, table
 
 HTML, DRAWING = "prior_error.html", "prior_error.svg"
@@ -51,17 +49,14 @@ def drawing(curve: Curve) -> Any:
 
 def page(curve: Curve, figure: Any) -> str:
     """The whole page around a drawing."""
-    figure.set_dpi(150)
-    figure.canvas.draw()
-    picture = np.asarray(figure.canvas.buffer_rgba())[..., :3] / 255.0
-    title = html.escape(curve.title)
-    said = "".join(f"<li>{html.escape(line)}</li>" for line in sentences(curve))
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f"<style>{STYLE}</style></head>\n<body>\n<h1>{title}</h1>\n<p><code>{html.escape(curve.command)}</code></p>\n"
-        f"<p class=label>{html.escape(label().replace('**', ''))}</p>\n"
-        f'<p><img alt="F-score over the errors of the prior" src="{data_uri(picture)}" width=1100></p>\n'
-        f"{as_html(table(curve))}\n<ul>{said}</ul>\n</body></html>\n"
+    return filled(
+        "prior_error.html.j2",
+        title=curve.title,
+        command=curve.command,
+        label=label().replace("**", ""),
+        drawing=drawn(figure, dpi=150),
+        table=table(curve),
+        sentences=sentences(curve),
     )
 
 

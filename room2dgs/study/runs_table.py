@@ -7,7 +7,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from room2dgs.errors import InputError
+from room2dgs.report.table import Table
+from room2dgs.report.table import markdown as as_markdown
 
 COLUMNS = {
     "run": lambda m: m["run"],
@@ -46,10 +50,7 @@ def row(run: Path) -> dict[str, str]:
 
 def markdown(runs: list[Path]) -> str:
     """All runs as a Markdown table."""
-    rows = [row(run) for run in runs]
-    lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
-    lines += ["| " + " | ".join(r.values()) + " |" for r in rows]
-    return "\n".join(lines)
+    return as_markdown(Table("", pd.DataFrame([row(run) for run in runs], columns=list(COLUMNS))))
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -57,7 +57,7 @@ class FakeRuns:
 def fake(monkeypatch) -> FakeRuns:
     runs = FakeRuns()
     monkeypatch.setattr(study.subprocess, "run", runs)
-    monkeypatch.setattr("room2dgs.study.ablation_report.looks", lambda *_: [])
+    monkeypatch.setattr("room2dgs.study.ablation_report.mesh_views", lambda *_: [])
     return runs
 
 

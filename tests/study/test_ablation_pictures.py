@@ -14,8 +14,8 @@ from room2dgs.captures.scene import Frame, Scene
 from room2dgs.eval.pictures import COLUMNS
 from room2dgs.mesh.io import write_mesh
 from room2dgs.study.ablation import Run, Study, rows_of
-from room2dgs.study.ablation_html import page
-from room2dgs.study.ablation_pictures import ERROR, looks
+from room2dgs.study.ablation_page import page
+from room2dgs.study.ablation_pictures import ERROR, mesh_views
 from room2dgs.study.ablation_report import write_page
 
 
@@ -51,12 +51,12 @@ def meshes(study: Study) -> dict:
 
 
 def test_rows_are_seen_by_the_same_cameras_on_one_scale(scene, study):
-    views = looks(meshes(study), scene.gt_mesh, scene, 0.05)
-    assert [look.title for look in views] == ["view 1", "view 2", "view 3", "view 4", "from above"]
-    assert views[-1].photo is None and all(look.photo is not None for look in views[:-1])
-    for look in views:
-        assert list(look.tiles) == ["full", "no_depth"]
-        exact, off = (look.tiles[row][ERROR].astype(float) for row in look.tiles)
+    views = mesh_views(meshes(study), scene.gt_mesh, scene, 0.05)
+    assert [view.title for view in views] == ["view 1", "view 2", "view 3", "view 4", "from above"]
+    assert views[-1].photo is None and all(view.photo is not None for view in views[:-1])
+    for view in views:
+        assert list(view.tiles) == ["full", "no_depth"]
+        exact, off = (view.tiles[row][ERROR].astype(float) for row in view.tiles)
         assert exact.shape == off.shape
         red_over_blue = [picture[..., 0] - picture[..., 2] for picture in (exact, off)]
         assert np.median(red_over_blue[0]) < -0.2  # 0 cm is blue
@@ -64,7 +64,7 @@ def test_rows_are_seen_by_the_same_cameras_on_one_scale(scene, study):
 
 
 def test_the_page_stands_alone_and_shows_every_mesh(scene, study):
-    views = looks(meshes(study), scene.gt_mesh, scene, 0.05)
+    views = mesh_views(meshes(study), scene.gt_mesh, scene, 0.05)
     text = page(study, [], ["one > two"], views)
     assert not re.findall(r"(?:src|href)=\"(?!data:)|url\(|https?:|<script|<link|@import", text)
     images = re.findall(r'<img alt="([^"]*)" src="data:image/jpeg;base64,([^"]+)"', text)

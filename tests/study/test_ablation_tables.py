@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from room2dgs.report.table import markdown
 from room2dgs.study.ablation import Run, Study, difference, rows_of
 from room2dgs.study.ablation_order import order_sentences, pairs_of, ratio_sentences
 from room2dgs.study.ablation_report import write_page, write_tables
-from room2dgs.study.ablation_tables import cost_table, markdown, score_table, stage_table
+from room2dgs.study.ablation_tables import cost_table, score_table, stage_table
 
 WORDS = {"full": "the whole method", "no_depth": "without the depth prior"}
 
@@ -35,8 +36,7 @@ def study(*runs: Run) -> Study:
 
 
 def column(table, name: str) -> dict[str, str]:
-    at = table.heading.index(name)
-    return {line[0]: line[at] for line in table.lines}
+    return dict(zip(table.frame.iloc[:, 0], table.frame[name], strict=True))
 
 
 def test_mean_and_spread_over_seeds_and_difference_to_full():
@@ -81,8 +81,11 @@ def test_what_a_part_gives_and_costs_has_the_sign_of_full_minus_without():
 def test_stages_are_means_and_a_stage_that_a_row_lacks_is_no_zero():
     extra = metrics(0.5, training_seconds={"render": 10.0, "multiview": 4.0})
     table = stage_table(study(run("full", 0, extra), run("no_mv", 0, metrics(0.5, seconds=40.0))))
-    assert table.heading == ("row", "render", "multiview", "loss", "all")
-    assert table.lines == (("full", "10.0", "4.0", "-", "14.0"), ("no_mv", "20.0", "-", "10.0", "30.0"))
+    assert list(table.frame.columns) == ["row", "render", "multiview", "loss", "all"]
+    assert table.frame.to_numpy().tolist() == [
+        ["full", "10.0", "4.0", "-", "14.0"],
+        ["no_mv", "20.0", "-", "10.0", "30.0"],
+    ]
 
 
 def test_failed_and_unfinished_rows_say_so_and_have_no_number():
@@ -189,4 +192,4 @@ def test_files_hold_the_tables_and_simulated_priors_are_labelled_everywhere(tmp_
 def test_a_bar_in_a_reason_does_not_break_the_markdown():
     one = study(run("full|x", 0, metrics(0.5)))
     line = markdown(score_table(one)).splitlines()[-1]
-    assert len(re.findall(r"(?<!\\)\|", line)) == len(score_table(one).heading) + 1
+    assert len(re.findall(r"(?<!\\)\|", line)) == score_table(one).frame.shape[1] + 1

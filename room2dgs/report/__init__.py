@@ -1,0 +1,1 @@
+"""Tables (pandas) and HTML pages (Jinja2) of benches and studies."""

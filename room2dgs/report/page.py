@@ -1,0 +1,64 @@
+"""HTML pages that need no network: Jinja2 templates, pictures inside the page."""
+
+from __future__ import annotations
+
+import base64
+from functools import cache
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from room2dgs.report.table import Table
+
+JPEG_QUALITY = 85
+
+
+class Figure(NamedTuple):
+    """A picture, (H, W, 3) RGB 0..1, and what it shows."""
+
+    caption: str
+    picture: np.ndarray
+
+
+def page(template: str, **values: Any) -> str:
+    """A template of the folder `templates`, filled in; text is escaped."""
+    return _environment().get_template(template).render(**values)
+
+
+def data_uri(picture: np.ndarray) -> str:
+    """(H, W, 3) RGB 0..1 as a JPEG inside the page."""
+    pixels = np.round(np.clip(picture.astype(np.float32), 0, 1) * 255).astype(np.uint8)
+    encoded = cv2.imencode(".jpg", pixels[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
+    return "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode("ascii")
+
+
+def drawn(figure: Any, dpi: int) -> np.ndarray:
+    """(H, W, 3) RGB 0..1 of a matplotlib figure."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure.set_dpi(dpi)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3] / 255.0
+
+
+@cache
+def _environment() -> Environment:
+    found = Environment(
+        loader=PackageLoader("room2dgs.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    found.filters["data_uri"] = data_uri
+    found.filters["table"] = _html
+    return found
+
+
+def _html(table: Table) -> Markup:
+    return Markup(table.frame.to_html(index=False, border=0))  # pandas escapes the cells

@@ -1,0 +1,42 @@
+"""Tables of text cells, for Markdown, HTML and the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple, TypeVar
+
+import pandas as pd
+
+NOTHING = "-"  # a cell without a value
+Item = TypeVar("Item")
+
+
+class Table(NamedTuple):
+    """A title and cells as text; the first column names the row."""
+
+    title: str
+    frame: pd.DataFrame
+
+
+def table(title: str, columns: Mapping[str, Callable[[Item], str]], items: Iterable[Item]) -> Table:
+    """A row for each item.
+
+    Args:
+        columns: heading -> cell of an item.
+    """
+    rows = [[cell(item) for cell in columns.values()] for item in items]
+    return Table(title, pd.DataFrame(rows, columns=list(columns), dtype=str))
+
+
+def markdown(one: Table) -> str:
+    """The table with its title, if it has one, in bold above it."""
+    escaped = one.frame.map(lambda cell: cell.replace("|", "\\|").replace("\n", " "))
+    text = escaped.to_markdown(index=False, tablefmt="pipe", disable_numparse=True, stralign=None)
+    return f"**{one.title}**\n\n{text}" if one.title else text
+
+
+def terminal(one: Table) -> str:
+    """The table with lines around its cells; numbers are flush right."""
+    align = ["left", *["right"] * (one.frame.shape[1] - 1)]
+    text = one.frame.to_markdown(index=False, tablefmt="simple_outline", disable_numparse=True, colalign=align)
+    return f"{one.title}\n{text}"
