@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FLOW = (
     *("errors", "files", "json_files", "cores", "torch_threads", "system_libraries", "memory", "report"),
     *("config", "geometry", "captures", "sfm", "stereo", "priors", "seeds", "splat", "losses", "train", "mesh"),
-    *("eval", "bench", "study", "tools", "doctor", "commands", "cli", "__main__"),
+    *("eval", "runs", "bench", "study", "tools", "doctor", "commands", "cli", "__main__"),
 )
 # `eval` is a library of its own: these alone.
 EVAL_NEEDS = {"errors", "files", "json_files", "config", "geometry", "captures", "mesh", "eval"}

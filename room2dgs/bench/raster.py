@@ -170,7 +170,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--quick", action="store_true", help="the smallest case alone")
     parser.add_argument("--json", type=Path, help="also write the figures here")
     args = parser.parse_args(argv)
-    from room2dgs.commands.metrics import commit, machine
+    from room2dgs.runs.metrics import commit, machine
 
     torch.set_num_threads(args.threads)
     sizes, counts = (SIZES[:1], COUNTS[:1]) if args.quick else (SIZES, COUNTS)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from room2dgs.commands.eval import ground_truth
-from room2dgs.commands.metrics import earlier
-from room2dgs.commands.run_folder import logger
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read
+from room2dgs.runs.folder import logger
+from room2dgs.runs.metrics import earlier
 from room2dgs.study.ablation import Run, Study, rows_of
 from room2dgs.study.jobs import Job, executed, finished, planned, study_folder, words_of
 

@@ -9,7 +9,7 @@ from room2dgs.errors import InputError
 # name -> where it is, and its line in the help
 BENCHES = {
     "raster": ("room2dgs.bench.raster", "the rasterizer's time on this machine"),
-    "prior": ("room2dgs.bench.prior", "a prior's depth, normals and confidence where depth is known"),
+    "prior": ("room2dgs.commands.bench_prior", "a prior's depth, normals and confidence where depth is known"),
     "prior-error": ("room2dgs.commands.prior_error", "the mesh's score over the errors of the prior"),
 }
 

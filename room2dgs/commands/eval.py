@@ -6,8 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from room2dgs.captures.scene import Scene
-from room2dgs.commands.metrics import record, timed
-from room2dgs.commands.run_folder import (
+from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.commands.stages import Log, read, rendered, trained_surfels, use_threads
+from room2dgs.config import Config, EvalConfig, conf_dir, load_config
+from room2dgs.config.overrides import group_choices
+from room2dgs.errors import InputError
+from room2dgs.runs.folder import (
     CONFIG,
     MESH,
     METRICS,
@@ -17,11 +21,7 @@ from room2dgs.commands.run_folder import (
     logger,
     required,
 )
-from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import Log, read, rendered, trained_surfels, use_threads
-from room2dgs.config import Config, EvalConfig, conf_dir, load_config
-from room2dgs.config.overrides import group_choices
-from room2dgs.errors import InputError
+from room2dgs.runs.metrics import record, timed
 
 if TYPE_CHECKING:
     from room2dgs.splat.types import Surfels

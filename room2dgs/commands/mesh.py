@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Scene
-from room2dgs.commands.metrics import record, stale, timed
-from room2dgs.commands.run_folder import MESH, earlier_run, keep_settings, logger
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import Log, read, rendered, trained_surfels, use_threads
 from room2dgs.config import Config
+from room2dgs.runs.folder import MESH, earlier_run, keep_settings, logger
+from room2dgs.runs.metrics import record, stale, timed
 
 if TYPE_CHECKING:
     from room2dgs.mesh.views import FusedView

@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from room2dgs.commands.eval import ground_truth
-from room2dgs.commands.metrics import earlier
-from room2dgs.commands.run_folder import POINTS, PRIOR_MAPS, absolute, logger
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read
 from room2dgs.config import Config, load_config
@@ -22,6 +20,8 @@ from room2dgs.config.sweep import combinations
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.priors.network.maps import read_models
+from room2dgs.runs.folder import POINTS, PRIOR_MAPS, absolute, logger
+from room2dgs.runs.metrics import earlier
 from room2dgs.study.ablation import Run, rows_of
 from room2dgs.study.jobs import SEED, Job, executed, finished, study_folder
 from room2dgs.study.prior_curve import JSON, Curve, Point, Quality, write_tables

@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 
 from room2dgs.captures.scene import Frame, Scene
-from room2dgs.commands.metrics import record, timed
-from room2dgs.commands.run_folder import RENDERS, earlier_run, logger
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import Log, read, rendered, trained_surfels, use_threads
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from room2dgs.runs.folder import RENDERS, earlier_run, logger
+from room2dgs.runs.metrics import record, timed
 
 if TYPE_CHECKING:
     from room2dgs.splat.types import Rendering, Surfels

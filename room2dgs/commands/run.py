@@ -7,12 +7,12 @@ from typing import Any
 
 from room2dgs.commands.eval import ground_truth, score_run
 from room2dgs.commands.mesh import mesh_scene
-from room2dgs.commands.metrics import earlier, timed
 from room2dgs.commands.render import render_scene
-from room2dgs.commands.run_folder import MESH, RENDERS, claimed, logger, new_run
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import cached, read, trained_surfels
 from room2dgs.commands.train import train_scene
+from room2dgs.runs.folder import MESH, RENDERS, claimed, logger, new_run
+from room2dgs.runs.metrics import earlier, timed
 
 USAGE = "room2dgs run scene.path=DIR out=DIR [resume=true] [KEY=VALUE ...]"
 

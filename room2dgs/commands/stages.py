@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Frame, PointCloud, Scene
-from room2dgs.commands.run_folder import CACHE, PRIOR_MAPS, PRIORS, SURFELS, required
 from room2dgs.config import Config
+from room2dgs.runs.folder import CACHE, PRIOR_MAPS, PRIORS, SURFELS, required
 
 if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be told at once
     from room2dgs.priors import Priors

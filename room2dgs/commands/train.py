@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from room2dgs.captures.scene import Scene
-from room2dgs.commands.metrics import peak_memory_mb, record, stale, timed
-from room2dgs.commands.run_folder import POINTS, claimed, logger, new_run
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import Log, cached, read, read_priors, use_threads
 from room2dgs.config import Config
+from room2dgs.runs.folder import POINTS, claimed, logger, new_run
+from room2dgs.runs.metrics import peak_memory_mb, record, stale, timed
 
 # of the surfels before a run went on
 IMAGE_SCORES = ("psnr_db", "ssim", "test_views")

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 
-from room2dgs.commands.metrics import earlier
-from room2dgs.commands.run_folder import CONFIG, POINTS, PRIOR_MAPS, absolute, last_value
 from room2dgs.config import Config, conf_dir, dump_config, load_config
 from room2dgs.config.keys import leaf_keys
 from room2dgs.config.sweep import Combination, combinations
 from room2dgs.errors import InputError
+from room2dgs.runs.folder import CONFIG, POINTS, PRIOR_MAPS, absolute, last_value
+from room2dgs.runs.metrics import earlier
 
 EXPERIMENT, SEED = "experiment", "train.seed"
 OUT_OF_MEMORY = signal.SIGKILL  # how Linux ends a process that takes too much

@@ -13,8 +13,8 @@ import trimesh
 
 from room2dgs import cli
 from room2dgs.commands.ablate import DEFAULTS
-from room2dgs.commands.run_folder import last_value, new_run, write_config
 from room2dgs.config import Config, conf_dir, load_config
+from room2dgs.runs.folder import last_value, new_run, write_config
 from room2dgs.study import jobs as study
 
 SCORES = {"full": 0.6, "no_mv": 0.5, "no_depth": 0.4, "no_seed": 0.3}

@@ -14,9 +14,9 @@ import pytest
 
 from room2dgs import cli
 from room2dgs.commands.prior_error import NOISE, NONE, planned, real_priors, simulated_priors
-from room2dgs.commands.run_folder import new_run, write_config
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
+from room2dgs.runs.folder import new_run, write_config
 from room2dgs.study import jobs as study
 from room2dgs.study.ablation import Run, rows_of
 from room2dgs.study.prior_curve import Curve, Point, Quality, interpolated, sentences

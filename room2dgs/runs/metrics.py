@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from room2dgs import __version__
-from room2dgs.commands.run_folder import METRICS
 from room2dgs.cores import available_cores
 from room2dgs.json_files import update_json
+from room2dgs.runs.folder import METRICS
 
 PACKAGES = (
     "torch",
