@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from room2dgs.eval.image_scores import image_scores, psnr, ssim
+    from room2dgs.eval.image_metrics import image_scores, psnr, ssim
     from room2dgs.eval.pictures import write_pictures
     from room2dgs.eval.protocol import MeshFile, Options, Result
     from room2dgs.eval.scoring import PROTOCOLS, Evaluation, evaluate
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _HOMES = {
     **dict.fromkeys(("PROTOCOLS", "Evaluation", "evaluate"), "scoring"),
     **dict.fromkeys(("MeshFile", "Options", "Result"), "protocol"),
-    **dict.fromkeys(("image_scores", "psnr", "ssim"), "image_scores"),
+    **dict.fromkeys(("image_scores", "psnr", "ssim"), "image_metrics"),
     "write_pictures": "pictures",
 }
 __all__ = [

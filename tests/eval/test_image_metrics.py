@@ -1,10 +1,12 @@
 """PSNR and SSIM against their definitions."""
 
+import inspect
+
 import numpy as np
 import pytest
 from scipy.ndimage import correlate1d
 
-from room2dgs.eval.image_scores import image_scores, psnr, ssim
+from room2dgs.eval.image_metrics import image_scores, psnr, ssim
 
 RNG = np.random.default_rng(0)
 PHOTO = RNG.integers(0, 256, (40, 50, 3), dtype=np.uint8)
@@ -51,3 +53,12 @@ def test_means_and_views():
 def test_a_size_mismatch_is_named():
     with pytest.raises(ValueError, match="view 7"):
         image_scores([("7", np.zeros((4, 4, 3)), np.zeros((4, 5, 3)))])
+
+
+def test_the_library_gives_functions_not_modules_of_their_name():
+    # an attribute of a package is overwritten when a module of that name is imported
+    import room2dgs.eval
+
+    for name in room2dgs.eval.__all__:
+        assert not inspect.ismodule(getattr(room2dgs.eval, name)), name
+        assert not inspect.ismodule(getattr(room2dgs.eval, name)), name
