@@ -130,7 +130,7 @@ def _mesh_part(pred: Path, gt: Path, scene: Scene, settings: EvalConfig, out: Pa
 
 
 def _image_part(scene: Scene, surfels: Surfels, config: Config, log: Log) -> dict[str, Any]:
-    from room2dgs.eval.image_scores import image_scores
+    from room2dgs.eval import image_scores
 
     if not scene.test:
         log("no view is held out (scene.test_every=0): no image scores")
