@@ -9,7 +9,7 @@ import torch
 
 from room2dgs import splat
 from room2dgs.splat import Surfels
-from room2dgs.splat.backends import cpu, cpu_frames
+from room2dgs.splat.backends import cpu_frames, cpu_operators
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def test_the_operator_is_registered_as_torch_wants_it(leaves, options):
 
 def test_the_backward_operator_is_registered_as_torch_wants_it(leaves):
     with torch.no_grad():
-        color, alpha, depth, *_, state = cpu.rasterize(*leaves, 37, 20, 0.05, True, True)
+        color, alpha, depth, *_, state = cpu_operators.rasterize(*leaves, 37, 20, 0.05, True, True)
     values = [x.detach() for x in leaves[:-1]]
     flowing = [torch.ones_like(color), None, torch.ones_like(depth), None, None, None]
     args = (*values, alpha, depth, state, *flowing, 37, 20, 0.05, True, True, True)
@@ -107,3 +107,10 @@ def test_a_second_derivative_is_refused(leaves):
     first = torch.autograd.grad(drawn(leaves).color.square().sum(), leaves[0], create_graph=True)[0]
     with pytest.raises(RuntimeError):
         first.sum().backward()
+
+
+def test_tensors_without_values_get_shapes(leaves):
+    with torch._subclasses.FakeTensorMode() as mode:
+        fakes = [mode.from_tensor(x) for x in leaves]
+        images = drawn(fakes)
+    assert [tuple(x.shape) for x in images] == [(20, 37, 3), *[(20, 37)] * 3, (20, 37, 3), (20, 37)]

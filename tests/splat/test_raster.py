@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from room2dgs import _C, splat
 from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.splat import Rendering, Surfels, reference
-from room2dgs.splat.backends import cpu
+from room2dgs.splat.backends import cpu_operators
 from room2dgs.splat.constants import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
 
 TOLERANCE = 1e-4
@@ -158,7 +158,9 @@ def test_tile_lists_are_tight(make_surfels):
     needed = listed = 0
     for k in range(200):
         one = Surfels(*(x[k : k + 1] for x in surfels))
-        *images, state = cpu.rasterize(*one, torch.eye(4), K, torch.zeros(3), None, 160, 120, 0.05, True, True)
+        *images, state = cpu_operators.rasterize(
+            *one, torch.eye(4), K, torch.zeros(3), None, 160, 120, 0.05, True, True
+        )
         out = Rendering(*images)
         listed += int(state[1])
         alpha = torch.nn.functional.pad(out.alpha.detach(), (0, 0, 0, 8))

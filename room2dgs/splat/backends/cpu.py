@@ -1,8 +1,4 @@
-"""The compiled kernels (`_C`) behind torch's dispatcher: float32 on the CPU.
-
-`room2dgs::rasterize` and `room2dgs::rasterize_backward` are custom operators with shapes for tracing and an autograd
-formula, so that `torch.compile` and `torch.export` take them whole.
-"""
+"""The compiled kernels as a backend: float32 on the CPU."""
 
 from __future__ import annotations
 
@@ -11,15 +7,10 @@ from torch import Tensor
 
 from room2dgs import _C
 from room2dgs.cores import available_cores
-from room2dgs.splat.backends import cpu_frames
+from room2dgs.splat.backends import cpu_view
 from room2dgs.splat.backends.backend import Backend, View
-from room2dgs.splat.checks import check_center_px, check_values
+from room2dgs.splat.backends.cpu_operators import rasterize
 from room2dgs.splat.types import Rendering, Surfels
-
-_SURFELS = "Tensor centers, Tensor rotations, Tensor scales, Tensor opacities, Tensor sh"
-_VIEW = "Tensor cam_from_world, Tensor K, Tensor background"
-_OPTIONS = "SymInt width, SymInt height, float near_m, bool with_normal, bool with_distortion"
-_TO_IMAGES = ("color", "alpha", "depth", "median", "normal", "distortion")
 
 
 def set_threads(count: int | None = None) -> int:
@@ -37,153 +28,29 @@ def set_threads(count: int | None = None) -> int:
 set_threads()
 
 
+class _Rasterize(torch.autograd.Function):
+    """What the operator does, without the dispatcher's way through Python, which costs a small view's own time."""
+
+    @staticmethod
+    def forward(ctx, *inputs):  # a setup_context of its own would have torch inspect signatures at every call
+        output = cpu_view.forward(*inputs)
+        cpu_view.keep_for_backward(ctx, inputs, output)
+        return output
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, *to_outputs):
+        return cpu_view.gradients(ctx, to_outputs, cpu_view.backward)
+
+
 def _render(surfels: Surfels, view: View) -> Rendering:
-    *images, _ = rasterize(
-        *surfels, view.cam_from_world, view.K, view.background, view.center_px,
-        view.width, view.height, view.near_m, view.with_normal, view.with_distortion,
-    )  # fmt: skip
+    tensors = (*surfels, view.cam_from_world, view.K, view.background)
+    # anything that traces or wraps needs the operator
+    plain = not torch.compiler.is_compiling() and all(type(x) in (Tensor, torch.nn.Parameter) for x in tensors)
+    *images, _ = (_Rasterize.apply if plain else rasterize)(
+        *tensors, view.center_px, view.width, view.height, view.near_m, view.with_normal, view.with_distortion
+    )
     return Rendering(*images)
 
 
 BACKEND = Backend("cpu", ("cpu",), (torch.float32,), _render)
-
-
-@torch.library.custom_op(
-    "room2dgs::rasterize",
-    mutates_args=(),
-    device_types="cpu",
-    schema=f"({_SURFELS}, {_VIEW}, Tensor? center_px, {_OPTIONS})"
-    " -> (Tensor, Tensor, Tensor, Tensor, Tensor, Tensor, Tensor)",
-)
-def rasterize(
-    centers, rotations, scales, opacities, sh, cam_from_world, K, background, center_px,
-    width, height, near_m, with_normal, with_distortion,
-):  # fmt: skip
-    """Images as in `Rendering`, and the state that the backward pass needs (`cpu_frames`)."""
-    check_values(K, cam_from_world, background, near_m)
-    check_center_px(center_px)
-    images = _empty_images(centers, width, height)
-    frame = cpu_frames.take()
-    number = _draw(
-        frame, (centers, rotations, scales, opacities, sh), cam_from_world, K, background, images,
-        width, height, near_m, with_normal, with_distortion,
-    )  # fmt: skip
-    return *images, cpu_frames.hold(frame, number)
-
-
-@rasterize.register_fake
-def _(
-    centers, rotations, scales, opacities, sh, cam_from_world, K, background, center_px,
-    width, height, near_m, with_normal, with_distortion,
-):  # fmt: skip
-    return *_empty_images(centers, width, height), centers.new_empty(2, dtype=torch.int64)
-
-
-def _empty_images(like: Tensor, width: int, height: int) -> list[Tensor]:
-    color, normal = (like.new_empty(height, width, 3, dtype=torch.float32) for _ in range(2))
-    alpha, depth, median, distortion = (like.new_empty(height, width, dtype=torch.float32) for _ in range(4))
-    return [color, alpha, depth, median, normal, distortion]
-
-
-def _draw(
-    frame, parameters, cam_from_world, K, background, images, width, height, near_m, with_normal, with_distortion
-) -> int:
-    """Fill the images and the frame; gives the view's number there."""
-    *others, normal, distortion = images
-    number = frame.forward(
-        *(x.contiguous() for x in parameters), _doubles(cam_from_world), _doubles(K), width, height, near_m,
-        background.to(torch.float32).contiguous(), *others,
-        normal if with_normal or with_distortion else None, distortion if with_distortion else None,
-    )  # fmt: skip
-    if not with_distortion:
-        distortion.zero_()
-    if not with_normal:
-        normal.zero_()
-    return number
-
-
-def _doubles(matrix: Tensor) -> Tensor:
-    return matrix.to(torch.float64).contiguous()
-
-
-@torch.library.custom_op(
-    "room2dgs::rasterize_backward",
-    mutates_args=(),
-    device_types="cpu",
-    schema=f"({_SURFELS}, {_VIEW}, Tensor alpha, Tensor depth, Tensor state, "
-    + ", ".join(f"Tensor? to_{name}" for name in _TO_IMAGES)
-    + f", {_OPTIONS}, bool with_background)"
-    " -> (Tensor, Tensor, Tensor, Tensor, Tensor, Tensor, Tensor, Tensor, Tensor)",
-)
-def rasterize_backward(
-    centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state,
-    to_color, to_alpha, to_depth, to_median, to_normal, to_distortion,
-    width, height, near_m, with_normal, with_distortion, with_background,
-):  # fmt: skip
-    """Gradients of the surfels' five tensors, the pose, K, the background (if wanted) and the projected centres."""
-    parameters = [x.contiguous() for x in (centers, rotations, scales, opacities, sh)]
-    frame, number = cpu_frames.find(state) or (None, 0)
-    lost = frame is None
-    if lost:
-        frame = cpu_frames.take()
-        number = _draw(
-            frame, parameters, cam_from_world, K, background, _empty_images(centers, width, height),
-            width, height, near_m, with_normal, with_distortion,
-        )  # fmt: skip
-    flowing = [
-        x.contiguous() if x is not None and wanted else None
-        for x, wanted in zip(
-            (to_color, to_alpha, to_depth, to_median, to_normal, to_distortion),
-            (True, True, True, True, with_normal, with_distortion),
-            strict=True,
-        )
-    ]
-    to = _empty_gradients(*parameters)
-    to_pose, to_K = torch.empty(4, 4, dtype=torch.float64), torch.empty(3, 3, dtype=torch.float64)
-    to_background = torch.zeros(3, dtype=torch.float64)
-    frame.backward(
-        number, *parameters, alpha.contiguous(), depth.contiguous(), *flowing, *to, to_pose, to_K,
-        to_background if with_background and to_color is not None else None,
-    )  # fmt: skip
-    if lost:
-        cpu_frames.give(frame)
-    *to, to_center_px = to
-    return (
-        *to,
-        *(x.to(y.dtype) for x, y in ((to_pose, cam_from_world), (to_K, K), (to_background, background))),
-        to_center_px,
-    )
-
-
-@rasterize_backward.register_fake
-def _(
-    centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state,
-    to_color, to_alpha, to_depth, to_median, to_normal, to_distortion,
-    width, height, near_m, with_normal, with_distortion, with_background,
-):  # fmt: skip
-    *to, to_center_px = _empty_gradients(centers, rotations, scales, opacities, sh)
-    view = (x.new_empty(x.shape) for x in (cam_from_world, K, background))
-    return *to, *view, to_center_px
-
-
-def _empty_gradients(centers: Tensor, *others: Tensor) -> list[Tensor]:
-    to = [x.new_empty(x.shape) for x in (centers, *others)]
-    return [*to, centers.new_empty(centers.shape[0], 2)]
-
-
-def _keep_for_backward(ctx, inputs, output) -> None:
-    centers, rotations, scales, opacities, sh, cam_from_world, K, background, _, *options = inputs
-    _, alpha, depth, _, _, _, state = output
-    ctx.save_for_backward(centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state)
-    ctx.options = options
-    ctx.set_materialize_grads(False)
-
-
-def _backward(ctx, *gradients):
-    *to_images, _ = gradients
-    with_background, with_center_px = ctx.needs_input_grad[7:9]
-    *to, to_center_px = rasterize_backward(*ctx.saved_tensors, *to_images, *ctx.options, with_background)
-    return *to, to_center_px if with_center_px else None, *[None] * len(ctx.options)
-
-
-rasterize.register_autograd(_backward, setup_context=_keep_for_backward)

@@ -1,0 +1,115 @@
+"""One view by the compiled kernels (`_C`), forward and back: tensors in, tensors out, no autograd."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from room2dgs.splat.backends import cpu_frames
+from room2dgs.splat.checks import check_center_px, check_values
+
+
+def forward(
+    centers, rotations, scales, opacities, sh, cam_from_world, K, background, center_px,
+    width, height, near_m, with_normal, with_distortion,
+):  # fmt: skip
+    """Images as in `Rendering`, and the state that the backward pass needs (`cpu_frames`)."""
+    check_values(K, cam_from_world, background, near_m)
+    check_center_px(center_px)
+    images = empty_images(centers, width, height)
+    frame = cpu_frames.take()
+    number = _draw(
+        frame, (centers, rotations, scales, opacities, sh), cam_from_world, K, background, images,
+        width, height, near_m, with_normal, with_distortion,
+    )  # fmt: skip
+    return *images, cpu_frames.hold(frame, number)
+
+
+def empty_images(like: Tensor, width: int, height: int) -> list[Tensor]:
+    color, normal = (like.new_empty(height, width, 3, dtype=torch.float32) for _ in range(2))
+    alpha, depth, median, distortion = (like.new_empty(height, width, dtype=torch.float32) for _ in range(4))
+    return [color, alpha, depth, median, normal, distortion]
+
+
+def _draw(
+    frame, parameters, cam_from_world, K, background, images, width, height, near_m, with_normal, with_distortion
+) -> int:
+    """Fill the images and the frame; gives the view's number there."""
+    *others, normal, distortion = images
+    number = frame.forward(
+        *(x.detach().contiguous() for x in parameters), _doubles(cam_from_world), _doubles(K), width, height, near_m,
+        background.detach().to(torch.float32).contiguous(), *others,
+        normal if with_normal or with_distortion else None, distortion if with_distortion else None,
+    )  # fmt: skip
+    if not with_distortion:
+        distortion.zero_()
+    if not with_normal:
+        normal.zero_()
+    return number
+
+
+def _doubles(matrix: Tensor) -> Tensor:
+    return matrix.detach().to(torch.float64).contiguous()
+
+
+def backward(
+    centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state,
+    to_color, to_alpha, to_depth, to_median, to_normal, to_distortion,
+    width, height, near_m, with_normal, with_distortion, with_background,
+):  # fmt: skip
+    """Gradients of the surfels' five tensors, the pose, K, the background (if wanted) and the projected centres."""
+    parameters = [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)]
+    frame, number = cpu_frames.find(state) or (None, 0)
+    lost = frame is None
+    if lost:
+        frame = cpu_frames.take()
+        number = _draw(
+            frame, parameters, cam_from_world, K, background, empty_images(centers, width, height),
+            width, height, near_m, with_normal, with_distortion,
+        )  # fmt: skip
+    flowing = [
+        x.contiguous() if x is not None and wanted else None
+        for x, wanted in zip(
+            (to_color, to_alpha, to_depth, to_median, to_normal, to_distortion),
+            (True, True, True, True, with_normal, with_distortion),
+            strict=True,
+        )
+    ]
+    to = empty_gradients(*parameters)
+    to_pose, to_K = torch.empty(4, 4, dtype=torch.float64), torch.empty(3, 3, dtype=torch.float64)
+    to_background = torch.zeros(3, dtype=torch.float64)
+    frame.backward(
+        number, *parameters, alpha.contiguous(), depth.contiguous(), *flowing, *to, to_pose, to_K,
+        to_background if with_background and to_color is not None else None,
+    )  # fmt: skip
+    if lost:
+        cpu_frames.give(frame)
+    *to, to_center_px = to
+    return (
+        *to,
+        *(x.to(y.dtype) for x, y in ((to_pose, cam_from_world), (to_K, K), (to_background, background))),
+        to_center_px,
+    )
+
+
+def empty_gradients(centers: Tensor, *others: Tensor) -> list[Tensor]:
+    to = [x.new_empty(x.shape) for x in (centers, *others)]
+    return [*to, centers.new_empty(centers.shape[0], 2)]
+
+
+def keep_for_backward(ctx, inputs, output) -> None:
+    centers, rotations, scales, opacities, sh, cam_from_world, K, background, _, *options = inputs
+    _, alpha, depth, _, _, _, state = output
+    ctx.save_for_backward(centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state)
+    ctx.options = options
+    ctx.set_materialize_grads(False)
+
+
+def gradients(ctx, to_outputs: tuple[Tensor | None, ...], kernel: Callable) -> tuple[Tensor | None, ...]:
+    """The gradient of every input of `forward`; `kernel` is `backward` or the operator of it."""
+    *to_images, _ = to_outputs
+    with_background, with_center_px = ctx.needs_input_grad[7:9]
+    *to, to_center_px = kernel(*ctx.saved_tensors, *to_images, *ctx.options, with_background)
+    return *to, to_center_px if with_center_px else None, *[None] * len(ctx.options)
