@@ -1,4 +1,4 @@
-"""Numbers that the reference and the compiled kernels must share (surfel.h has the same ones)."""
+"""Numbers that the reference and the compiled kernels must share (surfel.h and pixel.h have the same ones)."""
 
 from __future__ import annotations
 
