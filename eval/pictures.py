@@ -99,7 +99,7 @@ def write_sheet(path: Path, rows: Sequence[Sequence[np.ndarray]], titles: Sequen
         cax=figure.add_axes((0.3, 0.55 / tall, 0.4, 0.15 / tall)),
         orientation="horizontal",
         extend="max",
-        label="distance, cm (grey: the truth says nothing)",
+        label="distance, cm (grey: no ground truth)",
     )
     with whole_file(path) as temporary:
         figure.savefig(temporary, format="png")
@@ -119,7 +119,7 @@ def _three(
     wrong = error_color(gt.closest(rays.at(pred_hits))[0], full)
     missing = error_color(pred_surface.closest(rays.at(gt_hits))[0], full)
     error = shade(rays, pred_hits, pred_surface, wrong)
-    if mask:  # along these rays no error can be told
+    if mask:  # no ground truth along these rays
         unknown = rays.picture(np.repeat((gt_hits.triangle < 0)[:, None], 3, axis=1))
         error = np.where(unknown, UNKNOWN, error)
     empty = NOTHING if not mask else UNKNOWN

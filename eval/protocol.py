@@ -18,7 +18,7 @@ from room2dgs.mesh.io import read_mesh
 
 @dataclass(frozen=True)
 class Options:
-    """What a protocol can be told.
+    """Settings of a protocol.
 
     Attributes:
         threshold_m: of precision, recall and F-score, metres.

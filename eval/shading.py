@@ -11,7 +11,7 @@ from room2dgs.eval.surface import Hits, Surface
 
 AMBIENT = 0.45  # light on a surface seen edge-on; the rest is a head light
 NOTHING = np.array([1.0, 1.0, 1.0])  # where no surface is
-UNKNOWN = np.array([0.75, 0.75, 0.75])  # where the ground truth says nothing
+UNKNOWN = np.array([0.75, 0.75, 0.75])  # no ground truth there
 CLAY = np.array([0.8, 0.8, 0.78])  # a mesh without colours
 # blue, green, yellow, red; the last from the end of the scale up
 RAMP = np.array([[0.15, 0.30, 0.80], [0.20, 0.70, 0.35], [0.98, 0.85, 0.20], [0.85, 0.10, 0.10]])

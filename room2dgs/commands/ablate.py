@@ -28,7 +28,7 @@ def main(argv: list[str]) -> int:
     holds, and pictures of the error side by side.
 
     Each run is a `room2dgs run` in out/<experiment>/seed_<n>. What is finished is not run again: after a kill or
-    a failure the same command goes on. A failed run is told in the table, and the others go on.
+    a failure the same command goes on. A failed run is named in the table, and the others go on.
     """
     if asked_for_help(argv):
         return show(USAGE, main.__doc__)
@@ -37,7 +37,7 @@ def main(argv: list[str]) -> int:
     todo = [job for job in jobs if not job.same_as and not finished(job)]
     config = jobs[0].config
     gt = ground_truth(config)
-    scene = read(config)  # told now if missing, not once a row
+    scene = read(config)  # reported now if missing, not once a row
     from room2dgs.study.ablation_report import HTML, MARKDOWN, write_page, write_tables
 
     out.mkdir(parents=True, exist_ok=True)

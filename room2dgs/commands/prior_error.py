@@ -81,7 +81,7 @@ def main(argv: list[str]) -> int:
     priors = [*simulated_priors(argv, out), *real_priors(argv)]
     jobs = planned([text for text in argv if text.partition("=")[0] not in OURS], priors, out)
     for group in jobs.values():
-        read_models(group[0].config.prior)  # a network that is missing is told now, not at its row
+        read_models(group[0].config.prior)  # a network that is missing is reported now, not at its row
     todo = [job for group in jobs.values() for job in group if not finished(job)]
     config = next(iter(jobs.values()))[0].config
     scene = read(config)

@@ -22,7 +22,7 @@ def main(argv: list[str]) -> int:
     if asked_for_help(argv):
         return show(USAGE, main.__doc__)
     config = new_run(argv)
-    ground_truth(config)  # told now if missing, not after the training
+    ground_truth(config)  # reported now if missing, not after the training
     seconds: dict[str, float] = {}
     with timed(seconds, "read"):
         scene = read(config, keep=True)

@@ -12,7 +12,7 @@ from room2dgs.captures.scene import Frame, PointCloud, Scene
 from room2dgs.config import Config
 from room2dgs.runs.folder import CACHE, PRIOR_MAPS, PRIORS, SURFELS, required
 
-if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be told at once
+if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be reported at once
     from room2dgs.priors import Priors
     from room2dgs.splat.types import Rendering, Surfels
 

@@ -1,4 +1,4 @@
-"""Two views of one surface: what one sees of it lies, and looks, as the other sees it (eq. 13-16)."""
+"""Two views of one surface: position and appearance agree (eq. 13-16)."""
 
 from __future__ import annotations
 

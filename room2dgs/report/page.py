@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
@@ -61,4 +62,5 @@ def _environment() -> Environment:
 
 
 def _html(table: Table) -> Markup:
-    return Markup(table.frame.to_html(index=False, border=0))  # pandas escapes the cells
+    with pd.option_context("display.max_colwidth", None):  # else pandas cuts long cells
+        return Markup(table.frame.to_html(index=False, border=0))  # pandas escapes the cells

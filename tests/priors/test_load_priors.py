@@ -116,7 +116,7 @@ def test_noise_is_left_out_or_warned_about(room, prior_config, map_files):
     priors, said = load(room, prior_config, folder)
     assert not priors.by_frame
     assert said.count("depth prior of") == len(room.frames)
-    assert "WARNING: the normals say nothing" in said
+    assert "WARNING: the normals carry no information" in said
     assert "training goes on without depth" in said
 
 

@@ -11,6 +11,7 @@ from jinja2 import UndefinedError
 from room2dgs.report.page import data_uri, page
 from room2dgs.report.table import markdown, table, terminal
 
+LONG = "without the depth prior, and without the seeds that it gives; a sentence as long as those of the studies are"
 ROWS = [("a|b", "1.50"), ("<i>", "2,000")]
 
 
@@ -36,6 +37,12 @@ def test_pages_escape_text_and_hold_their_pictures(one):
     assert "<title>A &amp; B</title>" in text and "run &lt;x&gt;" in text and "a &lt; b" in text
     assert "<td>&lt;i&gt;</td>" in text and "Scores &amp; costs" in text
     assert re.findall('src="([^"]*)"', text) == [data_uri(np.zeros((4, 4, 3)))]
+
+
+def test_long_cells_and_tables_are_whole():
+    long = table("", {"row": str, "words": lambda _: LONG}, range(100))
+    values = {"command": "", "label": "", "drawing": np.zeros((4, 4, 3)), "table": long, "sentences": []}
+    assert page("prior_error.html.j2", title="", **values).count(LONG) == markdown(long).count(LONG) == 100
 
 
 def test_a_value_that_a_template_lacks_is_an_error():

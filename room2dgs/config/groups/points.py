@@ -19,7 +19,7 @@ class PointsConfig:
     cache: PathText | None = Field(description="keeps triangulated points (null: points in the run's folder)")
     max_features: Int = Field(ge=16, description="SIFT features an image")
     peak_threshold: Float = Field(
-        ge=0, le=1, description="weakest contrast of a feature; lower finds more on plain walls"
+        ge=0, le=1, description="weakest contrast of a feature; lower finds more on textureless walls"
     )
     overlap: Int = Field(ge=1, description="views a frame is matched with: half its successors, half chosen by pose")
     min_track: Int = Field(ge=2, description="drop points seen in fewer views")

@@ -38,7 +38,7 @@ class Fit(NamedTuple):
 
 
 def fit_scale_shift(x: np.ndarray, y: np.ndarray, seed: int = 0, shift_sigma: float | None = None) -> Fit | None:
-    """Robust fit of y = scale x + shift, scale > 0; shift = 0 where the points cannot tell it.
+    """Robust fit of y = scale x + shift, scale > 0; shift = 0 where the points do not determine it.
 
     The same points give the same fit.
 
@@ -77,7 +77,7 @@ def aligned_depth(values: np.ndarray, valid: np.ndarray, fit: Fit, disparity: bo
         values: (H, W) the prior's map.
         valid: (H, W) bool.
         disparity: the map and the fit are in disparity.
-        max_depth_m: farther than this is not believed.
+        max_depth_m: farther depths are invalid.
 
     Returns:
         (H, W) float32 metres, 0 = invalid.
@@ -130,7 +130,7 @@ def _refined(x: np.ndarray, y: np.ndarray, start: np.ndarray, shift_sigma: float
 def _weighted_line(
     x: np.ndarray, y: np.ndarray, weight: np.ndarray, shift_sigma: float | None
 ) -> tuple[float, float] | None:
-    """Scale and shift of least weighted squares; a pure scale where the shift cannot be told from it."""
+    """Scale and shift of least weighted squares; a pure scale where the points do not determine the shift."""
     used = int((weight > 0).sum())
     if used < 2:
         return None

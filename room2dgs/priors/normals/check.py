@@ -32,7 +32,7 @@ def usable(
         made_of: the folder or the network, for messages.
 
     Returns:
-        False for normals that say nothing.
+        False for normals without information.
 
     Raises:
         InputError: another convention fits clearly better.
@@ -50,7 +50,7 @@ def usable(
     used = "used all the same" if not settings.check else "left out; prior.normal.check=false uses them all the same"
     if verdict.agreement is not None and verdict.agreement < MIN_AGREEMENT:
         log(
-            f"WARNING: the normals say nothing, views of the same points do not agree (mean cosine "
+            f"WARNING: the normals carry no information, views of the same points do not agree (mean cosine "
             f"{verdict.agreement:.2f} in the best convention, noise has 0.25 at most): {used}"
         )
         return not settings.check

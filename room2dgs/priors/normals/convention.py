@@ -38,7 +38,7 @@ CLEAR_SHARE = 0.08
 MIN_COSINE = 0.5
 # Noise and grazing views turn a few normals away.
 MAX_AWAY = 0.1
-# Fewer pairs of views of a point say nothing.
+# Fewer pairs of views of a point are no evidence.
 MIN_PAIRS = 100
 
 
@@ -99,7 +99,7 @@ def _better(scores: dict[str, Score], present: Score) -> str | None:
     if present.cosine is not None:
         best = max(scores, key=lambda name: scores[name].cosine)
         wrong = scores[best].cosine >= MIN_COSINE and scores[best].cosine - present.cosine > CLEAR_COSINE
-        # Depth that says nothing leaves the question to the rest.
+        # Depth without information leaves the question to the other tests.
         if wrong or scores[best].cosine >= MIN_COSINE:
             return best if wrong else None
     least_away = min(score.away for score in scores.values())

@@ -34,14 +34,14 @@ def facing_noise(normal, i):
 def test_noise_that_faces_the_camera_is_left_out_loudly(load):
     priors, said = load(facing_noise)
     assert not priors.by_frame
-    assert "WARNING: the normals say nothing, views of the same points do not agree" in said
+    assert "WARNING: the normals carry no information, views of the same points do not agree" in said
     assert "left out; prior.normal.check=false" in said
 
 
 def test_noise_is_used_all_the_same_if_asked_for(load):
     priors, said = load(facing_noise, check="false")
     assert len(priors.by_frame) == 6
-    assert "WARNING: the normals say nothing" in said and "used all the same" in said
+    assert "WARNING: the normals carry no information" in said and "used all the same" in said
 
 
 def test_rough_normals_are_kept(load):
