@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import trimesh
-from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
 
-from room2dgs.captures.scene import PointCloud
+from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
+
+FRAMES = "frames"  # key of the photos' names in the cache's header
 
 
 def read_ply(path: Path) -> PointCloud:
     """Points of a .ply file, or the vertices of a mesh in one.
 
     Returns:
-        The finite points in metres; grey where the file has no colours; track lengths are 0 (unknown).
+        The finite points in metres; grey where the file has no colours; without tracks.
 
     Raises:
         InputError: missing, unreadable or without a finite point.
@@ -34,7 +37,7 @@ def read_ply(path: Path) -> PointCloud:
     finite = np.isfinite(xyz).all(axis=1)
     if not finite.any():
         raise InputError(f"{path} holds no finite points; give a .ply with points of the scene in metres")
-    return PointCloud(xyz[finite], rgb[finite], np.zeros(int(finite.sum()), dtype=np.int32))
+    return PointCloud(xyz[finite], rgb[finite])
 
 
 def _colors(geometry: trimesh.PointCloud | trimesh.Trimesh, count: int) -> np.ndarray:
@@ -49,23 +52,41 @@ def _colors(geometry: trimesh.PointCloud | trimesh.Trimesh, count: int) -> np.nd
 
 
 def save_points(path: Path, points: PointCloud) -> None:
-    """Write a cloud to a safetensors file; nothing half-written is left under its name."""
+    """Write a cloud with tracks to a safetensors file; nothing half-written is left under its name."""
+    tracks = points.tracks
+    arrays = {
+        "xyz": points.xyz,
+        "rgb": points.rgb,
+        "track_frame": tracks.frame,
+        "track_point": tracks.point,
+        "track_pixel": tracks.pixel,
+    }
     with whole_file(path) as temporary:
-        save_file({"xyz": points.xyz, "rgb": points.rgb, "track_length": points.track_length}, temporary)
+        save_file(arrays, temporary, metadata={FRAMES: json.dumps(tracks.frames)})
 
 
 def load_points(path: Path) -> PointCloud | None:
-    """A cloud that `save_points` wrote; None if the file is missing or damaged."""
+    """A cloud that `save_points` wrote; None if the file is missing or damaged, or its points have no tracks."""
     try:
-        tensors = load_file(path)
-        points = PointCloud(tensors["xyz"], tensors["rgb"], tensors["track_length"])
-    except (OSError, SafetensorError, KeyError):
+        with safe_open(path, framework="numpy") as file:
+            frames = tuple(json.loads(file.metadata()[FRAMES]))
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        tracks = Tracks(frames, arrays["track_frame"], arrays["track_point"], arrays["track_pixel"])
+        points = PointCloud(arrays["xyz"], arrays["rgb"], tracks)
+    except (OSError, SafetensorError, KeyError, TypeError, ValueError):
         return None
-    count = len(points)
     expected = {
-        "xyz": ((count, 3), np.float64),
-        "rgb": ((count, 3), np.uint8),
-        "track_length": ((count,), np.int32),
+        "xyz": ((len(points), 3), np.float64),
+        "rgb": ((len(points), 3), np.uint8),
+        "track_frame": ((len(tracks),), np.int32),
+        "track_point": ((len(tracks),), np.int32),
+        "track_pixel": ((len(tracks), 2), np.float32),
     }
-    found = {name: (tensors[name].shape, tensors[name].dtype) for name in expected}
-    return points if found == expected else None
+    if {name: (arrays[name].shape, arrays[name].dtype) for name in expected} != expected:
+        return None
+    counted = _counts(tracks.frame, len(frames)) and _counts(tracks.point, len(points))
+    return points if counted else None
+
+
+def _counts(index: np.ndarray, count: int) -> bool:
+    return not len(index) or (index.min() >= 0 and index.max() < count)

@@ -75,24 +75,6 @@ class Dropped:
 
 
 @dataclass(frozen=True)
-class PointCloud:
-    """Sparse points in the world frame.
-
-    Attributes:
-        xyz: (M, 3) float64, metres.
-        rgb: (M, 3) uint8.
-        track_length: (M,) int32, number of views that saw the point (0 where unknown).
-    """
-
-    xyz: np.ndarray
-    rgb: np.ndarray
-    track_length: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.xyz)
-
-
-@dataclass(frozen=True)
 class Scene:
     """A capture: training and held-out views in capture order.
 

@@ -8,7 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from room2dgs.captures.scene import Frame, PointCloud, Scene
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import Config
 from room2dgs.runs.folder import CACHE, PRIOR_MAPS, PRIORS, SURFELS, required
 

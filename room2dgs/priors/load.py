@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from room2dgs.captures.scene import Frame, PointCloud
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import OnnxConfig, PriorConfig
 from room2dgs.errors import InputError

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import pycolmap
 
+from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.point_files import load_points, read_ply, save_points
-from room2dgs.captures.scene import PointCloud, Scene
+from room2dgs.captures.scene import Scene
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
 
-# Raised when sfm.py or pairs.py gives other points for the same input.
-RECIPE = 1
+# Raised when triangulation, pairs or the cache give something else for the same input. 2: with tracks.
+RECIPE = 2
 # Fewer have no neighbourhood to take normals from.
 MIN_POINTS = 16
 

@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 import pycolmap
 
-from room2dgs.captures.scene import Frame, PointCloud
+from room2dgs.captures.point_cloud import PointCloud, Tracks
+from room2dgs.captures.scene import Frame
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
@@ -37,7 +38,7 @@ def triangulate(frames: Sequence[Frame], config: PointsConfig, work: Path, log: 
 
     Returns:
         Points seen in at least `config.min_track` views with a mean reprojection error of at most
-        `config.max_error_px`, in front of every camera that saw them; possibly none.
+        `config.max_error_px`, in front of every camera that saw them, with their tracks; possibly none.
 
     Raises:
         InputError: the photos match, but not where the poses say.
@@ -51,7 +52,7 @@ def triangulate(frames: Sequence[Frame], config: PointsConfig, work: Path, log: 
         _match(frames, pairs, database, work / "pairs.txt")
         _verify([frame.camera for frame in frames], image_ids, pairs, database, frames[0].color_path.parent)
         reconstruction = _triangulate(frames, image_ids, images, database, work / "model")
-    return _select(reconstruction, {image_ids[i]: frame.camera for i, frame in enumerate(frames)}, config)
+    return _select(reconstruction, frames, image_ids, config)
 
 
 @contextmanager
@@ -192,25 +193,46 @@ def _triangulate(
     return pycolmap.triangulate_points(reconstruction, database, images, model, options=options)
 
 
-def _select(reconstruction: pycolmap.Reconstruction, cameras: dict[int, Camera], config: PointsConfig) -> PointCloud:
-    xyz, rgb, tracks = [], [], []
+def _select(
+    reconstruction: pycolmap.Reconstruction, frames: Sequence[Frame], image_ids: list[int], config: PointsConfig
+) -> PointCloud:
+    number = {image_id: index for index, image_id in enumerate(image_ids)}
+    xyz, rgb, observations = [], [], []
     for _, point in sorted(reconstruction.points3D.items()):
-        seen_by = {element.image_id for element in point.track.elements}
-        if len(seen_by) < config.min_track or not point.error <= config.max_error_px:
+        seen = _observed(point, reconstruction, number, frames)
+        depths = [frames[index].camera.to_camera(point.xyz)[2] for index in seen]
+        if len(seen) < config.min_track or not point.error <= config.max_error_px:
             continue
-        depths = [_depth(cameras[image_id], point.xyz) for image_id in seen_by]
         if not (DEPTH_RANGE_M[0] < min(depths) and max(depths) < DEPTH_RANGE_M[1]):
             continue
+        observations += [(index, len(xyz), pixel) for index, pixel in sorted(seen.items())]
         xyz.append(point.xyz)
         rgb.append(point.color)
-        tracks.append(len(seen_by))
+    frame, point, pixel = zip(*observations, strict=True) if observations else ((), (), ())
+    tracks = Tracks(
+        tuple(frame.name for frame in frames),
+        np.array(frame, dtype=np.int32),
+        np.array(point, dtype=np.int32),
+        np.array(pixel, dtype=np.float32).reshape(-1, 2),
+    )
     return PointCloud(
-        np.array(xyz, dtype=np.float64).reshape(-1, 3),
-        np.array(rgb, dtype=np.uint8).reshape(-1, 3),
-        np.array(tracks, dtype=np.int32),
+        np.array(xyz, dtype=np.float64).reshape(-1, 3), np.array(rgb, dtype=np.uint8).reshape(-1, 3), tracks
     )
 
 
-def _depth(camera: Camera, xyz: np.ndarray) -> float:
-    """z-depth in metres; NaN for a point that is not finite."""
-    return float(camera.cam_from_world[2, :3] @ xyz + camera.cam_from_world[2, 3])
+def _observed(
+    point: pycolmap.Point3D, reconstruction: pycolmap.Reconstruction, number: dict[int, int], frames: Sequence[Frame]
+) -> dict[int, np.ndarray]:
+    """Frame index -> (2,) pixel, with COLMAP's pixel centres, which are ours (+0.5).
+
+    A track may hold two features of one photo: the one nearer to the point's projection counts.
+    """
+    seen: dict[int, np.ndarray] = {}
+    errors: dict[int, float] = {}
+    for element in point.track.elements:
+        index = number[element.image_id]
+        pixel = reconstruction.image(element.image_id).point2D(element.point2D_idx).xy
+        error = float(np.linalg.norm(frames[index].camera.project(point.xyz)[0] - pixel))
+        if index not in seen or error < errors[index]:
+            seen[index], errors[index] = pixel, error
+    return seen

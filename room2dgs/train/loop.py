@@ -9,7 +9,8 @@ from typing import Any
 
 from torch import Tensor
 
-from room2dgs.captures.scene import PointCloud, Scene
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Scene
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.files import remove_leftovers

@@ -10,7 +10,8 @@ import numpy as np
 from torch import Tensor
 from torch.optim import Adam
 
-from room2dgs.captures.scene import PointCloud, Scene
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Scene
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.seeds.decoders.decoder import Decoder

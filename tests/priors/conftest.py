@@ -10,7 +10,8 @@ import numpy as np
 import onnx
 import pytest
 
-from room2dgs.captures.scene import Frame, PointCloud
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
 from room2dgs.config import load_config
 from room2dgs.geometry.camera import Camera
 
@@ -70,7 +71,7 @@ def room_seen_from(count: int, turn: float) -> Room:
         in_cam = rays * depth[row, column][:, None]
         xyz.append(in_cam @ camera.cam_from_world[:3, :3] + camera.centre)
     xyz = np.concatenate(xyz)
-    points = PointCloud(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 3, np.int32))
+    points = PointCloud(xyz, np.zeros((len(xyz), 3), np.uint8))
     return Room(frames, depths, normals, points)
 
 

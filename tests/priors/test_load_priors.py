@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from room2dgs.captures.scene import PointCloud
+from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
 
@@ -43,9 +43,7 @@ def test_disparity_maps_give_metres(room, prior_config, map_files):
 def test_points_behind_the_walls_do_no_harm(room, prior_config, map_files):
     # another room next door: seen by the cameras, if walls were glass
     behind = room.points.xyz[::2] + np.array([0.0, 6.0, 0.0])
-    points = PointCloud(
-        np.concatenate([room.points.xyz, behind]), np.zeros((540, 3), np.uint8), np.zeros(540, np.int32)
-    )
+    points = PointCloud(np.concatenate([room.points.xyz, behind]), np.zeros((540, 3), np.uint8))
     priors, _ = load(room, prior_config, map_files(depth=lambda depth, i: 0.8 * depth), points)
     for i, frame in enumerate(room.frames):
         assert np.abs(priors.by_frame[frame.name].depth / room.depths[i] - 1.0).max() < 0.02
@@ -184,7 +182,7 @@ def test_a_view_without_points_is_aligned_to_the_views_beside_it(room, prior_con
     in_cam = room.points.xyz @ pose.cam_from_world[:3, :3].T + pose.cam_from_world[:3, 3]
     pixel = in_cam[:, :2] / in_cam[:, 2:] * pose.K[(0, 1), (0, 1)] + pose.K[:2, 2]
     seen = (in_cam[:, 2] > 0) & ((pixel > -1) & (pixel < (pose.width + 1, pose.height + 1))).all(axis=1)
-    points = PointCloud(*(values[~seen] for values in vars(room.points).values()))
+    points = room.points.chosen(~seen)
     folder = map_files(depth=lambda depth, i: (depth - 0.05 * i) / (0.5 + 0.2 * i))
     priors, said = load(
         room, prior_config, folder, points=points, depth__meaning="relative_depth", normal__source="none"

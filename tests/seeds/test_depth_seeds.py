@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from room2dgs.captures.scene import Frame, PointCloud, Scene
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame, Scene
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import load_config
 from room2dgs.geometry.camera import Camera
@@ -92,7 +93,7 @@ def test_cells_that_hold_a_sparse_point_are_left_to_it(frames):
 def test_a_new_model_has_them_if_asked(frames, tmp_path, init, more):
     config = load_config([f"scene.path={tmp_path}", "out=x", f"seeds.init={init}"])
     xyz = np.random.default_rng(1).uniform(-0.3, 0.3, (40, 3)) + np.array([0.2, 0.0, WALL_M])
-    points = PointCloud(xyz, np.zeros((40, 3), np.uint8), np.full(40, 3, np.int32))
+    points = PointCloud(xyz, np.zeros((40, 3), np.uint8))
     scene = Scene(tmp_path, tuple(frames), ())
     model = new_model(scene, points, config, wall(frames))
     assert (model.seeds > len(xyz) + 50) == more

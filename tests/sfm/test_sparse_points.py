@@ -9,9 +9,11 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
+from safetensors.numpy import save_file
 
+from room2dgs.captures.point_cloud import PointCloud, Tracks
+from room2dgs.captures.point_files import load_points, save_points
 from room2dgs.captures.read import read_scene
-from room2dgs.captures.scene import PointCloud
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.sfm.sparse import sparse_points
@@ -22,8 +24,10 @@ def quiet(line: str) -> None:
     """Takes a log line and drops it."""
 
 
-def equal(first, second) -> bool:
-    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in vars(first))
+def equal(first: PointCloud, second: PointCloud) -> bool:
+    parts = [(first.xyz, second.xyz), (first.rgb, second.rgb), (first.tracks.frames, second.tracks.frames)]
+    parts += [(getattr(first.tracks, name), getattr(second.tracks, name)) for name in ("frame", "point", "pixel")]
+    return all(np.array_equal(a, b) for a, b in parts)
 
 
 @pytest.fixture(scope="session")
@@ -47,12 +51,51 @@ def test_points_have_the_colour_of_the_photo(scene_config, points_config, shared
     scene = read_scene(scene_config())
     points = sparse_points(scene, points_config, shared_cache, quiet)
     frame = scene.train[2]
-    in_camera = points.xyz @ frame.camera.cam_from_world[:3, :3].T + frame.camera.cam_from_world[:3, 3]
-    pixel = (in_camera @ frame.camera.K.T)[:, :2] / in_camera[:, 2:]
-    inside = ((pixel > 1) & (pixel < (frame.camera.width - 1, frame.camera.height - 1))).all(axis=1)
-    column, row = pixel[inside].astype(int).T
-    difference = np.abs(frame.color()[row, column].astype(int) - points.rgb[inside])
+    index, pixel = points.tracks.of_frame(frame.name)
+    column, row = pixel.astype(int).T
+    difference = np.abs(frame.color()[row, column].astype(int) - points.rgb[index])
     assert np.median(difference) < 12
+
+
+def test_tracks_say_where_each_photo_saw_its_points(scene_config, points_config, shared_cache):
+    scene = read_scene(scene_config())
+    points = sparse_points(scene, points_config, shared_cache, quiet)
+    tracks = points.tracks
+    assert tracks.frames == tuple(frame.name for frame in scene.train)
+    assert len(np.unique(np.stack([tracks.frame, tracks.point]), axis=1).T) == len(tracks)  # once a photo
+    off = []
+    for frame in scene.train:
+        index, pixel = tracks.of_frame(frame.name)
+        assert len(index) > 50 and frame.camera.inside(pixel).all()
+        off.append(np.linalg.norm(frame.camera.project(points.xyz[index])[0] - pixel, axis=1))
+    # half a pixel's mistake in where pixels' centres are would be 0.7
+    assert np.median(np.concatenate(off)) < 0.4
+    shift = np.concatenate(
+        [
+            frame.camera.project(points.xyz[index])[0] - pixel
+            for frame in scene.train
+            for index, pixel in [tracks.of_frame(frame.name)]
+        ]
+    )
+    assert np.abs(np.median(shift, axis=0)).max() < 0.1
+
+
+def test_a_cache_of_points_without_tracks_is_made_again(scene_config, points_config, shared_cache):
+    scene = read_scene(scene_config())
+    made = sparse_points(scene, points_config, shared_cache, quiet)
+    (path,) = shared_cache.iterdir()
+    save_file({"xyz": made.xyz, "rgb": made.rgb, "track_length": made.track_length.astype(np.int32)}, path)
+    assert equal(made, sparse_points(scene, points_config, shared_cache, quiet))
+    assert equal(made, load_points(path))
+
+
+@pytest.mark.parametrize("name, value", [("track_point", 10**6), ("track_frame", 6), ("track_frame", -1)])
+def test_a_cache_whose_tracks_point_nowhere_is_damaged(tmp_path, name, value):
+    arrays = {"frame": np.zeros(4, np.int32), "point": np.arange(4, dtype=np.int32)}
+    arrays[name.removeprefix("track_")][2] = value
+    tracks = Tracks(("a", "b"), **arrays, pixel=np.ones((4, 2), np.float32))
+    save_points(tmp_path / "points.safetensors", PointCloud(np.eye(4)[:, :3], np.zeros((4, 3), np.uint8), tracks))
+    assert load_points(tmp_path / "points.safetensors") is None
 
 
 def test_a_second_call_loads_the_first_ones_result(scene_config, points_config, tmp_path):
@@ -80,7 +123,9 @@ def test_a_damaged_cache_is_made_again_with_the_same_bits(scene_config, points_c
 def test_another_photo_pose_or_setting_is_not_served_from_the_cache(
     capture, scene_config, points_config, tmp_path, monkeypatch
 ):
-    cloud = PointCloud(np.zeros((20, 3)), np.zeros((20, 3), np.uint8), np.full(20, 3, np.int32))
+    nobody = np.zeros(0, np.int32)
+    tracks = Tracks((), nobody, nobody, np.zeros((0, 2), np.float32))
+    cloud = PointCloud(np.zeros((20, 3)), np.zeros((20, 3), np.uint8), tracks)
     monkeypatch.setattr("room2dgs.sfm.triangulation.triangulate", lambda *_: cloud)
 
     def count() -> int:
@@ -171,7 +216,7 @@ def test_a_point_file_is_read_with_its_colours(scene_config, points_config, tmp_
     points = sparse_points(read_scene(scene_config()), config, tmp_path / "cache", quiet)
     np.testing.assert_allclose(points.xyz, xyz, atol=1e-6)
     np.testing.assert_array_equal(points.rgb, rgb)
-    np.testing.assert_array_equal(points.track_length, 0)
+    assert points.tracks is None and not points.track_length.any()
 
 
 def test_a_point_file_may_lack_colours_and_have_holes(scene_config, points_config, tmp_path):

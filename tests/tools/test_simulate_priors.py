@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
+from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.read import read_scene
-from room2dgs.captures.scene import PointCloud
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
@@ -74,7 +74,7 @@ def test_the_loader_takes_them_and_knows_them(made, plain):
         [f"scene.path={plain.path}", "out=x", "scene.test_every=0", "prior=files", *settings, "prior.depth.joint=false"]
     )
     xyz = np.concatenate([plain.points(i)[::9, ::9][plain.depths[i][::9, ::9] > 0] for i in range(len(plain.depths))])
-    points = PointCloud(xyz, np.zeros(xyz.shape, np.uint8), np.zeros(len(xyz), np.int32))
+    points = PointCloud(xyz, np.zeros(xyz.shape, np.uint8))
     priors = load_priors(read_scene(config.scene).train, points, config.prior, lambda line: None)
     assert priors.label == "simulated"
     assert len(priors.by_frame) == len(plain.depths)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from room2dgs.captures.scene import Frame, PointCloud, Scene
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import load_config
 from room2dgs.geometry.camera import Camera
 from room2dgs.splat import Surfels
@@ -21,7 +22,7 @@ def wall_points() -> PointCloud:
     x, y = np.meshgrid(np.arange(-0.8, 0.81, 0.1), np.arange(-0.6, 0.61, 0.1))
     xyz = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
     rgb = 127 + 120 * np.stack([np.sin(5 * xyz[:, 0]), np.cos(7 * xyz[:, 1]), np.sin(9 * xyz.sum(1))], axis=1)
-    return PointCloud(xyz, rgb.astype(np.uint8), np.full(len(xyz), 5, np.int32))
+    return PointCloud(xyz, rgb.astype(np.uint8))
 
 
 def cameras() -> list[Camera]:

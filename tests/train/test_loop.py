@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from room2dgs import splat
-from room2dgs.captures.scene import PointCloud
+from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.errors import InputError
 from room2dgs.seeds.decoders.explicit import ExplicitDecoder
 from room2dgs.splat import Surfels
@@ -215,7 +215,7 @@ def test_a_gradient_that_is_not_a_number_names_iteration_parameter_and_term(
 
 
 def test_no_points_is_an_input_error_that_leaves_nothing(capture, configure, log, tmp_path):
-    nothing = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int32))
+    nothing = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
     with pytest.raises(InputError, match="no points"):
         train(capture[0], nothing, configure("train.tensorboard=true"), tmp_path / "run", log)
     assert not (tmp_path / "run").exists()

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from room2dgs.captures.scene import Frame, PointCloud
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
 from room2dgs.config import DepthPriorConfig
 from room2dgs.priors.align.neighbours import FEW_POINTS, align_to_neighbours
 from room2dgs.priors.align.one_view import Log, RawMap, RawMaps, add_aligned, pairs_at_points, shift_sigma

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from room2dgs.captures.scene import Frame, PointCloud
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
 from room2dgs.config import DepthPriorConfig
 from room2dgs.geometry.depth_maps import pixel_rays
 from room2dgs.priors.align.one_view import METRIC_SHIFT_M, Log, RawMaps, add_aligned, pairs_at_points, shift_sigma

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from room2dgs.captures.scene import Frame, PointCloud
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
 from room2dgs.config import DepthPriorConfig
 from room2dgs.priors.joint.contradicted import contradicted
 from room2dgs.priors.joint.optimise import joint_depths

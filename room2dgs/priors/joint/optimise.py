@@ -16,7 +16,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from room2dgs.captures.scene import Frame, PointCloud
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
 from room2dgs.priors.joint import log_scale_grid
 from room2dgs.priors.joint.overlap import Overlap, overlap
 from room2dgs.priors.joint.room_axes import room_axes

@@ -10,7 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from room2dgs.captures.scene import Frame, PointCloud
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
 from room2dgs.geometry.depth_maps import project, unhidden
 from room2dgs.sfm.pairs import shared_view
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import torch
 
-from room2dgs.captures.scene import Frame, PointCloud
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
 from room2dgs.geometry.depth_maps import pixel_rays
 from room2dgs.priors import load_priors
 from room2dgs.priors.joint import optimise as joint
@@ -29,7 +30,7 @@ def few_steps(request, monkeypatch):
         monkeypatch.setattr(joint, "STAGES", tuple(stage._replace(steps=stage.steps // FEWER) for stage in STAGES))
 
 
-NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int32))
+NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
 
 
 @pytest.fixture(scope="module")
@@ -283,7 +284,7 @@ def test_maps_on_which_all_views_agree_but_the_points_do_not_are_left_out(ring, 
     # what lies far is drawn nearer, from everywhere, and by more than a grid can mend at single points
     rng = np.random.default_rng(5)
     off = points.xyz + rng.uniform(-0.4, 0.4, points.xyz.shape)
-    wrong = PointCloud(off, points.rgb, points.track_length)
+    wrong = PointCloud(off, points.rgb)
     for name, depth in depths.items():
         np.save(tmp_path / f"{name}.npy", depth)
     lines: list[str] = []

@@ -8,14 +8,14 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from room2dgs.captures.scene import PointCloud
+from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
 from room2dgs.priors.joint.optimise import STAGES
 from room2dgs.priors.network.model_file import read_model
 
-NO_POINTS = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int32))
+NO_POINTS = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
 
 
 @pytest.fixture
@@ -127,7 +127,7 @@ def test_without_its_error_a_network_weighs_nothing(room, coded_photos, settings
 @pytest.mark.parametrize("count", [0, 5])
 def test_metres_need_no_points(room, coded_photos, settings, count, joint, monkeypatch):
     monkeypatch.setattr("room2dgs.priors.joint.optimise.STAGES", STAGES[:1])
-    points = PointCloud(*(values[:count] for values in vars(room.points).values())) if count else NO_POINTS
+    points = PointCloud(room.points.xyz[:count], room.points.rgb[:count]) if count else NO_POINTS
     priors, said = loaded(coded_photos[:3], points, settings(depth__joint=joint))
     assert "its metres are taken with a scale of 1" in said
     assert "nan" not in said
@@ -142,7 +142,7 @@ def test_few_points_of_many_views_tell_one_scale(room, coded_photos, settings):
         replace(frame, camera=replace(frame.camera, cam_from_world=_moved(frame.camera.cam_from_world, 1.25)))
         for frame in coded_photos
     ]
-    points = PointCloud(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 3, np.int32))
+    points = PointCloud(xyz, np.zeros((len(xyz), 3), np.uint8))
     priors, _ = loaded(frames, points, settings())
     assert 0 < max(fit.points for fit in priors.fits.values()) < 30
     assert [fit.scale for fit in priors.fits.values()] == pytest.approx([1.25] * 6, rel=0.03)

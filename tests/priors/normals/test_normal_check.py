@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from room2dgs.captures.scene import PointCloud
+from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
 from room2dgs.priors.normals.planar_points import planar_normals
@@ -69,7 +69,7 @@ def test_any_negated_axis_is_noticed_without_depth(load, axes):
 
 
 def test_few_points_leave_good_normals_alone(load, room):
-    few = PointCloud(room.points.xyz[:5], room.points.rgb[:5], room.points.track_length[:5])
+    few = PointCloud(room.points.xyz[:5], room.points.rgb[:5])
     priors, said = load(lambda normal, i: normal, points=few)
     assert len(priors.by_frame) == 6 and "WARNING" not in said
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from room2dgs import splat
-from room2dgs.captures.scene import PointCloud
+from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.train import checkpoint, load_surfels, train
 from room2dgs.train.step import iterate
 
@@ -108,7 +108,7 @@ def test_what_no_view_sees_goes_after_two_epochs(capture, configure, log, tmp_pa
     behind = np.array([[0.03, 0.0, -4.0], [0.33, 0.0, -4.0], [0.63, 0.0, -4.0]])  # of all cameras
     xyz = np.concatenate([points.xyz, behind])
     rgb = np.concatenate([points.rgb, np.full((3, 3), 99, np.uint8)])
-    more = PointCloud(xyz, rgb, np.full(len(xyz), 5, np.int32))
+    more = PointCloud(xyz, rgb)
     settings = [*SEEDS, *OFTEN, "strategy.every=4", "strategy.stop=12", "strategy.grow_gradient=1e6"]
     result = train(scene, more, configure(*settings), tmp_path, log)
     found = adjustments(log)  # four training views

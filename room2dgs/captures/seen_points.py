@@ -1,0 +1,64 @@
+"""The sparse points that a photo sees, where it sees them, and how far they are."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
+from room2dgs.geometry.camera import Camera
+
+NEAR_M = 0.05
+CELLS = 24  # across the image, in each of which points hide one another
+HIDDEN = 1.25  # a point this many times as far as its cell's nearest is hidden
+
+
+class SeenPoints(NamedTuple):
+    """N points as one photo sees them.
+
+    Attributes:
+        index: (N,) int64, which points of the cloud.
+        pixel: (N, 2) float64, x and y inside the image.
+        depth: (N,) float64 z-depth, metres, > 0.
+    """
+
+    index: np.ndarray
+    pixel: np.ndarray
+    depth: np.ndarray
+
+    @property
+    def column_row(self) -> tuple[np.ndarray, np.ndarray]:
+        """(N,) int64 columns and rows of the pixels that the points fall into."""
+        column, row = np.floor(self.pixel).astype(np.int64).T
+        return column, row
+
+
+def seen_points(points: PointCloud, frame: Frame) -> SeenPoints:
+    """What the tracks say, and without tracks a guess (`probably_seen`)."""
+    if points.tracks is None:
+        return probably_seen(points.xyz, frame.camera)
+    index, pixel = points.tracks.of_frame(frame.name)
+    depth = frame.camera.to_camera(points.xyz[index])[:, 2]
+    usable = frame.camera.inside(pixel) & (depth > NEAR_M)
+    return SeenPoints(index[usable].astype(np.int64), pixel[usable].astype(np.float64), depth[usable])
+
+
+def probably_seen(xyz: np.ndarray, camera: Camera) -> SeenPoints:
+    """A guess for points without tracks: those that project into the image and are not plainly behind another one.
+
+    Sparse points know no surfaces between them, so this thins the hidden ones out and no more.
+
+    Args:
+        xyz: (M, 3) metres, world frame.
+    """
+    pixel, depth = camera.project(xyz)
+    index = np.flatnonzero(camera.inside(pixel) & (depth > NEAR_M))
+    pixel, depth = pixel[index], depth[index]
+    cell_px = max(4, camera.width // CELLS)
+    cells, cell = np.unique(np.floor(pixel / cell_px).astype(np.int64), axis=0, return_inverse=True)
+    nearest = np.full(len(cells), np.inf)
+    np.minimum.at(nearest, cell.reshape(-1), depth)
+    shown = depth <= HIDDEN * nearest[cell.reshape(-1)]
+    return SeenPoints(index[shown], pixel[shown], depth[shown])
