@@ -47,10 +47,10 @@ class CameraTensors(NamedTuple):
         z = in_cam[:, 2]
         return in_cam[:, :2] / z.clamp(min=MIN_DEPTH_M)[:, None] * self.focal[view] + self.principal[view], z
 
-    def moved(self, view: Tensor, other: Tensor, in_cam: Tensor) -> Tensor:
-        """Points (N, 3) of one view's camera frame in another's, metres."""
+    def seen_by(self, other: Tensor, view: Tensor, in_cam: Tensor) -> tuple[Tensor, Tensor]:
+        """Points (N, 3) of one view's camera frame as another view sees them; pixels and depths as `project`."""
         in_world = torch.einsum("nji,nj->ni", self.rotation[view], in_cam - self.translation[view])
-        return torch.einsum("nij,nj->ni", self.rotation[other], in_world) + self.translation[other]
+        return self.project(other, torch.einsum("nij,nj->ni", self.rotation[other], in_world) + self.translation[other])
 
     def inside(self, view: Tensor, pixel: Tensor) -> Tensor:
         """(N,) bool: pixels (N, 2) within the image."""

@@ -10,10 +10,10 @@ import numpy as np
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
+from room2dgs.captures.seen_points import seen_points
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import OnnxConfig, PriorConfig
 from room2dgs.errors import InputError
-from room2dgs.geometry.depth_maps import pixel_rays
 from room2dgs.priors.align.depths import aligned_depths
 from room2dgs.priors.align.scale_shift import Fit
 from room2dgs.priors.confidence import read_confidence
@@ -142,7 +142,10 @@ def _normals(
     some = [frame for frame in some if frame.name in files]
     samples = [
         sample(
-            *read_normal(files[frame.name], settings, frame.camera), depths.get(frame.name), frame.camera, points.xyz
+            *read_normal(files[frame.name], settings, frame.camera),
+            depths.get(frame.name),
+            frame.camera,
+            seen_points(points, frame),
         )
         for frame in some[:: max(1, len(some) // CHECKED_FRAMES)]
     ]
@@ -158,8 +161,8 @@ def _normals(
             valid &= confidences[frame.name] > 0
         in_cam = camera_normals(raw, settings, frame.camera)
         # A surface that is seen faces the camera; where a map says otherwise it is wrong.
-        valid &= (in_cam * pixel_rays(frame.camera)).sum(axis=-1) < 0
-        in_world = in_cam @ frame.camera.cam_from_world[:3, :3]
+        valid &= (in_cam * frame.camera.rays()).sum(axis=-1) < 0
+        in_world = frame.camera.turned_to_world(in_cam)
         if valid.any():
             normals[frame.name] = np.where(valid[..., None], in_world, 0.0).astype(np.float32)
         else:

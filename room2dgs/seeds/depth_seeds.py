@@ -86,12 +86,12 @@ def _agreed_pixels(
     row, column = np.nonzero((depth[grid] > 0) & normal.any(axis=-1))
     row, column = torch.from_numpy(row), torch.from_numpy(column)
     view = torch.full_like(row, index)
-    in_cam = views.rays(view, views.pixel(row, column)) * views.depth[view, row, column][:, None]
+    in_cam = views.cameras.rays(view, views.pixel(row, column)) * views.depth[view, row, column][:, None]
     agreeing, covering, violating = (torch.zeros(len(row), dtype=torch.float32) for _ in range(3))
     for beside in views.pairs[views.pairs[:, 0] == index, 1]:
         other = torch.full_like(row, int(beside))
-        pixel, z = views.seen_by(other, view, in_cam)
-        inside = (z > 0.05) & (pixel > 0).all(dim=1) & (pixel < views.size[other]).all(dim=1)
+        pixel, z = views.cameras.seen_by(other, view, in_cam)
+        inside = (z > 0.05) & views.cameras.inside(other, pixel)
         known, good = views.depth_at(other, pixel)
         good &= inside
         ratio = z / known.clamp(min=1e-6)
@@ -100,9 +100,9 @@ def _agreed_pixels(
         violating += good & (ratio < 1 - AGREES)
     agreed = ((agreeing >= LEAST_AGREEING) & (violating <= MAX_VIOLATIONS * covering)).numpy()
     camera = frame.camera
-    xyz = (in_cam.numpy()[agreed] - camera.cam_from_world[:3, 3]) @ camera.cam_from_world[:3, :3]
+    xyz = camera.to_world(in_cam.numpy()[agreed])
     picked = (row.numpy()[agreed], column.numpy()[agreed])
-    return xyz, normal[picked] @ camera.cam_from_world[:3, :3], frame.color()[grid][picked] / 255.0
+    return xyz, camera.turned_to_world(normal[picked]), frame.color()[grid][picked] / 255.0
 
 
 def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, voxel_m: float) -> Surface:

@@ -13,7 +13,6 @@ from room2dgs.bench.prior_truth import fitted_planes, frame_truth, truth_source
 from room2dgs.captures.scene import Frame
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
-from room2dgs.geometry.depth_maps import pixel_rays
 
 K = np.array([[130.0, 0, 82.0], [0, 128.0, 58.0], [0, 0, 1]])
 
@@ -33,9 +32,9 @@ def frame_of(folder: Path, camera: Camera, depth: np.ndarray, name: str = "0") -
 
 def cast(camera: Camera, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     hits = surface.seen_by(camera)
-    normal = surface.face_normals[hits.triangle] @ camera.cam_from_world[:3, :3].T
+    normal = camera.turned_to_camera(surface.face_normals[hits.triangle])
     normal = normal.reshape(camera.height, camera.width, 3)
-    away = (normal * pixel_rays(camera)).sum(axis=-1, keepdims=True) > 0
+    away = (normal * camera.rays()).sum(axis=-1, keepdims=True) > 0
     return hits.t.reshape(camera.height, camera.width).astype(np.float64), np.where(away, -normal, normal)
 
 

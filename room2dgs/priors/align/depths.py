@@ -9,6 +9,7 @@ import numpy as np
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
+from room2dgs.captures.seen_points import seen_points
 from room2dgs.config import DepthPriorConfig
 from room2dgs.priors.align.neighbours import FEW_POINTS, align_to_neighbours
 from room2dgs.priors.align.one_view import Log, RawMap, RawMaps, add_aligned, pairs_at_points, shift_sigma
@@ -65,7 +66,7 @@ def _align_to_points(
     depths: dict[str, np.ndarray] = {}
     fits: dict[str, Fit] = {}
     for frame in frames:
-        x, y = pairs_at_points(raw[frame.name], frame, points.xyz, settings)
+        x, y = pairs_at_points(raw[frame.name], seen_points(points, frame), settings)
         if not settings.align:
             fit = Fit(1.0, 0.0, residual(x, y, 1.0, 0.0), len(x))
         elif len(x) >= FEW_POINTS:

@@ -8,8 +8,8 @@ import numpy as np
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
+from room2dgs.captures.seen_points import probably_seen, seen_points
 from room2dgs.config import DepthPriorConfig
-from room2dgs.geometry.depth_maps import pixel_rays
 from room2dgs.priors.align.one_view import METRIC_SHIFT_M, Log, RawMaps, add_aligned, pairs_at_points, shift_sigma
 from room2dgs.priors.align.scale_shift import MIN_POINTS, Fit, fit_scale_shift
 from room2dgs.sfm.pairs import shared_view
@@ -43,12 +43,11 @@ def align_to_neighbours(
         frame = frames[index]
         beside = [j for j in np.argsort(-shared[index] * known, kind="stable")[:NEIGHBOURS] if known[j]]
         beside = [j for j in beside if shared[index, j] > MIN_SHARED]
-        x, y = pairs_at_points(raw[frame.name], frame, points.xyz, settings)
+        x, y = pairs_at_points(raw[frame.name], seen_points(points, frame), settings)
         own = len(x)
         for j in beside:
-            found = pairs_at_points(
-                raw[frame.name], frame, _sampled_points(frames[j], depths[frames[j].name]), settings
-            )
+            sampled = _sampled_points(frames[j], depths[frames[j].name])
+            found = pairs_at_points(raw[frame.name], probably_seen(sampled, frame.camera), settings)
             x, y = np.concatenate([x, found[0]]), np.concatenate([y, found[1]])
         fit = fit_scale_shift(x, y, shift_sigma=shift_sigma(settings)) or _common_fit(fits, own, settings)
         if fit:
@@ -70,7 +69,7 @@ def _align_by_one_scale(
 
     Passing on the scale of one view would be worse.
     """
-    seen = [pairs_at_points(raw[frame.name], frame, points.xyz, settings) for frame in frames]
+    seen = [pairs_at_points(raw[frame.name], seen_points(points, frame), settings) for frame in frames]
     pooled = [np.concatenate(part) for part in zip(*seen, strict=True)] or [np.zeros(0), np.zeros(0)]
     common = fit_scale_shift(*pooled, shift_sigma=METRIC_SHIFT_M) or Fit(1.0, 0.0, float("nan"), 0)
     for frame, (x, y) in zip(frames, seen, strict=True):
@@ -85,8 +84,7 @@ def _align_by_one_scale(
 def _sampled_points(frame: Frame, depth: np.ndarray) -> np.ndarray:
     """(M, 3) world points of a coarse grid of an aligned map's pixels."""
     grid = (slice(STRIDE // 2, None, STRIDE),) * 2
-    in_cam = (pixel_rays(frame.camera)[grid] * depth[grid][..., None])[depth[grid] > 0]
-    return (in_cam - frame.camera.cam_from_world[:3, 3]) @ frame.camera.cam_from_world[:3, :3]
+    return frame.camera.unproject_map(depth)[grid][depth[grid] > 0]
 
 
 def _common_fit(fits: Mapping[str, Fit], own: int, settings: DepthPriorConfig) -> Fit | None:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from room2dgs.captures.scene import Frame
+from room2dgs.captures.seen_points import SeenPoints
 from room2dgs.config import DepthPriorConfig
-from room2dgs.geometry.depth_maps import project, unhidden
 from room2dgs.priors.align.scale_shift import Fit, aligned_depth
 
 Log = Callable[[str], None]
@@ -28,20 +28,12 @@ class RawMap(NamedTuple):
 RawMaps = Mapping[str, RawMap]
 
 
-def pairs_at_points(
-    raw: RawMap, frame: Frame, xyz: np.ndarray, settings: DepthPriorConfig
-) -> tuple[np.ndarray, np.ndarray]:
-    """The map's values and the points' depths (or disparities) where points fall into the view; (N,) each.
-
-    Args:
-        xyz: (M, 3) points, metres, world frame.
-    """
-    pixel, z = project(xyz, frame.camera)
-    seen = unhidden(pixel, z, cell_px=max(4, frame.camera.width // 24))
-    pixel, z = pixel[seen], z[seen]
-    known = raw.valid[pixel[:, 1], pixel[:, 0]]
-    x = raw.values[pixel[known, 1], pixel[known, 0]].astype(np.float64)
-    return x, 1.0 / z[known] if is_disparity(settings) else z[known]
+def pairs_at_points(raw: RawMap, seen: SeenPoints, settings: DepthPriorConfig) -> tuple[np.ndarray, np.ndarray]:
+    """The map's values and the points' depths (or disparities) where the view sees points; (N,) each."""
+    column, row = seen.column_row
+    known = raw.valid[row, column]
+    x, z = raw.values[row[known], column[known]].astype(np.float64), seen.depth[known]
+    return x, 1.0 / z if is_disparity(settings) else z
 
 
 def add_aligned(

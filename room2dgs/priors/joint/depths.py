@@ -8,6 +8,7 @@ import numpy as np
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
+from room2dgs.captures.seen_points import seen_points
 from room2dgs.config import DepthPriorConfig
 from room2dgs.priors.joint.contradicted import contradicted
 from room2dgs.priors.joint.optimise import joint_depths
@@ -57,7 +58,7 @@ def _without_contradicted(
     for frame in frames:
         if frame.name in depths:
             depth = depths[frame.name]
-            checked[frame.name] = np.where(contradicted(depth, frame.camera, points.xyz), np.float32(0), depth)
+            checked[frame.name] = np.where(contradicted(depth, seen_points(points, frame)), np.float32(0), depth)
             before += np.count_nonzero(depth)
             after += np.count_nonzero(checked[frame.name])
     if after < before:

@@ -12,7 +12,8 @@ from torch import Tensor
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
-from room2dgs.geometry.depth_maps import project, unhidden
+from room2dgs.captures.seen_points import seen_points
+from room2dgs.geometry.camera_tensors import CameraTensors, camera_tensors
 from room2dgs.sfm.pairs import shared_view
 
 MAX_GRADIENT = 4.0  # of a textureless region: grey levels of 255 from one sample to the next
@@ -36,9 +37,7 @@ class Overlap:
         region: (V, h, w) int32, connected textureless regions, numbered from 1 in each view; 0 = textured.
         region_normal: (V, h, w, 3) the normals, smoothed.
         depth_confidence, normal_confidence: (V, h, w) confidence in depth and normal, 0..1.
-        size: (V, 2) width and height of the views, pixels.
-        focal, principal: (V, 2) pixels.
-        rotation, translation: (V, 3, 3), (V, 3) of cam_from_world.
+        cameras: of the views, at their full size.
         pairs: (P, 2) int64, views that see the same surface, both ways round.
         point_view: (M,) int64; point_px: (M, 2); point_depth: (M,) sparse points as seen by the views, metres;
             point_prior: (M,) the depth map there, metres.
@@ -51,11 +50,7 @@ class Overlap:
     region_normal: Tensor
     depth_confidence: Tensor
     normal_confidence: Tensor
-    size: Tensor
-    focal: Tensor
-    principal: Tensor
-    rotation: Tensor
-    translation: Tensor
+    cameras: CameraTensors
     pairs: Tensor
     point_view: Tensor
     point_px: Tensor
@@ -68,22 +63,6 @@ class Overlap:
     def pixel(self, row: Tensor, column: Tensor) -> Tensor:
         """(N, 2) pixel of the whole image, centre at +0.5, of samples at these rows and columns."""
         return torch.stack([column, row], dim=-1) * self.step + (self.step // 2 + 0.5)
-
-    def rays(self, view: Tensor, pixel: Tensor) -> Tensor:
-        """(N, 3) camera frame, z = 1."""
-        across = (pixel - self.principal[view]) / self.focal[view]
-        return torch.cat([across, torch.ones_like(across[:, :1])], dim=1)
-
-    def seen_by(self, other: Tensor, view: Tensor, in_cam: Tensor) -> tuple[Tensor, Tensor]:
-        """Points of one view's camera frame as another view sees them.
-
-        Returns:
-            (N, 2) pixel, and (N,) z-depth in metres; a depth of 0 or less is behind the camera.
-        """
-        in_world = torch.einsum("nji,nj->ni", self.rotation[view], in_cam - self.translation[view])
-        in_other = torch.einsum("nij,nj->ni", self.rotation[other], in_world) + self.translation[other]
-        z = in_other[:, 2]
-        return in_other[:, :2] / z.clamp(min=1e-3)[:, None] * self.focal[other] + self.principal[other], z
 
     def depth_at(self, view: Tensor, pixel: Tensor) -> tuple[Tensor, Tensor]:
         """(N,) bilinear depth, and (N,) bool: valid and on one surface; constant, without a gradient."""
@@ -132,22 +111,19 @@ def overlap(
         inside = (index, slice(part.shape[0]), slice(part.shape[1]))
         depth[inside] = part
         if frame.name in normals:
-            normal[inside] = _subsampled(normals[frame.name], step) @ frame.camera.cam_from_world[:3, :3].T
+            normal[inside] = frame.camera.turned_to_camera(_subsampled(normals[frame.name], step))
         for kind, given in (("depth", depth_confidences), ("normal", normal_confidences)):
             if given and frame.name in given:
                 confidence[kind][inside] = _subsampled(given[frame.name], step)
         region[index][inside[1:]] = textureless_regions(frame.color(), step)
         region_normal[index] = cv2.blur(normal[index], (SMOOTH, SMOOTH))
     region_normal /= np.maximum(np.linalg.norm(region_normal, axis=-1, keepdims=True), 1e-6)
-    K = np.stack([camera.K for camera in cameras])
-    pose = np.stack([camera.cam_from_world for camera in cameras])
     views = Overlap(
         step,
         *map(_float, (depth, normal)),
         torch.from_numpy(region),
         *map(_float, (region_normal, confidence["depth"], confidence["normal"])),
-        *map(_float, ([(camera.width, camera.height) for camera in cameras], K[:, (0, 1), (0, 1)], K[:, :2, 2])),
-        *map(_float, (pose[:, :3, :3], pose[:, :3, 3])),
+        camera_tensors(cameras),
         _pairs(frames),
         *_points(frames, points),
         torch.zeros(0, dtype=torch.float32),
@@ -192,9 +168,8 @@ def _pairs(frames: Sequence[Frame]) -> Tensor:
 def _points(frames: Sequence[Frame], points: PointCloud | None) -> tuple[Tensor, Tensor, Tensor]:
     views, pixels, depths = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 2))], [np.zeros(0)]
     for index, frame in enumerate(frames if points is not None else ()):
-        pixel, z = project(points.xyz, frame.camera)
-        seen = unhidden(pixel, z, cell_px=max(4, frame.camera.width // 24))
-        views.append(np.full(int(seen.sum()), index))
-        pixels.append(pixel[seen] + 0.5)
-        depths.append(z[seen])
+        seen = seen_points(points, frame)
+        views.append(np.full(len(seen.index), index))
+        pixels.append(seen.pixel)
+        depths.append(seen.depth)
     return torch.from_numpy(np.concatenate(views)), _float(np.concatenate(pixels)), _float(np.concatenate(depths))

@@ -30,7 +30,7 @@ def room_axes(views: Overlap, grid: Tensor) -> Tensor | None:
         (1 or 3, 3) unit, perpendicular, world frame, up first; None where too little of the room faces up or down.
     """
     normals = _normals(views, grid)
-    up = -views.rotation[:, 1].mean(dim=0)
+    up = -views.cameras.rotation[:, 1].mean(dim=0)
     for cosine in NARROWING:
         if not up.norm() > 1e-6:
             return None
@@ -81,4 +81,4 @@ def _normals(views: Overlap, grid: Tensor) -> Tensor:
     )
     normal = torch.linalg.cross(below - first, right - first)
     normal = normal / normal.norm(dim=1, keepdim=True).clamp(min=1e-12)
-    return torch.einsum("nji,nj->ni", views.rotation[view], normal)
+    return torch.einsum("nji,nj->ni", views.cameras.rotation[view], normal)

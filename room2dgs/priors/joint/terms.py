@@ -32,7 +32,7 @@ def point_residuals(views: Overlap, grid: Tensor, count: int, generator: torch.G
         return grid.new_zeros(0)
     some = torch.randint(len(views.point_view), (count,), generator=generator)
     view, pixel = views.point_view[some], views.point_px[some]
-    log_scale = log_scale_grid.at(grid, view, pixel / views.size[view])
+    log_scale = log_scale_grid.at(grid, view, pixel / views.cameras.size[view])
     return torch.log(views.point_prior[some] / views.point_depth[some]) + log_scale
 
 
@@ -47,17 +47,12 @@ def view_residuals(views: Overlap, grid: Tensor, count: int, generator: torch.Ge
     view, other = views.pairs[torch.randint(len(views.pairs), (count,), generator=generator)].T
     row = torch.randint(views.depth.shape[1], (count,), generator=generator)
     column = torch.randint(views.depth.shape[2], (count,), generator=generator)
-    there, z = views.seen_by(other, view, optimised_points(views, grid, view, row, column))
-    inside = (
-        (views.depth[view, row, column] > 0)
-        & (z > 0.05)
-        & (there > 0).all(dim=1)
-        & (there < views.size[other]).all(dim=1)
-    )
+    there, z = views.cameras.seen_by(other, view, optimised_points(views, grid, view, row, column))
+    inside = (views.depth[view, row, column] > 0) & (z > 0.05) & views.cameras.inside(other, there)
     confidence = views.depth_confidence[view[inside], row[inside], column[inside]]
     other, there, z = other[inside], there[inside], z[inside]
     known, good = views.depth_at(other, there)
-    log_scale = log_scale_grid.at(grid, other, there / views.size[other])
+    log_scale = log_scale_grid.at(grid, other, there / views.cameras.size[other])
     # One weight for both sides: weighting each side by the other's alone is no gradient of an energy; scale drifts.
     weight = torch.minimum(confidence, views.confidence_at(other, there))
     return (torch.log(z) - torch.log(known.clamp(min=1e-6)) - log_scale)[good], weight[good]
@@ -115,7 +110,7 @@ def axis_residuals(views: Overlap, grid: Tensor, axes: Tensor, count: int, gener
     first, second, third = (optimised_points(views, grid, view, r, c) for r, c in zip(rows, columns, strict=True))
     normal = torch.linalg.cross(second - first, third - first)
     normal = normal / normal.norm(dim=1, keepdim=True).clamp(min=1e-9)
-    along = torch.einsum("nij,aj,ni->na", views.rotation[view], axes, normal)
+    along = torch.einsum("nij,aj,ni->na", views.cameras.rotation[view], axes, normal)
     nearest, _ = along.abs().max(dim=1)
     facing = nearest.detach() > AXIS_COSINE
     leaning = ~facing & (along[:, 0].detach().abs() < UPRIGHT_SINE)
@@ -125,8 +120,8 @@ def axis_residuals(views: Overlap, grid: Tensor, axes: Tensor, count: int, gener
 def optimised_points(views: Overlap, grid: Tensor, view: Tensor, row: Tensor, column: Tensor) -> Tensor:
     """(N, 3) samples unprojected by the optimised depth, camera frame, metres; 0 where there is no depth."""
     pixel = views.pixel(row, column)
-    depth = views.depth[view, row, column] * torch.exp(log_scale_grid.at(grid, view, pixel / views.size[view]))
-    return views.rays(view, pixel) * depth[:, None]
+    depth = views.depth[view, row, column] * torch.exp(log_scale_grid.at(grid, view, pixel / views.cameras.size[view]))
+    return views.cameras.rays(view, pixel) * depth[:, None]
 
 
 def _places(views: Overlap, count: int, generator: torch.Generator) -> tuple[Tensor, ...]:

@@ -75,7 +75,7 @@ def _with_planes(
     cosines, facing = [np.zeros(0)], [np.zeros(0)]
     for sample in samples:
         seen = sample.point >= 0
-        plane = planes[sample.point[seen]] @ sample.camera.cam_from_world[:3, :3].T
+        plane = sample.camera.turned_to_camera(planes[sample.point[seen]])
         rays = sample.rays[seen] / np.linalg.norm(sample.rays[seen], axis=-1, keepdims=True)
         towards = -(plane * rays).sum(axis=-1)
         normal = camera_normals(sample.raw[seen], settings, sample.camera)

@@ -50,7 +50,7 @@ def camera_normals(raw: np.ndarray, settings: NormalPriorConfig, camera: Camera)
         settings: `axes` (camera frame only; a world frame is the capture's), `facing` and `frame`.
     """
     if settings.frame == "world":
-        return SIDES[settings.facing] * raw @ camera.cam_from_world[:3, :3].T
+        return camera.turned_to_camera(SIDES[settings.facing] * raw)
     return raw * (SIDES[settings.facing] * np.array(AXES[settings.axes]))
 
 
@@ -142,7 +142,7 @@ def _score(samples: Sequence[Sample], pairs: np.ndarray, settings: NormalPriorCo
         away.append((normal * sample.rays).sum(axis=-1) > 0)
         known = sample.from_depth.any(axis=-1)
         cosines.append((normal * sample.from_depth).sum(axis=-1)[known])
-        in_world.append(normal @ sample.camera.cam_from_world[:3, :3])
+        in_world.append(sample.camera.turned_to_world(normal))
     cosine, world = np.concatenate(cosines), np.concatenate(in_world)
     between = (world[pairs[:, 0]] * world[pairs[:, 1]]).sum(axis=-1)
     return Score(

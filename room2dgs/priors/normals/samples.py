@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from room2dgs.captures.seen_points import SeenPoints
 from room2dgs.geometry.camera import Camera
-from room2dgs.geometry.depth_maps import depth_normals, pixel_rays, unhidden
+from room2dgs.geometry.depth_maps import depth_normals
 
 STRIDE = 8
-NEAR_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -33,23 +33,23 @@ class Sample:
     point: np.ndarray
 
 
-def sample(raw: np.ndarray, valid: np.ndarray, depth: np.ndarray | None, camera: Camera, xyz: np.ndarray) -> Sample:
+def sample(raw: np.ndarray, valid: np.ndarray, depth: np.ndarray | None, camera: Camera, seen: SeenPoints) -> Sample:
     """One frame's pixels.
 
     Args:
         raw: (H, W, 3) unit normals as in the file.
         valid: (H, W) bool.
         depth: (H, W) metres, 0 = invalid; None: no depth prior.
-        xyz: (M, 3) sparse points, metres, world frame.
+        seen: the sparse points of this view.
     """
     row, column = (part.ravel() for part in np.mgrid[: camera.height : STRIDE, : camera.width : STRIDE])
-    in_view, pixel = _seen(xyz, camera)
-    row, column = np.concatenate([row, pixel[:, 1]]), np.concatenate([column, pixel[:, 0]])
-    point = np.concatenate([np.full(len(row) - len(in_view), -1), in_view])
+    seen_column, seen_row = seen.column_row
+    point = np.concatenate([np.full(len(row), -1), seen.index])
+    row, column = np.concatenate([row, seen_row]), np.concatenate([column, seen_column])
     known = valid[row, column]
     row, column, point = row[known], column[known], point[known]
     from_depth = np.zeros_like(raw) if depth is None else depth_normals(depth, camera, step=2)
-    return Sample(raw[row, column], pixel_rays(camera)[row, column], from_depth[row, column], camera, point)
+    return Sample(raw[row, column], camera.rays()[row, column], from_depth[row, column], camera, point)
 
 
 def view_pairs(samples: Sequence[Sample], seed: int = 0) -> np.ndarray:
@@ -69,17 +69,6 @@ def view_pairs(samples: Sequence[Sample], seed: int = 0) -> np.ndarray:
     pairs = pairs[point[pairs[:, 0]] == point[pairs[:, 1]]]
     if not len(pairs):
         return pairs
-    rotations = np.stack([part.camera.cam_from_world[:3, :3] for part in samples])
+    rotations = np.stack([part.camera.rotation for part in samples])
     trace = np.einsum("pij,pij->p", rotations[view[pairs[:, 0]]], rotations[view[pairs[:, 1]]])
     return pairs[trace <= np.median(trace)]
-
-
-def _seen(xyz: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) int64 indices of the points that a view sees and (N, 2) their pixels (column, row)."""
-    in_cam = xyz @ camera.cam_from_world[:3, :3].T + camera.cam_from_world[:3, 3]
-    index = np.flatnonzero(in_cam[:, 2] > NEAR_M)
-    place = in_cam[index, :2] / in_cam[index, 2:] * camera.K[[0, 1], [0, 1]] + camera.K[:2, 2]
-    inside = (place >= 0).all(axis=1) & (place[:, 0] < camera.width) & (place[:, 1] < camera.height)
-    index, pixel = index[inside], place[inside].astype(np.int64)
-    visible = unhidden(pixel, in_cam[index, 2], cell_px=max(4, camera.width // 24))
-    return index[visible], pixel[visible]

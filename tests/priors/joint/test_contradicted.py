@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from room2dgs.captures.seen_points import probably_seen
 from room2dgs.geometry.camera import Camera
 from room2dgs.priors.joint.contradicted import contradicted
 
@@ -26,7 +27,7 @@ def test_only_what_is_near_points_that_are_off_is_contradicted(camera):
     depth = np.full((HEIGHT, WIDTH), 2.0, np.float32)
     right = points_at(np.arange(100, 156, 4), np.arange(4, 116, 4), 2.0)
     wrong = points_at(np.arange(4, 40, 4), np.arange(4, 60, 4), 2.3)
-    doubtful = contradicted(depth, camera, np.concatenate([right, wrong]))
+    doubtful = contradicted(depth, probably_seen(np.concatenate([right, wrong]), camera))
     assert doubtful.shape == depth.shape
     assert doubtful[4:60, 4:40].all()
     assert not doubtful[:, 100:].any()
@@ -39,7 +40,7 @@ def test_a_third_of_the_points_off_is_borne_and_more_is_not(camera):
     def middle(every):
         xyz = points_at(np.arange(20, 140, 2), np.arange(20, 100, 2), 2.0)
         xyz[::every] *= 1.2
-        return contradicted(depth, camera, xyz)[40:80, 50:110].mean()
+        return contradicted(depth, probably_seen(xyz, camera))[40:80, 50:110].mean()
 
     assert middle(4) == 0.0
     assert middle(2) == 1.0
@@ -49,5 +50,5 @@ def test_points_within_five_percent_and_invalid_depth_say_nothing(camera):
     depth = np.full((HEIGHT, WIDTH), 2.0, np.float32)
     depth[:, :80] = 0
     xyz = np.concatenate([points_at(np.arange(0, 78, 2), np.arange(0, 120, 2), 5.0), points_at([120], [60], 2.09)])
-    assert not contradicted(depth, camera, xyz).any()
-    assert not contradicted(depth, camera, np.zeros((0, 3))).any()
+    assert not contradicted(depth, probably_seen(xyz, camera)).any()
+    assert not contradicted(depth, probably_seen(np.zeros((0, 3)), camera)).any()

@@ -12,7 +12,6 @@ import torch
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
-from room2dgs.geometry.depth_maps import pixel_rays
 from room2dgs.priors import load_priors
 from room2dgs.priors.joint import optimise as joint
 from room2dgs.priors.joint.optimise import STAGES, joint_depths
@@ -181,8 +180,8 @@ def test_points_are_carried_into_other_views_exactly(ring):
     view, other = views.pairs[0, :1], views.pairs[0, 1:]
     row = column = views.region.new_full((1,), 30).long()
     pixel = views.pixel(row, column)
-    in_cam = views.rays(view, pixel) * views.depth[view, row, column][:, None]
-    there, z = views.seen_by(other, view, in_cam)
+    in_cam = views.cameras.rays(view, pixel) * views.depth[view, row, column][:, None]
+    there, z = views.cameras.seen_by(other, view, in_cam)
     world = (in_cam[0].double().numpy() - frames[int(view)].camera.cam_from_world[:3, 3]) @ frames[
         int(view)
     ].camera.cam_from_world[:3, :3]
@@ -247,7 +246,7 @@ def test_the_axes_of_a_box_are_found_and_those_of_a_round_room_are_not(ring):
     # a round wall about the cameras, floor and ceiling as they were
     round_room = {}
     for frame in frames:
-        along = pixel_rays(frame.camera) @ frame.camera.cam_from_world[:3, :3]
+        along = frame.camera.world_rays()
         wall = (3.0 / np.maximum(np.hypot(along[..., 0], along[..., 1]), 1e-9)).astype(np.float32)
         level = np.where(along[..., 2] < 0, -1.4, 1.2) / along[..., 2]
         round_room[frame.name] = np.minimum(wall, level).astype(np.float32)
