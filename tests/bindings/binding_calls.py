@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -25,12 +27,22 @@ class Array:
 
 @dataclass(frozen=True)
 class Call:
-    """A function: its name in `_C`, or that of a method of `RasterFrame`."""
+    """A function of `_C`, of `_C.bench`, which takes a frame first, or a method of `RasterFrame`."""
 
     name: str
     arguments: tuple[Array | str, ...]
     method: bool = False
-    after_forward: bool = False
+    bench: bool = False
+
+    def after_forward(self) -> bool:
+        """True where a frame must hold a view."""
+        return self.bench or self.name == "backward"
+
+    def of(self, frame: _C.RasterFrame) -> Callable:
+        """The function itself."""
+        if self.bench:
+            return partial(getattr(_C.bench, self.name), frame)
+        return getattr(frame if self.method else _C, self.name)
 
     def arrays(self) -> list[Array]:
         return [argument for argument in self.arguments if isinstance(argument, Array)]
@@ -105,20 +117,22 @@ CALLS = {
                 Array("depth", "hw"),
                 *(Array(f"g_{a.name}", a.shape, optional=True) for a in MAPS),
                 *_written(*(Array(f"to_{a.name}", a.shape) for a in SURFELS)),
-                *_written(Array("to_center_px", "n2"), Array("to_pose", "44")),
+                *_written(
+                    Array("to_center_px", "n2"),
+                    Array("to_pose", "44", np.float64),
+                    Array("to_K", "33", np.float64),
+                    Array("to_background", "3", np.float64, optional=True),
+                ),
             ),
             method=True,
-            after_forward=True,
         ),
-        Call("time_stages", (*SURFELS, *FIVE_MAPS), method=True, after_forward=True),
+        Call("time_stages", (*SURFELS, *FIVE_MAPS), bench=True),
         Call(
             "bare_loop",
             (*FIVE_MAPS, Array("g_color", "hw3", optional=True), "every", "repeats"),
-            method=True,
-            after_forward=True,
+            bench=True,
         ),
-        Call("count_pairs", FIVE_MAPS, method=True, after_forward=True),
-        Call("tiles_of", (Array("counts", "n", written=True),), method=True, after_forward=True),
+        Call("count_pairs", FIVE_MAPS, bench=True),
     )
 }
 
@@ -161,11 +175,9 @@ def arguments(call: Call, sizes: dict[str, int], seed: int = 0) -> dict[str, obj
 
 def run(call: Call, values: dict[str, object], sizes: dict[str, int], seed: int = 0) -> object:
     """Calls it, after a forward pass of the same surfels where it needs one."""
-    if not call.method:
-        return getattr(_C, call.name)(**values)
     frame = _C.RasterFrame()
-    if call.after_forward:
+    if call.after_forward():
         view = frame.forward(**arguments(CALLS["forward"], sizes, seed))
         if "view" in values and values["view"] is None:
             values = {**values, "view": view}
-    return getattr(frame, call.name)(**values)
+    return call.of(frame)(**values)

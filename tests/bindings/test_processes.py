@@ -86,7 +86,7 @@ try:
 except MemoryError:
     print("refused")
 try:
-    frame.count_pairs(*maps, np.empty_like(maps[0]))
+    _C.bench.count_pairs(frame, *maps, np.empty_like(maps[0]))
 except (ValueError, MemoryError):
     print("no view")
 resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
