@@ -14,6 +14,18 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.config import load_config
 from room2dgs.geometry.camera import Camera
+from room2dgs.priors.joint import optimise as joint
+
+FEWER = 5  # times fewer steps of the joint optimisation than a run takes: these rooms are small
+
+
+@pytest.fixture(autouse=True)
+def few_steps(request, monkeypatch):
+    """All its stages, in few steps; slow tests take them as they are."""
+    if not request.node.get_closest_marker("slow"):
+        stages = tuple(stage._replace(steps=stage.steps // FEWER) for stage in joint.STAGES)
+        monkeypatch.setattr(joint, "STAGES", stages)
+
 
 WIDTH, HEIGHT = 80, 60
 ROOM = np.array([4.0, 5.0, 2.6])  # metres, one corner at the origin

@@ -14,20 +14,10 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.priors import load_priors
 from room2dgs.priors.joint import optimise as joint
-from room2dgs.priors.joint.optimise import STAGES, joint_depths
+from room2dgs.priors.joint.optimise import joint_depths
 from room2dgs.priors.joint.overlap import overlap, textureless_regions
 from room2dgs.priors.joint.room_axes import room_axes
 from room2dgs.priors.joint.terms import axis_residuals, planarity_residuals
-
-FEWER = 5  # times fewer steps than a run takes: these rooms are small
-
-
-@pytest.fixture(autouse=True)
-def few_steps(request, monkeypatch):
-    """All stages in few steps; slow tests take them as they are."""
-    if not request.node.get_closest_marker("slow"):
-        monkeypatch.setattr(joint, "STAGES", tuple(stage._replace(steps=stage.steps // FEWER) for stage in STAGES))
-
 
 NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
 

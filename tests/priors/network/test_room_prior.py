@@ -193,9 +193,9 @@ def test_it_can_be_chosen_by_kind_and_turned_off(tmp_path):
         (["prior=none", "prior.depth.source=room_prior"], "write prior/depth=room_prior"),
         (["prior=room_prior", "prior.normal.encoding=png8"], "prior.normal.source=room_prior makes maps of numbers"),
         (["prior=room_prior", "prior.normal.onnx.flip=true", "prior.normal.frame=world"], "frame=world"),
-        (["prior=room_prior", "prior.depth.onnx.error_scale=0"], "prior.depth.onnx.error_scale=0.0 is impossible"),
+        (["prior=room_prior", "prior.depth.onnx.error_scale=0"], "prior.depth.onnx.error_scale=0 is impossible"),
         (["prior=room_prior", "prior.normal.onnx.max_error=nan"], "prior.normal.onnx.max_error=nan is impossible"),
-        (["loss.normal_reweighting.last_deg=0"], "loss.normal_reweighting.last_deg=0.0 is impossible"),
+        (["loss.normal_reweighting.last_deg=0"], "loss.normal_reweighting.last_deg=0 is impossible"),
     ],
 )
 def test_settings_that_cannot_be_are_one_sentence(overrides, said):
