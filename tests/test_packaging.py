@@ -76,10 +76,11 @@ def test_only_one_top_level_package(names):
 
 
 def test_configuration_scores_network_kernels_and_types_travel_inside(names):
-    for folder in ("conf", "eval"):
+    for folder, inside in (("conf", "room2dgs/conf"), ("eval", "room2dgs/eval"), ("room2dgs", "room2dgs")):
         for file in (CHECKOUT / folder).rglob("*"):
-            if file.suffix in (".py", ".yaml"):
-                assert f"room2dgs/{file.relative_to(CHECKOUT).as_posix()}" in names
+            built = {"csrc", "__pycache__"} & set(file.parts) or file.suffix == ".so"
+            if file.is_file() and not built:
+                assert f"{inside}/{file.relative_to(CHECKOUT / folder).as_posix()}" in names
     assert {"room2dgs/priors/network/room_prior.onnx", "room2dgs/priors/network/README.md"} <= names
     assert any(name.startswith("room2dgs/_C.") and name.endswith(".so") for name in names)
     assert not any(name.endswith((".cpp", ".h", ".cu")) for name in names)
