@@ -10,9 +10,11 @@ import traceback
 from pathlib import Path
 
 from room2dgs import __version__
-from room2dgs.errors import InputError
+from room2dgs.errors import InputError, RunFailed
+from room2dgs.interrupts import Terminated, reader_is_gone, sigterm_raises, unread
 
-DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, OUR_FAULT, BAD_INPUT = 0, 1, 2
+INTERRUPTED, UNREAD, TERMINATED = 130, 141, 143  # 128 + SIGINT, SIGPIPE, SIGTERM, as shells have it
 
 # verb -> its line in the help; the code is room2dgs/commands/<verb>.py
 VERBS = {
@@ -31,9 +33,20 @@ def main(argv: list[str] | None = None) -> int:
     """Run one command.
 
     Returns:
-        0 done, 1 our fault, 2 bad input, 130 interrupted.
+        0 done, 1 our fault, 2 bad input, 130 interrupted by Ctrl-C, 143 by SIGTERM, 141 when nobody reads the output
+        any more; of a study or a sweep with failed runs, that of the first one's cause.
     """
-    argv = sys.argv[1:] if argv is None else list(argv)
+    with sigterm_raises():
+        try:
+            code = _answered(sys.argv[1:] if argv is None else list(argv))
+        except BrokenPipeError:
+            if not reader_is_gone():
+                raise
+            return UNREAD
+    return UNREAD if unread() else code
+
+
+def _answered(argv: list[str]) -> int:
     if not argv or argv[0] in ("-h", "--help", "help"):
         print(overview())
         return DONE if argv else BAD_INPUT
@@ -48,18 +61,26 @@ def _dispatched(verb: str, rest: list[str]) -> int:
         if verb not in VERBS:
             raise InputError(f"{verb!r} is no command; choose from {', '.join(VERBS)}")
         return importlib.import_module(f"room2dgs.commands.{verb}").main(rest)
-    except InputError as error:
-        print(f"room2dgs: {error}", file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         print("\nroom2dgs: interrupted; what was finished is kept", file=sys.stderr)
-        return INTERRUPTED
+        return TERMINATED if isinstance(stop, Terminated) else INTERRUPTED
     except Exception as error:
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            print("room2dgs: the disk is full; make room, then go on with resume=true", file=sys.stderr)
-            return BAD_INPUT
-        print(_our_fault(error), file=sys.stderr)
-        return OUR_FAULT
+        if isinstance(error, BrokenPipeError) and reader_is_gone():
+            return UNREAD
+        said, code = _told(error)
+        print(said, file=sys.stderr)
+        return code
+
+
+def _told(error: Exception) -> tuple[str, int]:
+    """What is said of an error, and the exit code."""
+    if isinstance(error, InputError):
+        return f"room2dgs: {error}", BAD_INPUT
+    if isinstance(error, RunFailed):
+        return f"room2dgs: a run failed: {error}", error.code
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return "room2dgs: the disk is full; make room, then go on with resume=true", BAD_INPUT
+    return _our_fault(error), OUR_FAULT
 
 
 def overview() -> str:

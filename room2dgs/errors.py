@@ -1,4 +1,4 @@
-"""The one error type that is the user's to mend."""
+"""What a command can fail of that is not a mistake of ours."""
 
 from __future__ import annotations
 
@@ -9,3 +9,20 @@ class InputError(ValueError):
     The message is one sentence that names the file (or the setting) and says what to do.
     The command line prints it alone, without a traceback, and exits with 2.
     """
+
+
+class RunFailed(Exception):
+    """A run that was started for a study or a sweep failed.
+
+    Attributes:
+        why: one line.
+        code: the exit code of its cause: 2 bad input, 1 our fault, 128 + n killed by signal n.
+    """
+
+    def __init__(self, why: str, code: int) -> None:
+        super().__init__(why, code)
+        self.why = why
+        self.code = code
+
+    def __str__(self) -> str:
+        return self.why

@@ -7,7 +7,7 @@ import json
 import math
 import re
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,25 @@ from room2dgs.commands.eval import ground_truth
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read
 from room2dgs.config import Config, load_config
-from room2dgs.config.sweep import combinations
-from room2dgs.errors import InputError
+from room2dgs.config.overrides import quoted
+from room2dgs.errors import InputError, RunFailed
 from room2dgs.files import whole_file
 from room2dgs.priors.network.maps import read_models
 from room2dgs.runs.folder import POINTS, PRIOR_MAPS, absolute, logger
 from room2dgs.runs.metrics import earlier
 from room2dgs.study.ablation import Run, rows_of
-from room2dgs.study.jobs import SEED, Job, executed, finished, study_folder
+from room2dgs.study.jobs import (
+    SEED,
+    Job,
+    batches,
+    by_key,
+    executed,
+    finished,
+    path_as_it_stands,
+    study_folder,
+    swept_settings,
+)
+from room2dgs.study.launch import of_hydra
 from room2dgs.study.prior_curve import JSON, Curve, Point, Quality, write_tables
 from room2dgs.study.prior_curve_page import HTML, write_page
 from room2dgs.tools.simulate_priors import LIMITS, PriorOptions, simulate_priors
@@ -70,7 +81,7 @@ def main(argv: list[str]) -> int:
     """Run, measure, draw.
 
     Returns:
-        0, or 1 if a run failed.
+        0, or the exit code of the first failed run's cause.
 
     Raises:
         InputError: settings that cannot be, a capture without depth or without a ground-truth mesh.
@@ -79,7 +90,9 @@ def main(argv: list[str]) -> int:
         return show(USAGE, HELP)
     out = study_folder(argv, JSON)
     priors = [*simulated_priors(argv, out), *real_priors(argv)]
-    jobs = planned([text for text in argv if text.partition("=")[0] not in OURS], priors, out)
+    hydra_settings = [text for text in argv if of_hydra(text)]
+    settings = [text for text in argv if text.partition("=")[0] not in OURS and text not in hydra_settings]
+    jobs = planned(settings, priors, out)
     for group in jobs.values():
         read_models(group[0].config.prior)  # a network that is missing is reported now, not at its row
     todo = [job for group in jobs.values() for job in group if not finished(job)]
@@ -91,7 +104,7 @@ def main(argv: list[str]) -> int:
         raise InputError(f"{scene.path} has no gt_mesh.ply to score against; give eval.gt=MESH")
     out.mkdir(parents=True, exist_ok=True)
     command = shlex.join(["room2dgs", "bench", "prior-error", *argv])
-    failed: dict[Path, str] = {}
+    failed: dict[Path, RunFailed] = {}
 
     def so_far() -> Curve:
         return _curve(jobs, priors, todo, failed, command, out)
@@ -101,17 +114,19 @@ def main(argv: list[str]) -> int:
     log(f"{command}\n{sum(map(len, jobs.values()))} runs, {len(todo)} to come")
     for prior in priors:
         _prepare(prior, jobs[prior.name][0].config, out, log)
-        for job in [job for job in jobs[prior.name] if job in todo]:
-            log(f"\n{job.row}, seed {job.seed}, {len(todo) - 1} more to come: {job.folder}")
-            failed[job.folder] = executed(job)
-            todo.remove(job)
-            if failed[job.folder]:
-                log(f"{job.row}, seed {job.seed}, failed: {failed[job.folder]}")
+        for batch in batches([job for job in jobs[prior.name] if job in todo], hydra_settings):
+            for job in batch:
+                todo.remove(job)
+                log(f"\n{job.row}, seed {job.seed}, {len(todo)} more to come: {job.folder}")
+            for job, failure in zip(batch, executed(batch, hydra_settings, out), strict=True):
+                if failure:
+                    failed[job.folder] = failure
+                    log(f"{job.row}, seed {job.seed}, failed: {failure}")
             write_tables(so_far(), out)
     log(f"\n{write_tables(so_far(), out)}")
     write_page(so_far(), out)
     log(f"the curve: {out / HTML}")
-    return 1 if any(failed.values()) else 0
+    return next((failure.code for failure in failed.values()), 0)
 
 
 def simulated_priors(argv: Sequence[str], out: Path) -> list[Given]:
@@ -172,24 +187,22 @@ def planned(overrides: Sequence[str], priors: Sequence[Given], out: Path) -> dic
     Raises:
         InputError: settings that cannot be, or another list.
     """
-    shared = combinations([*DEFAULTS, *overrides])
-    for combination in shared:
-        other = next((key for key in combination.chosen if key != SEED), None)
-        if other:
-            raise InputError(f"{other} is a list; give one value, only {SEED} may have several")
-    return {prior.name: [_job(prior, combination.overrides, out) for combination in shared] for prior in priors}
+    several, swept = swept_settings([*DEFAULTS, *overrides])
+    other = next((key for key in swept if key != SEED), None)
+    if other:
+        raise InputError(f"{other} is a list; give one value, only {SEED} may have several")
+    return {prior.name: [_job(prior, shared, out) for shared in several] for prior in priors}
 
 
-def _job(prior: Given, shared: tuple[str, ...], out: Path) -> Job:
-    given = {text.partition("=")[0]: text.partition("=")[2] for text in (*shared, *prior.overrides)}
+def _job(prior: Given, shared: Mapping[str, str], out: Path) -> Job:
+    given = {**shared, **by_key(prior.overrides)}
     caches = {"points.cache": out / POINTS, "prior.cache": out / PRIOR_MAPS}
     folder = out / "runs" / _file_name(prior.name) / f"seed_{given[SEED]}"
     overrides = (
-        *(f"{key}={value}" for key, value in given.items()),
-        *(f"{key}={path}" for key, path in caches.items() if key not in given),
-        f"out={folder}",
+        *(path_as_it_stands(f"{key}={value}") for key, value in given.items()),
+        *(f"{key}={quoted(str(path))}" for key, path in caches.items() if key not in given),
     )
-    return Job(prior.name, given.get("experiment", ""), absolute(load_config(overrides)), overrides)
+    return Job(prior.name, given.get("experiment", ""), absolute(load_config([*overrides, f"out={folder}"])), overrides)
 
 
 def _simulated(name: str, options: PriorOptions, folder: Path) -> Given:
@@ -252,7 +265,7 @@ def _curve(
     jobs: dict[str, list[Job]],
     priors: Sequence[Given],
     unfinished: Sequence[Job],
-    failed: dict[Path, str],
+    failed: Mapping[Path, RunFailed],
     command: str,
     out: Path,
 ) -> Curve:
@@ -260,7 +273,7 @@ def _curve(
     config = next(iter(jobs.values()))[0].config
     runs = []
     for job in (job for group in jobs.values() for job in group):
-        why = failed.get(job.folder, "")
+        why = str(failed.get(job.folder, ""))
         metrics = None if why or job in unfinished else earlier(job.folder)
         runs.append(Run(job.row, job.seed, job.folder, metrics, why))
     points = []

@@ -11,16 +11,27 @@ from room2dgs.commands.render import render_scene
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import cached, read, trained_surfels
 from room2dgs.commands.train import train_scene
-from room2dgs.runs.folder import MESH, RENDERS, claimed, logger, new_run
+from room2dgs.errors import InputError
+from room2dgs.runs.folder import CONFIG, MESH, RENDERS, claimed, last_value, logger, new_run
 from room2dgs.runs.metrics import earlier, timed
 
-USAGE = "room2dgs run scene.path=DIR out=DIR [resume=true] [KEY=VALUE ...]"
+USAGE = (
+    "room2dgs run scene.path=DIR out=DIR [resume=true] [KEY=VALUE ...]\n"
+    "room2dgs run -m scene.path=DIR,DIR out=DIR [hydra/launcher=joblib] [KEY=VALUE,VALUE ...]"
+)
+MULTIRUN = ("-m", "--multirun")
 
 
 def main(argv: list[str]) -> int:
-    """Points, training, mesh, renders of the held-out views, and scores if there is a ground truth."""
+    """Points, training, mesh, renders of the held-out views, and scores if there is a ground truth.
+
+    With -m every combination of settings that are lists is a run of its own, in out/0, out/1, ...: Hydra's multirun,
+    with Hydra's sweepers and launchers. A path with a comma in its name then stands in quotes.
+    """
     if asked_for_help(argv):
         return show(USAGE, main.__doc__)
+    if any(text in MULTIRUN for text in argv):
+        return _swept([text for text in argv if text not in MULTIRUN])
     config = new_run(argv)
     ground_truth(config)  # reported now if missing, not after the training
     seconds: dict[str, float] = {}
@@ -36,6 +47,19 @@ def main(argv: list[str]) -> int:
         log("")
         for line in summary(out, earlier(out)):
             log(line)
+    return 0
+
+
+def _swept(overrides: list[str]) -> int:
+    from room2dgs.study.launch import multirun
+
+    out = last_value(overrides, "out")
+    if not out:
+        raise InputError("out is not given; add out=DIR, in which each run gets a folder of its own")
+    folder = Path(out).expanduser().absolute()
+    if (folder / CONFIG).exists():
+        raise InputError(f"{folder} holds a run; choose another out=DIR for several")
+    multirun([text for text in overrides if not text.startswith("out=")], folder)
     return 0
 
 

@@ -8,13 +8,12 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-import pycolmap
-
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.point_files import load_points, read_ply, save_points
 from room2dgs.captures.scene import Scene
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
+from room2dgs.sfm.colmap import pycolmap
 
 # Raised when triangulation, pairs or the cache give something else for the same input. 2: with tracks.
 RECIPE = 2

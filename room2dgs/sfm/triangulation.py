@@ -8,13 +8,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import pycolmap
 
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.scene import Frame
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from room2dgs.sfm.colmap import pycolmap
 from room2dgs.sfm.pairs import match_pairs
 
 # Looser than COLMAP's 0.8: the known poses sort out wrong matches. A tenth more points, no less exact.

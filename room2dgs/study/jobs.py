@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import re
-import signal
-import subprocess
-import sys
-import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 
 from room2dgs.config import Config, conf_dir, dump_config, load_config
-from room2dgs.config.keys import leaf_keys
-from room2dgs.config.sweep import Combination, combinations
-from room2dgs.errors import InputError
+from room2dgs.config.keys import leaf_keys, path_keys
+from room2dgs.config.overrides import quoted
+from room2dgs.errors import InputError, RunFailed
 from room2dgs.runs.folder import CONFIG, POINTS, PRIOR_MAPS, absolute, last_value
 from room2dgs.runs.metrics import earlier
+from room2dgs.study.launch import combinations, in_turn, launched
 
 EXPERIMENT, SEED = "experiment", "train.seed"
-OUT_OF_MEMORY = signal.SIGKILL  # how Linux ends a process that takes too much
-COLOR_CODE = re.compile(r"\x1b\[[0-9;]*m")  # open3d colours its errors
-LONGEST_REASON = 300  # characters
 
 
 @dataclass(frozen=True)
@@ -32,7 +26,7 @@ class Job:
     Attributes:
         row: the experiment, and what else was swept but the seed.
         config: all of its settings, paths absolute.
-        overrides: those that make this config, `out` among them.
+        overrides: those that make this config, without `out`.
         same_as: the earlier row that has the same settings, or an empty string.
     """
 
@@ -82,11 +76,18 @@ def planned(overrides: Sequence[str], out: Path) -> list[Job]:
         InputError: settings that cannot be.
     """
     jobs: list[Job] = []
-    for combination in combinations(overrides):
-        job = _job(combination, out)
+    several, swept = swept_settings(overrides)
+    for given in several:
+        job = _job(given, [key for key in swept if key not in (EXPERIMENT, SEED)], out)
         twin = next((one for one in jobs if _settings(one.config) == _settings(job.config)), None)
         jobs.append(replace(job, same_as=twin.same_as or twin.row) if twin else job)
     return jobs
+
+
+def swept_settings(overrides: Sequence[str]) -> tuple[list[dict[str, str]], list[str]]:
+    """Every combination as key -> value, and the keys that differ among them. Paths are one value, commas and all."""
+    several = [by_key(combination) for combination in combinations([path_as_it_stands(text) for text in overrides])]
+    return several, [key for key in several[0] if len({given[key] for given in several}) > 1]
 
 
 def finished(job: Job) -> bool:
@@ -104,27 +105,26 @@ def finished(job: Job) -> bool:
     return "eval" in earlier(job.folder).get("seconds", {})
 
 
-def executed(job: Job) -> str:
-    """Runs it, or goes on with it, in a process of its own (peak memory is a process's); why it failed, or "".
+def executed(jobs: Sequence[Job], hydra_settings: Sequence[str], out: Path) -> list[RunFailed | None]:
+    """Runs them, or goes on with them, by Hydra's launcher; why each failed, or None.
 
     Raises:
-        KeyboardInterrupt: it was interrupted.
+        KeyboardInterrupt: one was interrupted.
     """
-    begun = (job.folder / CONFIG).is_file()
-    settings = (f"out={job.folder}", "resume=true") if begun else job.overrides
-    command = [sys.executable, "-m", "room2dgs.cli", "run", *settings]
-    done = subprocess.run(command, stderr=subprocess.PIPE, text=True, errors="replace", check=False)
-    if done.returncode == 0:
-        return ""
-    if done.returncode in (130, -signal.SIGINT):
-        raise KeyboardInterrupt
-    if done.returncode < 0:
-        said = " (out of memory?)" if -done.returncode == OUT_OF_MEMORY else ""
-        return f"killed by signal {-done.returncode}{said}"
-    lines = [line for line in COLOR_CODE.sub("", done.stderr).splitlines() if line.strip()]
-    if not lines:
-        return f"exit code {done.returncode}"
-    return textwrap.shorten(lines[-1].removeprefix("room2dgs: "), LONGEST_REASON, placeholder=" ...")
+    begun = [(job.folder / CONFIG).is_file() for job in jobs]
+    folders = [f"out={quoted(str(job.folder))}" for job in jobs]
+    settings = [
+        [folder, "resume=true"] if resumes else [*job.overrides, folder]
+        for job, folder, resumes in zip(jobs, folders, begun, strict=True)
+    ]
+    return launched(settings, hydra_settings, out)
+
+
+def batches(jobs: Sequence[Job], hydra_settings: Sequence[str]) -> list[list[Job]]:
+    """What is launched together: one after the other, or all at once by a launcher that runs them at the same time."""
+    if not in_turn(hydra_settings):
+        return [list(jobs)] if jobs else []
+    return [[job] for job in jobs]
 
 
 def words_of(experiment: str) -> str:
@@ -134,18 +134,24 @@ def words_of(experiment: str) -> str:
     return next((line for line in comments if not line.startswith("@")), "")
 
 
-def _job(combination: Combination, out: Path) -> Job:
-    given = dict(text.partition("=")[::2] for text in combination.overrides)
-    experiment = given.get(EXPERIMENT, "")
-    others = [f"{key}={value}" for key, value in combination.chosen.items() if key not in (EXPERIMENT, SEED)]
-    row = ", ".join([experiment, *others])
+def _job(given: dict[str, str], swept: Sequence[str], out: Path) -> Job:
+    row = ", ".join([given.get(EXPERIMENT, ""), *(f"{key}={given[key]}" for key in swept)])
     # what every row would compute alike is kept once, at the study
     caches = {"points.cache": out / POINTS, "prior.cache": out / PRIOR_MAPS}
-    shared = tuple(f"{key}={folder}" for key, folder in caches.items() if key not in given)
-    seed = given.get(SEED, "")
-    folder = out / re.sub(r"[^\w=.,+-]+", "_", row.replace(", ", ",")) / f"seed_{seed}"
-    overrides = (*combination.overrides, *shared, f"out={folder}")
-    return Job(row, experiment, absolute(load_config(overrides)), overrides)
+    shared = (f"{key}={quoted(str(folder))}" for key, folder in caches.items() if key not in given)
+    overrides = (*(f"{key}={value}" for key, value in given.items()), *shared)
+    folder = out / re.sub(r"[^\w=.,+-]+", "_", row.replace(", ", ",")) / f"seed_{given.get(SEED, '')}"
+    return Job(row, given.get(EXPERIMENT, ""), absolute(load_config([*overrides, f"out={folder}"])), overrides)
+
+
+def by_key(combination: Sequence[str]) -> dict[str, str]:
+    return dict(text.partition("=")[::2] for text in combination)
+
+
+def path_as_it_stands(text: str) -> str:
+    """A path is one value, commas and all."""
+    key, equals, value = text.partition("=")
+    return f"{key}={quoted(value)}" if equals and key in path_keys() else text
 
 
 def _settings(config: Config) -> str:

@@ -6,6 +6,9 @@ from dataclasses import replace
 from functools import reduce
 
 import pytest
+from hydra import compose, initialize_config_dir
+from hydra import version as hydra_version
+from hydra.core.global_hydra import GlobalHydra
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
@@ -152,3 +155,16 @@ def test_the_config_file_of_an_earlier_version_is_refused_with_the_new_name(tmp_
     path.write_text(dump_config(load_config(GIVEN)).replace("manhattan:", "square:"))
     with pytest.raises(InputError, match=r"prior\.depth\.square is now prior\.depth\.manhattan; rename it there$"):
         load_config([], path)
+
+
+def test_settings_are_loaded_inside_another_hydra_application_and_its_state_stays():
+    before = load_config(GIVEN)
+    with initialize_config_dir(str(conf_dir().resolve()), version_base="1.2", job_name="theirs"):
+        theirs, base = GlobalHydra.instance().hydra, hydra_version.getbase()
+        assert load_config(GIVEN) == before
+        assert GlobalHydra.instance().hydra is theirs and hydra_version.getbase() == base
+        assert compose("config", overrides=["out=theirs"]).out == "theirs"
+    assert not GlobalHydra.instance().is_initialized()
+    with pytest.raises(InputError):
+        load_config(["no.such=1"])
+    assert load_config(GIVEN) == before

@@ -16,6 +16,7 @@ from room2dgs.commands.ablate import DEFAULTS
 from room2dgs.config import Config, conf_dir, load_config
 from room2dgs.runs.folder import last_value, new_run, write_config
 from room2dgs.study import jobs as study
+from room2dgs.study import launch
 
 SCORES = {"full": 0.6, "no_mv": 0.5, "no_depth": 0.4, "no_seed": 0.3}
 
@@ -33,7 +34,7 @@ class FakeRuns:
         self.argv: list[list[str]] = []
         self.failing: dict[str, tuple[int, str]] = {}
 
-    def __call__(self, command: list[str], **_: object) -> subprocess.CompletedProcess:
+    def __call__(self, command: list[str]) -> subprocess.CompletedProcess:
         argv = command[command.index("run") + 1 :]
         config = new_run(argv)  # refuses what `room2dgs run` would refuse
         out = Path(config.out)
@@ -56,8 +57,8 @@ class FakeRuns:
 @pytest.fixture
 def fake(monkeypatch) -> FakeRuns:
     runs = FakeRuns()
-    monkeypatch.setattr(study.subprocess, "run", runs)
     monkeypatch.setattr("room2dgs.study.ablation_report.mesh_views", lambda *_: [])
+    monkeypatch.setattr(launch, "ended", runs)
     return runs
 
 
@@ -102,7 +103,7 @@ def test_a_second_call_runs_nothing_and_one_more_row_or_seed_runs_alone(wall, tm
 def test_a_failed_row_is_told_and_the_others_go_on_then_it_goes_on(wall, tmp_path, fake, capsys):
     out = tmp_path / "out"
     fake.failing = {"full": (2, "warning: hot\nroom2dgs: \x1b[1;31mno depth map fits\n"), "no_mv": (-9, "")}
-    assert ablate(wall, out, "experiment=full,no_mv,no_seed", "train.seed=0") == 1
+    assert ablate(wall, out, "experiment=full,no_mv,no_seed", "train.seed=0") == 2  # the first one's cause
     assert fake.made == ["full/seed_0", "no_mv/seed_0", "no_seed/seed_0"]
     runs = {row["name"]: row["runs"][0]["failed"] for row in saved(out)["rows"]}
     assert runs == {"full": "no depth map fits", "no_mv": "killed by signal 9 (out of memory?)", "no_seed": None}
@@ -111,7 +112,7 @@ def test_a_failed_row_is_told_and_the_others_go_on_then_it_goes_on(wall, tmp_pat
     assert "no depth map fits" in (out / "ablation.html").read_text(encoding="utf-8")
     fake.failing, fake.argv = {}, []
     assert ablate(wall, out, "experiment=full,no_mv,no_seed", "train.seed=0") == 0
-    assert fake.argv == [[f"out={out}/{row}/seed_0", "resume=true"] for row in ("full", "no_mv")]
+    assert fake.argv == [["resume=true", f"out={out}/{row}/seed_0"] for row in ("full", "no_mv")]
     assert all(row["values"]["f_score"] for row in saved(out)["rows"])
 
 

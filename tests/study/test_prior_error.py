@@ -17,7 +17,7 @@ from room2dgs.commands.prior_error import NOISE, NONE, planned, real_priors, sim
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.runs.folder import new_run, write_config
-from room2dgs.study import jobs as study
+from room2dgs.study import launch
 from room2dgs.study.ablation import Run, rows_of
 from room2dgs.study.prior_curve import Curve, Point, Quality, interpolated, sentences
 
@@ -47,7 +47,7 @@ class FakeRuns:
         self.made: list[str] = []
         self.failing = ""
 
-    def __call__(self, command: list[str], **_: object) -> subprocess.CompletedProcess:
+    def __call__(self, command: list[str]) -> subprocess.CompletedProcess:
         config = new_run(command[command.index("run") + 1 :])
         out = Path(config.out)
         row = out.parent.name
@@ -70,7 +70,7 @@ class FakeRuns:
 @pytest.fixture
 def fake(monkeypatch) -> FakeRuns:
     runs = FakeRuns()
-    monkeypatch.setattr(study.subprocess, "run", runs)
+    monkeypatch.setattr(launch, "ended", runs)
     return runs
 
 
@@ -132,7 +132,7 @@ def test_what_is_there_is_neither_run_nor_made_nor_measured_again(room, tmp_path
 def test_a_failed_run_is_told_and_tried_again(room, tmp_path, fake, capsys):
     out = tmp_path / "out"
     fake.failing = "simulated_x_0.5"
-    assert bench(room, out) == 1
+    assert bench(room, out) == 2
     assert len(fake.made) == 4
     assert "simulated x 0.5, seed 0, failed: no luck" in (out / "prior_error.md").read_text(encoding="utf-8")
     fake.failing, fake.made = "", []

@@ -1,0 +1,104 @@
+"""What ends a command early: SIGTERM, and a reader of the output that goes away."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from room2dgs import cli
+from room2dgs.interrupts import Terminated, sigterm_kept, sigterm_raises
+
+SLOWLY = [
+    "points.source=file",
+    "prior=none",
+    "strategy=fixed",  # and no loss with a share of the run, so that it may be given another length
+    "loss.multiview_photometric.enabled=false",
+    "seeds.init=sfm",
+    "seeds.voxel_m=0.1",
+    "train.tensorboard=false",
+    "train.checkpoint_every=5",
+    "train.log_every=5",
+    "render.threads=1",
+]
+
+
+def room2dgs(*argv: str, **pipes: int) -> subprocess.Popen[str]:
+    return subprocess.Popen([sys.executable, "-m", "room2dgs.cli", *argv], text=True, **pipes)
+
+
+def test_sigterm_ends_a_run_as_ctrl_c_does_and_it_can_be_gone_on_with(wall: Path, tmp_path: Path):
+    out = tmp_path / "run"
+    given = [f"scene.path={wall}", f"out={out}", f"points.file={wall / 'points.ply'}", *SLOWLY]
+    with room2dgs("train", *given, "train.iterations=100000", stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as run:
+        while not list(out.glob("checkpoints/*.safetensors")):
+            assert run.poll() is None
+            time.sleep(0.05)
+        run.terminate()
+        said = run.communicate(timeout=60)[1]
+    assert run.returncode == cli.TERMINATED == 143
+    assert said.split("\n") == ["", "room2dgs: interrupted; what was finished is kept", ""]
+    reached = max(int(path.stem.split("_")[1]) for path in out.glob("checkpoints/*.safetensors"))
+    assert cli.main(["train", f"out={out}", "resume=true", f"train.iterations={reached + 1}"]) == 0
+    assert (out / "surfels.safetensors").exists()
+
+
+def test_sigterm_is_still_ours_after_pycolmap_was_imported():
+    code = (
+        "import os, signal\n"
+        "from room2dgs.interrupts import Terminated, sigterm_raises\n"
+        "with sigterm_raises():\n"
+        "    from room2dgs.sfm.colmap import pycolmap\n"
+        "    try:\n"
+        "        os.kill(os.getpid(), signal.SIGTERM)\n"
+        "        signal.pause()\n"
+        "    except Terminated:\n"
+        "        print('ours', pycolmap.__name__)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "ours pycolmap\n", "")
+
+
+def test_the_handler_of_before_comes_back_and_other_threads_are_left_alone():
+    before = signal.getsignal(signal.SIGTERM)
+    with sigterm_raises():
+        with pytest.raises(Terminated):
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(5)
+        ours = signal.getsignal(signal.SIGTERM)
+        with sigterm_kept():
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        assert signal.getsignal(signal.SIGTERM) is ours
+    assert signal.getsignal(signal.SIGTERM) is before
+    codes: list[int] = []
+    thread = threading.Thread(target=lambda: codes.append(cli.main(["--version"])))
+    thread.start()
+    thread.join()
+    assert codes == [0]
+
+
+@pytest.mark.parametrize("argv", [["run", "--help"], ["--version"]])
+def test_output_that_nobody_reads_is_no_fault(argv):
+    read, write = os.pipe()
+    os.close(read)
+    with room2dgs(*argv, stdout=write, stderr=subprocess.PIPE) as run:
+        os.close(write)
+        said = run.communicate(timeout=60)[1]
+    assert (run.returncode, said) == (cli.UNREAD, "")
+
+
+def test_a_run_whose_log_nobody_reads_ends_quietly(wall: Path, tmp_path: Path):
+    out = tmp_path / "run"
+    given = [f"scene.path={wall}", f"out={out}", f"points.file={wall / 'points.ply'}", *SLOWLY]
+    with room2dgs("train", *given, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:
+        assert "training views" in run.stdout.readline()
+        run.stdout.close()
+        said = run.stderr.read()
+        assert (run.wait(120), said) == (cli.UNREAD, "")
+    assert "training views" in (out / "log.txt").read_text()
