@@ -144,6 +144,7 @@ def test_hydras_own_settings_reach_hydra(tmp_path, processes):
     assert cli.main(["run", "-m", "scene.path=x", f"out={tmp_path}", "hydra/launcher=catapult"]) == 2
 
 
+@pytest.mark.slow
 def test_joblib_launches_the_jobs_in_processes_of_its_own(wall, tmp_path):
     quick = [f"points.file={wall / 'gone.ply'}", "points.source=file", "prior=none", "seeds.init=sfm"]
     argv = ["run", "-m", f"scene.path={wall}", f"out={tmp_path}", "train.seed=0,1", "hydra/launcher=joblib", *quick]
