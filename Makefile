@@ -1,7 +1,7 @@
 # make demo    a room, its mesh, scores and pictures, in demo/
 # make test    the tests; those marked slow: make test-slow, both: make test-all
 # make lint    style
-# make sanitize  the bindings and threads under AddressSanitizer, UndefinedBehaviorSanitizer and ThreadSanitizer
+# make sanitize    the bindings and threads under AddressSanitizer, UndefinedBehaviorSanitizer and ThreadSanitizer
 # make bench   how fast the rasterizer is on this machine
 # make clean   forget everything that was made here
 

@@ -1,0 +1,21 @@
+"""What `room2dgs bench raster` measures by."""
+
+from typing import Annotated
+
+from numpy.typing import NDArray
+
+import room2dgs._C
+
+
+def time_stages(frame: room2dgs._C.RasterFrame, centers: Annotated[NDArray, dict(writable=False)], rotations: Annotated[NDArray, dict(writable=False)], scales: Annotated[NDArray, dict(writable=False)], opacities: Annotated[NDArray, dict(writable=False)], sh: Annotated[NDArray, dict(writable=False)], color: NDArray, alpha: NDArray, depth: NDArray, median: NDArray, normal: NDArray) -> dict:
+    """
+    Renders the last view again and gives the seconds of each stage of the forward pass.
+    """
+
+def bare_loop(frame: room2dgs._C.RasterFrame, color: NDArray, alpha: NDArray, depth: NDArray, median: NDArray, normal: NDArray, g_color: Annotated[NDArray, dict(writable=False)] | None, every: int, repeats: int) -> tuple:
+    """
+    Seconds and (pixel, surfel) pairs of every n-th tile, each run over and over with its data in the cache.
+    """
+
+def count_pairs(frame: room2dgs._C.RasterFrame, color: NDArray, alpha: NDArray, depth: NDArray, median: NDArray, normal: NDArray) -> int:
+    """(pixel, surfel) pairs that the last view evaluates."""
