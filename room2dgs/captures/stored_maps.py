@@ -44,6 +44,9 @@ class StoredMaps(Mapping[str, ViewMaps[np.ndarray]]):
             raise RuntimeError(f"the maps of {name} are no longer in the cache; this is a fault of room2dgs")
         return unpack(packed, source)
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._known
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._known)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from room2dgs.config import OnnxConfig
-from room2dgs.priors.network.map_cache import SUFFIX, read_array
+from room2dgs.priors.network.map_cache import SUFFIX, has_array, read_array
 
 
 def confidence_of(error: np.ndarray, settings: OnnxConfig) -> np.ndarray:
@@ -22,6 +22,15 @@ def confidence_of(error: np.ndarray, settings: OnnxConfig) -> np.ndarray:
     with np.errstate(invalid="ignore", over="ignore"):
         confidence = 1.0 / (1.0 + (error / settings.error_scale) ** 2)
         return np.where(error <= settings.max_error, confidence, 0.0).astype(np.float32)
+
+
+def has_confidence(path: Path) -> bool:
+    """Whether a map on disk has expected errors: files of the user and of other networks have none.
+
+    Raises:
+        InputError: a damaged file.
+    """
+    return path.suffix == SUFFIX and has_array(path, "error")
 
 
 def read_confidence(path: Path, settings: OnnxConfig) -> np.ndarray | None:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
+from room2dgs.captures.stored_maps import StoredMaps
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import OnnxConfig, PriorConfig
 from room2dgs.errors import InputError
 from room2dgs.priors.align.depths import aligned_depths
 from room2dgs.priors.align.scale_shift import Fit
-from room2dgs.priors.confidence import read_confidence
+from room2dgs.priors.confidence import has_confidence, read_confidence
 from room2dgs.priors.files import find_map, read_normal
 from room2dgs.priors.joint.depths import checked_joint_depths
 from room2dgs.priors.network.maps import predicted_maps, read_models
@@ -34,13 +37,13 @@ class Priors(NamedTuple):
     """What `load_priors` found.
 
     Attributes:
-        by_frame: frame name -> maps, for the frames that have one.
+        by_frame: frame name -> maps, for the frames that have one; in the frames' cache.
         fits: frame name -> its depth's alignment, for every frame with a depth map, left out or not.
         label: "simulated" if any map says so, else the sources: "room_prior", "files", "files+onnx", or "none".
         networks: "depth" and "normal" -> digest of the model that made the maps (`ModelFile.digest`).
     """
 
-    by_frame: dict[str, ViewMaps[np.ndarray]]
+    by_frame: StoredMaps
     fits: dict[str, Fit]
     label: str
     networks: dict[str, str]
@@ -59,38 +62,56 @@ def load_priors(frames: Sequence[Frame], points: PointCloud, config: PriorConfig
         InputError: no map for any frame, an unusable map, or normals in another convention than configured.
     """
     models = read_models(config)
-    depths: dict[str, np.ndarray] = {}
-    depth_confidences: dict[str, np.ndarray] = {}
+    label = _label(config)
+    if label == "simulated":
+        log("simulated priors: made from ground truth, for studies only")
+    stored = StoredMaps(next((frame.cache for frame in frames if frame.cache), None))
+    depths: LazyMaps[np.ndarray] = LazyMaps()
+    confidences: LazyMaps[np.ndarray] = LazyMaps()
     fits: dict[str, Fit] = {}
     if config.depth.source != "none":
         files = _maps(frames, config, "depth", models, log)
         depths, fits = aligned_depths(frames, files, points, config.depth, log)
-        depth_confidences = _confidences({name: files[name] for name in depths}, config.depth.onnx)
-    normals: dict[str, np.ndarray] = {}
-    normal_confidences: dict[str, np.ndarray] = {}
+        confidences = _confidences({name: files[name] for name in depths}, config.depth.onnx)
     if config.normal.source != "none":
-        normals, normal_confidences = _normals(frames, depths, points, config, models, log)
+        for name, normal, confidence in _normals(frames, depths, points, config, models, log):
+            stored.put(name, ViewMaps(normal=normal, normal_confidence=confidence, source=label))
+
+    def take(name: str, depth: np.ndarray) -> None:
+        confidence = _where(depth > 0, confidences.get(name))
+        maps = stored.get(name, ViewMaps(source=label))
+        stored.put(name, maps._replace(depth=depth, depth_confidence=confidence))
+
     if config.depth.joint and depths:
-        confidences = (depth_confidences, normal_confidences)
-        depths = checked_joint_depths(frames, depths, normals, points, config.depth, log, confidences)
+        normals, normal_confidences = _stored_normals(stored)
+        both = (confidences, normal_confidences)
+        checked_joint_depths(frames, depths, normals, points, config.depth, log, both, take)
+    else:
+        for name, depth in depths.items():
+            take(name, depth)
+    return Priors(stored, fits, label, {kind: model.digest for kind, model in models.items()})
+
+
+def _label(config: PriorConfig) -> str:
     parts = [part for part in (config.depth, config.normal) if part.source != "none"]
-    label = "+".join(sorted({part.source for part in parts})) or "none"
     if any(part.source == "files" and simulated(Path(part.path or "")) for part in parts):
-        label = "simulated"
-    if label == "simulated":
-        log("simulated priors: made from ground truth, for studies only")
-    by_frame = {}
-    for frame in frames:
-        depth, normal = depths.get(frame.name), normals.get(frame.name)
-        if depth is not None or normal is not None:
-            by_frame[frame.name] = ViewMaps(
-                depth,
-                None if depth is None else _where(depth > 0, depth_confidences.get(frame.name)),
-                normal,
-                None if normal is None else _where(normal.any(axis=-1), normal_confidences.get(frame.name)),
-                label,
-            )
-    return Priors(by_frame, fits, label, {kind: model.digest for kind, model in models.items()})
+        return "simulated"
+    return "+".join(sorted({part.source for part in parts})) or "none"
+
+
+def _stored_normals(stored: StoredMaps) -> tuple[LazyMaps[np.ndarray], LazyMaps[np.ndarray]]:
+    """Normals and their confidences, of the views that have them."""
+    normals: LazyMaps[np.ndarray] = LazyMaps()
+    confidences: LazyMaps[np.ndarray] = LazyMaps()
+    for name, maps in stored.items():
+        normals.add(name, partial(_stored_map, stored, name, "normal"))
+        if maps.normal_confidence is not None:
+            confidences.add(name, partial(_stored_map, stored, name, "normal_confidence"))
+    return normals, confidences
+
+
+def _stored_map(stored: StoredMaps, name: str, kind: str) -> np.ndarray:
+    return getattr(stored[name], kind)
 
 
 def _maps(
@@ -115,10 +136,13 @@ def _maps(
     return found
 
 
-def _confidences(files: Mapping[str, Path], settings: OnnxConfig) -> dict[str, np.ndarray]:
+def _confidences(files: Mapping[str, Path], settings: OnnxConfig) -> LazyMaps[np.ndarray]:
     """Frame name -> (H, W) float32, for the maps that have one."""
-    found = {name: read_confidence(path, settings) for name, path in files.items()}
-    return {name: confidence for name, confidence in found.items() if confidence is not None}
+    found: LazyMaps[np.ndarray] = LazyMaps()
+    for name, path in files.items():
+        if has_confidence(path):
+            found.add(name, partial(read_confidence, path, settings))
+    return found
 
 
 def _where(valid: np.ndarray, confidence: np.ndarray | None) -> np.ndarray | None:
@@ -127,13 +151,13 @@ def _where(valid: np.ndarray, confidence: np.ndarray | None) -> np.ndarray | Non
 
 def _normals(
     frames: Sequence[Frame],
-    depths: dict[str, np.ndarray],
+    depths: Mapping[str, np.ndarray],
     points: PointCloud,
     config: PriorConfig,
     models: Mapping[str, ModelFile],
     log: Log,
-) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Frame name -> (H, W, 3) float32 unit world normals facing the camera, 0 = invalid; and their confidences."""
+) -> Iterator[tuple[str, np.ndarray, np.ndarray | None]]:
+    """Frame name, (H, W, 3) float32 unit world normals facing the camera, 0 = invalid, and their confidence."""
     settings = config.normal
     network = "normal" in models
     # The check comes first: a wrong convention is reported before all maps are read, let alone computed.
@@ -150,25 +174,26 @@ def _normals(
         for frame in some[:: max(1, len(some) // CHECKED_FRAMES)]
     ]
     if not usable(samples, points.xyz, settings, models["normal"].path if network else settings.path, log):
-        return {}, {}
+        return
     files = _maps(frames, config, "normal", models, log) if network else files
     frames = [frame for frame in frames if frame.name in files]
-    confidences = _confidences(files, settings.onnx)
-    normals = {}
+    used = 0
     for frame in frames:
         raw, valid = read_normal(files[frame.name], settings, frame.camera)
-        if frame.name in confidences:
-            valid &= confidences[frame.name] > 0
+        confidence = read_confidence(files[frame.name], settings.onnx)
+        if confidence is not None:
+            valid &= confidence > 0
         in_cam = camera_normals(raw, settings, frame.camera)
         # A surface that is seen faces the camera; where a map says otherwise it is wrong.
         valid &= (in_cam * frame.camera.rays()).sum(axis=-1) < 0
         in_world = frame.camera.turned_to_world(in_cam)
         if valid.any():
-            normals[frame.name] = np.where(valid[..., None], in_world, 0.0).astype(np.float32)
+            used += 1
+            normal = np.where(valid[..., None], in_world, 0.0).astype(np.float32)
+            yield frame.name, normal, _where(valid, confidence)
         else:
             log(f"normal prior of {frame.name} left out: no pixel of it faces the camera")
-    log(f"normal prior: {len(normals)} of {len(frames)} maps used")
-    return normals, confidences
+    log(f"normal prior: {used} of {len(frames)} maps used")
 
 
 def _some(names: list[str]) -> str:

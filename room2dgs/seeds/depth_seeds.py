@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
+from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.geometry.depth_maps import depth_normals
@@ -63,7 +64,9 @@ def agreed_surface(frames: Sequence[Frame], priors: Mapping[str, ViewMaps], voxe
     frames = [frame for frame in frames if frame.name in priors and priors[frame.name].depth is not None]
     if not frames:
         return Surface(*np.zeros((4, 0, 3)))
-    depths = {frame.name: priors[frame.name].depth for frame in frames}
+    depths: LazyMaps[np.ndarray] = LazyMaps()
+    for frame in frames:
+        depths.add(frame.name, lambda name=frame.name: priors[name].depth)
     views = overlap(frames, depths, {})
     parts = [_agreed_pixels(views, index, frame, depths[frame.name]) for index, frame in enumerate(frames)]
     xyz, normals, rgb = (np.concatenate(values) for values in zip(*parts, strict=True))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
@@ -20,7 +22,7 @@ from room2dgs.priors.files import read_depth
 
 def aligned_depths(
     frames: Sequence[Frame], files: Mapping[str, Path], points: PointCloud, settings: DepthPriorConfig, log: Log
-) -> tuple[dict[str, np.ndarray], dict[str, Fit]]:
+) -> tuple[LazyMaps[np.ndarray], dict[str, Fit]]:
     """Read every map and bring it to metres.
 
     Args:
@@ -28,14 +30,16 @@ def aligned_depths(
         files: frame name -> map; frames may have none.
 
     Returns:
-        Frame name -> (H, W) float32 metres, 0 = invalid, for the maps that fit; frame name -> fit for those that
-        could be aligned at all.
+        Frame name -> (H, W) float32 metres, 0 = invalid, for the maps that fit, read when asked for; frame name -> fit
+        for those that could be aligned at all.
 
     Raises:
         InputError: an unusable map.
     """
     frames = [frame for frame in frames if frame.name in files]
-    raw = {frame.name: _read(files[frame.name], settings, frame) for frame in frames}
+    raw: LazyMaps[RawMap] = LazyMaps()
+    for frame in frames:
+        raw.add(frame.name, partial(_read, files[frame.name], settings, frame))
     depths, fits = _align_to_points(frames, raw, points, settings, log)
     if settings.align:
         align_to_neighbours(frames, raw, points, settings, depths, fits, log)
@@ -62,8 +66,8 @@ def _read(path: Path, settings: DepthPriorConfig, frame: Frame) -> RawMap:
 
 def _align_to_points(
     frames: Sequence[Frame], raw: RawMaps, points: PointCloud, settings: DepthPriorConfig, log: Log
-) -> tuple[dict[str, np.ndarray], dict[str, Fit]]:
-    depths: dict[str, np.ndarray] = {}
+) -> tuple[LazyMaps[np.ndarray], dict[str, Fit]]:
+    depths: LazyMaps[np.ndarray] = LazyMaps()
     fits: dict[str, Fit] = {}
     for frame in frames:
         x, y = pairs_at_points(raw[frame.name], seen_points(points, frame), settings)

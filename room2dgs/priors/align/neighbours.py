@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import probably_seen, seen_points
@@ -25,7 +26,7 @@ def align_to_neighbours(
     raw: RawMaps,
     points: PointCloud,
     settings: DepthPriorConfig,
-    depths: dict[str, np.ndarray],
+    depths: LazyMaps[np.ndarray],
     fits: dict[str, Fit],
     log: Log,
 ) -> None:
@@ -43,11 +44,12 @@ def align_to_neighbours(
         frame = frames[index]
         beside = [j for j in np.argsort(-shared[index] * known, kind="stable")[:NEIGHBOURS] if known[j]]
         beside = [j for j in beside if shared[index, j] > MIN_SHARED]
-        x, y = pairs_at_points(raw[frame.name], seen_points(points, frame), settings)
+        read = raw[frame.name]
+        x, y = pairs_at_points(read, seen_points(points, frame), settings)
         own = len(x)
         for j in beside:
             sampled = _sampled_points(frames[j], depths[frames[j].name])
-            found = pairs_at_points(raw[frame.name], probably_seen(sampled, frame.camera), settings)
+            found = pairs_at_points(read, probably_seen(sampled, frame.camera), settings)
             x, y = np.concatenate([x, found[0]]), np.concatenate([y, found[1]])
         fit = fit_scale_shift(x, y, shift_sigma=shift_sigma(settings)) or _common_fit(fits, own, settings)
         if fit:
@@ -61,7 +63,7 @@ def _align_by_one_scale(
     raw: RawMaps,
     points: PointCloud,
     settings: DepthPriorConfig,
-    depths: dict[str, np.ndarray],
+    depths: LazyMaps[np.ndarray],
     fits: dict[str, Fit],
     log: Log,
 ) -> None:

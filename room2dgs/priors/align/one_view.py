@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import SeenPoints
 from room2dgs.config import DepthPriorConfig
@@ -37,13 +38,13 @@ def pairs_at_points(raw: RawMap, seen: SeenPoints, settings: DepthPriorConfig) -
 
 
 def add_aligned(
-    frame: Frame, raw: RawMaps, fit: Fit, settings: DepthPriorConfig, depths: dict[str, np.ndarray], log: Log
+    frame: Frame, raw: RawMaps, fit: Fit, settings: DepthPriorConfig, depths: LazyMaps[np.ndarray], log: Log
 ) -> bool:
     """Apply a view's fit and add the result to `depths`; False, with a log line, if the residual is too large."""
     if fit.residual > settings.max_residual:
         log(f"depth prior of {frame.name} left out: {fit.residual:.1%} off its {fit.points} points")
         return False
-    depths[frame.name] = aligned_depth(*raw[frame.name], fit, is_disparity(settings), MAX_DEPTH_M)
+    depths.add(frame.name, lambda: aligned_depth(*raw[frame.name], fit, is_disparity(settings), MAX_DEPTH_M))
     return True
 
 

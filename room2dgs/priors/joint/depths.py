@@ -18,13 +18,14 @@ Log = Callable[[str], None]
 
 def checked_joint_depths(
     frames: Sequence[Frame],
-    depths: dict[str, np.ndarray],
-    normals: dict[str, np.ndarray],
+    depths: Mapping[str, np.ndarray],
+    normals: Mapping[str, np.ndarray],
     points: PointCloud,
     settings: DepthPriorConfig,
     log: Log,
-    confidences: tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]] = ({}, {}),
-) -> dict[str, np.ndarray]:
+    confidences: tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]],
+    take: Callable[[str, np.ndarray], None],
+) -> None:
     """Maps optimised by `joint_depths`, without the pixels that sparse points contradict; residuals are logged.
 
     Views can agree on a wrong depth: a network that takes blank walls for nearer than they are does so in every photo.
@@ -33,6 +34,7 @@ def checked_joint_depths(
 
     Args:
         confidences: of the depths and of the normals, as in `joint_depths`.
+        take: gets each frame's name and map, one after the other; none where all are left out.
     """
     joint = joint_depths(frames, depths, normals, points, settings.manhattan, *confidences)
     (views_before, views_after), (points_before, points_after) = joint.between_views, joint.at_points
@@ -47,20 +49,24 @@ def checked_joint_depths(
             f"WARNING: depth prior left out: {joint.outlier_ratio:.0%} of the sparse points are still over 5% off; "
             "use a better network, or prior.depth.max_outlier_ratio=1 to use the maps as they are"
         )
-        return {}
-    return _without_contradicted(frames, joint.depths, points, log)
+        return
+    _without_contradicted(frames, joint.depths, points, log, take)
 
 
 def _without_contradicted(
-    frames: Sequence[Frame], depths: Mapping[str, np.ndarray], points: PointCloud, log: Log
-) -> dict[str, np.ndarray]:
-    checked, before, after = {}, 0, 0
+    frames: Sequence[Frame],
+    depths: Mapping[str, np.ndarray],
+    points: PointCloud,
+    log: Log,
+    take: Callable[[str, np.ndarray], None],
+) -> None:
+    before, after = 0, 0
     for frame in frames:
         if frame.name in depths:
             depth = depths[frame.name]
-            checked[frame.name] = np.where(contradicted(depth, seen_points(points, frame)), np.float32(0), depth)
+            checked = np.where(contradicted(depth, seen_points(points, frame)), np.float32(0), depth)
             before += np.count_nonzero(depth)
-            after += np.count_nonzero(checked[frame.name])
+            after += np.count_nonzero(checked)
+            take(frame.name, checked)
     if after < before:
         log(f"depth prior: {1 - after / before:.0%} of its pixels left out, where sparse points contradict it")
-    return checked

@@ -10,12 +10,14 @@ textureless regions, and the Manhattan prior (walls that nearly face an axis of 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.priors.joint import log_scale_grid
@@ -78,13 +80,13 @@ class JointDepths(NamedTuple):
     """Result of `joint_depths`.
 
     Attributes:
-        depths: frame name -> (H, W) float32 metres, 0 = invalid.
+        depths: frame name -> (H, W) float32 metres, 0 = invalid; made when asked for.
         between_views: median relative difference where two views see the same, before and after; NaN without pairs.
         at_points: median relative difference to the sparse points, before and after; NaN without points.
         outlier_ratio: share of the sparse points with a relative error above `OUTLIER_ERROR`; NaN without points.
     """
 
-    depths: dict[str, np.ndarray]
+    depths: Mapping[str, np.ndarray]
     between_views: tuple[float, float]
     at_points: tuple[float, float]
     outlier_ratio: float
@@ -120,13 +122,18 @@ def joint_depths(
     for stage in STAGES:
         grid = log_scale_grid.finer(grid, stage.rows, stage.columns)
         grid = _solved(views, grid, stage, room_axes(views, grid) if manhattan and stage.manhattan else None)
-    optimised = {}
+    optimised: LazyMaps[np.ndarray] = LazyMaps()
     for frame, knots in zip(frames, grid, strict=True):
-        depth = depths[frame.name]
-        scale = torch.exp(log_scale_grid.whole(knots, *depth.shape)).numpy()
-        optimised[frame.name] = (depth * scale).astype(np.float32)
+        optimised.add(frame.name, partial(_scaled, depths, frame.name, knots))
     before, after = _differences(views, start), _differences(views, grid)
     return JointDepths(optimised, (before[0], after[0]), (before[1], after[1]), after[2])
+
+
+@one_torch_thread()
+def _scaled(depths: Mapping[str, np.ndarray], name: str, knots: Tensor) -> np.ndarray:
+    depth = depths[name]
+    scale = torch.exp(log_scale_grid.whole(knots, *depth.shape)).numpy()
+    return (depth * scale).astype(np.float32)
 
 
 def _solved(views: Overlap, start: Tensor, stage: Stage, axes: Tensor | None) -> Tensor:

@@ -102,22 +102,25 @@ def overlap(
     """
     cameras = [frame.camera for frame in frames]
     step = max(1, max(camera.width for camera in cameras) // COLUMNS)
-    sampled = [_subsampled(depths[frame.name], step) for frame in frames]
+    sampled = [_subsampled(depths[frame.name], step).copy() for frame in frames]  # not views of the whole maps
     height, width = (max(2, *(part.shape[axis] for part in sampled)) for axis in (0, 1))
-    depth, normal = np.zeros((len(frames), height, width)), np.zeros((len(frames), height, width, 3))
-    region, region_normal = np.zeros(depth.shape, dtype=np.int32), np.zeros_like(normal)
-    confidence = {"depth": np.ones(depth.shape), "normal": np.ones(depth.shape)}
+    depth = np.zeros((len(frames), height, width), dtype=np.float32)
+    normal, region_normal = (np.zeros((*depth.shape, 3), dtype=np.float32) for _ in range(2))
+    region = np.zeros(depth.shape, dtype=np.int32)
+    confidence = {"depth": np.ones_like(depth), "normal": np.ones_like(depth)}
     for index, (frame, part) in enumerate(zip(frames, sampled, strict=True)):
         inside = (index, slice(part.shape[0]), slice(part.shape[1]))
         depth[inside] = part
+        of_view = np.zeros((height, width, 3))
         if frame.name in normals:
-            normal[inside] = frame.camera.turned_to_camera(_subsampled(normals[frame.name], step))
+            of_view[inside[1:]] = frame.camera.turned_to_camera(_subsampled(normals[frame.name], step))
+        normal[index] = of_view
         for kind, given in (("depth", depth_confidences), ("normal", normal_confidences)):
             if given and frame.name in given:
                 confidence[kind][inside] = _subsampled(given[frame.name], step)
         region[index][inside[1:]] = textureless_regions(frame.color(), step)
-        region_normal[index] = cv2.blur(normal[index], (SMOOTH, SMOOTH))
-    region_normal /= np.maximum(np.linalg.norm(region_normal, axis=-1, keepdims=True), 1e-6)
+        smooth = cv2.blur(of_view, (SMOOTH, SMOOTH))
+        region_normal[index] = smooth / np.maximum(np.linalg.norm(smooth, axis=-1, keepdims=True), 1e-6)
     views = Overlap(
         step,
         *map(_float, (depth, normal)),

@@ -54,6 +54,19 @@ def write_map(path: Path, values: np.ndarray, valid: np.ndarray, error: np.ndarr
         np.savez(file, **arrays)
 
 
+def has_array(path: Path, name: str) -> bool:
+    """Whether the file has "map" or "error"; its numbers are not read.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return name in arrays
+    except NUMPY_DAMAGE as error:
+        raise InputError(f"{path} cannot be read; delete it, and it is made again") from error
+
+
 def read_array(path: Path, name: str) -> np.ndarray | None:
     """ "map" or "error" as float32; None where the file has no such array.
 

@@ -66,11 +66,11 @@ def test_one_inference_of_each_photo_gives_depth_normals_and_confidences(
         expected = room.normals[index] @ frame.camera.cam_from_world[:3, :3]
         assert np.median((prior.normal * expected).sum(axis=-1)[prior.normal.any(axis=-1)]) > 0.999
         np.testing.assert_allclose(
-            prior.normal_confidence[prior.normal.any(axis=-1)], 1 / (1 + (0.1 / 0.35) ** 2), rtol=1e-3
+            prior.normal_confidence[prior.normal.any(axis=-1)], 1 / (1 + (0.1 / 0.35) ** 2), atol=2e-3
         )
         near, far = (side & known for side in (room.depths[index] < 2.2, room.depths[index] > 2.8))
-        assert np.median(prior.depth_confidence[near]) == pytest.approx(1 / (1 + 0.2**2), rel=1e-3)
-        assert np.median(prior.depth_confidence[far]) == pytest.approx(1 / (1 + 3.0**2), rel=1e-3)
+        assert np.median(prior.depth_confidence[near]) == pytest.approx(1 / (1 + 0.2**2), abs=2e-3)  # 8 bits
+        assert np.median(prior.depth_confidence[far]) == pytest.approx(1 / (1 + 3.0**2), abs=2e-3)
     assert priors.label == "room_prior"
     digest = read_model(room_network).digest
     assert priors.networks == {"depth": digest, "normal": digest}
@@ -87,7 +87,7 @@ def test_cached_maps_serve_other_error_scales(room, coded_photos, settings, runs
     prior, far = strict.by_frame[name], room.depths[0] > 2.8
     assert not prior.depth[far].any() and prior.depth[~far].any()
     near = (prior.depth > 0) & (room.depths[0] < 2.2)
-    assert np.median(prior.depth_confidence[near]) == pytest.approx(1 / (1 + (0.02 / 0.3) ** 2), rel=1e-3)
+    assert np.median(prior.depth_confidence[near]) == pytest.approx(1 / (1 + (0.02 / 0.3) ** 2), abs=2e-3)
     assert not runs
 
 
