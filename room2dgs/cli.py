@@ -97,7 +97,7 @@ def overview() -> str:
 
 def _our_fault(error: Exception) -> str:
     """Keeps the traceback in the run's log, or else in a file of its own, and says where."""
-    from room2dgs.runs.folder import open_log
+    from room2dgs.logs import open_log
 
     name = type(error).__name__
     reason = next(iter(str(error).splitlines()), "")

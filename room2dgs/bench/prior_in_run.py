@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config, DepthPriorConfig
+from room2dgs.logs import Log
 from room2dgs.priors import load_priors
 from room2dgs.sfm.sparse import sparse_points
 
@@ -37,7 +38,7 @@ class DepthInRun:
     share: float
 
 
-def depth_in_run(config: Config, log: Callable[[str], None]) -> dict[str, DepthInRun]:
+def depth_in_run(config: Config, log: Log) -> dict[str, DepthInRun]:
     """Depth as a run of these settings has it, after the alignment and after the joint optimisation.
 
     Returns:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,6 +26,7 @@ from room2dgs.bench.prior_views import View, Views
 from room2dgs.captures.selection import evenly_spaced
 from room2dgs.config import PriorConfig
 from room2dgs.geometry.camera import Camera
+from room2dgs.logs import Log
 from room2dgs.priors.network.maps import KINDS
 from room2dgs.priors.network.session import Network
 
@@ -116,9 +117,7 @@ class _Pool:
     missing: int = 0
 
 
-def measured(
-    views: Views, groups: Sequence[Sequence[Network]], config: PriorConfig, log: Callable[[str], None]
-) -> SceneScore:
+def measured(views: Views, groups: Sequence[Sequence[Network]], config: PriorConfig, log: Log) -> SceneScore:
     """Every frame of a scene through the prior.
 
     Args:

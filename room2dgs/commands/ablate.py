@@ -10,7 +10,7 @@ from room2dgs.commands.eval import ground_truth
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read
 from room2dgs.errors import RunFailed
-from room2dgs.runs.folder import logger
+from room2dgs.logs import run_log
 from room2dgs.runs.metrics import earlier
 from room2dgs.study.ablation import Run, Study, rows_of
 from room2dgs.study.jobs import Job, batches, executed, finished, planned, study_folder, words_of
@@ -49,7 +49,7 @@ def main(argv: list[str]) -> int:
     from room2dgs.study.ablation_report import HTML, MARKDOWN, write_page, write_tables
 
     out.mkdir(parents=True, exist_ok=True)
-    log = logger(out)
+    log = run_log(out)
     command = shlex.join(["room2dgs", "ablate", *argv])
     failed: dict[Path, RunFailed] = {}
     text = write_tables(_study(jobs, todo, failed, command), out)  # first: it marks the folder as a study's

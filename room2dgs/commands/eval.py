@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import Log, read, rendered, trained_surfels, use_threads
+from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads
 from room2dgs.config import Config, EvalConfig, conf_dir, load_config
 from room2dgs.config.overrides import group_choices
 from room2dgs.errors import InputError
+from room2dgs.logs import Log, run_log
 from room2dgs.runs.folder import (
     CONFIG,
     MESH,
@@ -18,7 +19,6 @@ from room2dgs.runs.folder import (
     absolute,
     earlier_run,
     last_value,
-    logger,
     required,
 )
 from room2dgs.runs.metrics import record, timed
@@ -76,7 +76,7 @@ def score_mesh(overrides: list[str], out: str | None) -> None:
 
 def score_run(scene: Scene, surfels: Surfels, config: Config, out: Path, seconds: dict[str, float]) -> None:
     """Held-out views against their photos, and the mesh against the ground truth if there is one."""
-    log = logger(out)
+    log = run_log(out)
     use_threads(config)
     gt = ground_truth(config) or scene.gt_mesh
     with timed(seconds, "eval"):

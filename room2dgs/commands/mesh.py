@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import Log, read, rendered, trained_surfels, use_threads
+from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads
 from room2dgs.config import Config
-from room2dgs.runs.folder import MESH, earlier_run, keep_settings, logger
+from room2dgs.logs import Log, run_log
+from room2dgs.runs.folder import MESH, earlier_run, keep_settings
 from room2dgs.runs.metrics import record, stale, timed
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def main(argv: list[str]) -> int:
     out = Path(config.out)
     surfels = trained_surfels(out)
     scene = read(config)
-    log = logger(out)
+    log = run_log(out)
     mesh_scene(scene, surfels, config, out, log, {})
     keep_settings(out, config, "mesh")
     log(f"next: room2dgs eval out={out}")

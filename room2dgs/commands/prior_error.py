@@ -7,7 +7,7 @@ import json
 import math
 import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,9 @@ from room2dgs.config import Config, load_config
 from room2dgs.config.overrides import quoted
 from room2dgs.errors import InputError, RunFailed
 from room2dgs.files import whole_file
+from room2dgs.logs import Log, run_log
 from room2dgs.priors.network.maps import read_models
-from room2dgs.runs.folder import POINTS, PRIOR_MAPS, absolute, logger
+from room2dgs.runs.folder import POINTS, PRIOR_MAPS, absolute
 from room2dgs.runs.metrics import earlier
 from room2dgs.study.ablation import Run, rows_of
 from room2dgs.study.jobs import (
@@ -110,7 +111,7 @@ def main(argv: list[str]) -> int:
         return _curve(jobs, priors, todo, failed, command, out)
 
     write_tables(so_far(), out)  # first: it marks the folder as a study's
-    log = logger(out)
+    log = run_log(out)
     log(f"{command}\n{sum(map(len, jobs.values()))} runs, {len(todo)} to come")
     for prior in priors:
         _prepare(prior, jobs[prior.name][0].config, out, log)
@@ -210,7 +211,7 @@ def _simulated(name: str, options: PriorOptions, folder: Path) -> Given:
     return Given(name, ("prior=files", *paths), options, folder)
 
 
-def _prepare(prior: Given, config: Config, out: Path, log: Callable[[str], None]) -> None:
+def _prepare(prior: Given, config: Config, out: Path, log: Log) -> None:
     """Make the simulated maps and measure the prior, unless both are there."""
     if prior.options and prior.folder and _made_with(prior.folder) != dataclasses.asdict(prior.options):
         log(f"{prior.name}: making the maps from the true depth")

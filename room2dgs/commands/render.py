@@ -10,11 +10,12 @@ import numpy as np
 
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import Log, read, rendered, trained_surfels, use_threads
+from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
-from room2dgs.runs.folder import RENDERS, earlier_run, logger
+from room2dgs.logs import Log, run_log
+from room2dgs.runs.folder import RENDERS, earlier_run
 from room2dgs.runs.metrics import record, timed
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def main(argv: list[str]) -> int:
     config = earlier_run(overrides)
     out = Path(config.out)
     surfels = trained_surfels(out)
-    render_scene(read(config), surfels, config, out, logger(out), {}, views)
+    render_scene(read(config), surfels, config, out, run_log(out), {}, views)
     return 0
 
 

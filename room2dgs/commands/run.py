@@ -12,7 +12,8 @@ from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import cached, read, trained_surfels
 from room2dgs.commands.train import train_scene
 from room2dgs.errors import InputError
-from room2dgs.runs.folder import CONFIG, MESH, RENDERS, claimed, last_value, logger, new_run
+from room2dgs.logs import run_log
+from room2dgs.runs.folder import CONFIG, MESH, RENDERS, claimed, last_value, new_run
 from room2dgs.runs.metrics import earlier, timed
 
 USAGE = (
@@ -38,7 +39,7 @@ def main(argv: list[str]) -> int:
     with timed(seconds, "read"):
         scene = read(config, keep=True)
     with claimed(config) as out, cached(scene, out):
-        log = logger(out)
+        log = run_log(out)
         train_scene(scene, config, out, log, seconds)
         surfels = trained_surfels(out)
         mesh_scene(scene, surfels, config, out, log, seconds)

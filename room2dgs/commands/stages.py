@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import Config
+from room2dgs.logs import Log
 from room2dgs.runs.folder import CACHE, PRIOR_MAPS, PRIORS, SURFELS, required
 
 if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be reported at once
     from room2dgs.priors import Priors
     from room2dgs.splat.types import Rendering, Surfels
-
-Log = Callable[[str], None]
 
 
 def read(config: Config, keep: bool = False) -> Scene:

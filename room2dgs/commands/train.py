@@ -7,9 +7,10 @@ from typing import Any
 
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import Log, cached, read, read_priors, use_threads
+from room2dgs.commands.stages import cached, read, read_priors, use_threads
 from room2dgs.config import Config
-from room2dgs.runs.folder import POINTS, claimed, logger, new_run
+from room2dgs.logs import Log, run_log
+from room2dgs.runs.folder import POINTS, claimed, new_run
 from room2dgs.runs.metrics import peak_memory_mb, record, stale, timed
 
 # of the surfels before a run went on
@@ -26,7 +27,7 @@ def main(argv: list[str]) -> int:
     with timed(seconds, "read"):
         scene = read(config, keep=True)
     with claimed(config) as out, cached(scene, out):
-        log = logger(out)
+        log = run_log(out)
         train_scene(scene, config, out, log, seconds)
         log(f"peak memory {peak_memory_mb() / 1000:.2f} GB")
         log(f"next: room2dgs mesh out={out}")

@@ -11,7 +11,7 @@ MIN_ALPHA = 0.5  # pixels less covered have no normal worth comparing
 TINY = 1e-3  # normals that cancel along the ray have no direction; their gradient stays below 1 / TINY
 
 
-def doubt(normal: Tensor, prior: Tensor, width_deg: float) -> Tensor:
+def reweighting(normal: Tensor, prior: Tensor, width_deg: float) -> Tensor:
     """Weight of each prior normal by its angle to the rendered one: 1 where they agree, a quarter at `width_deg`.
 
     (1 + (1 - n . n_p) / (1 - cos width))^-2, the weight of Geman and McClure's robust cost. Where views tell the

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import trimesh
 
 from room2dgs.config import MeshConfig
 from room2dgs.errors import InputError
+from room2dgs.logs import Log
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.tsdf import integrate
 from room2dgs.mesh.views import FusedView
 
 
-def fuse(views: Iterable[FusedView], config: MeshConfig, log: Callable[[str], None]) -> trimesh.Trimesh:
+def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log) -> trimesh.Trimesh:
     """Fuse, mesh and clean; the views are taken one at a time and not kept.
 
     Returns:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +17,7 @@ from room2dgs.captures.stored_maps import StoredMaps
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import OnnxConfig, PriorConfig
 from room2dgs.errors import InputError
+from room2dgs.logs import Log
 from room2dgs.priors.align.depths import aligned_depths
 from room2dgs.priors.align.scale_shift import Fit
 from room2dgs.priors.confidence import has_confidence, read_confidence
@@ -29,7 +30,6 @@ from room2dgs.priors.normals.convention import camera_normals
 from room2dgs.priors.normals.samples import sample
 from room2dgs.priors.simulated import simulated
 
-Log = Callable[[str], None]
 CHECKED_FRAMES = 24
 
 

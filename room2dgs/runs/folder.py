@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import reduce
@@ -14,11 +14,9 @@ from room2dgs.config.keys import path_keys
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 
-CONFIG, LOG, MESH, METRICS = "config.yaml", "log.txt", "mesh.ply", "metrics.json"
+CONFIG, MESH, METRICS = "config.yaml", "mesh.ply", "metrics.json"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
 PRIORS, PRIOR_MAPS, CACHE = "priors.csv", "priors", "cache"
-
-_logs: list[Path] = []
 
 
 def new_run(overrides: list[str]) -> Config:
@@ -88,24 +86,6 @@ def keep_settings(out: Path, config: Config, section: str) -> None:
     """Takes one section over into the run's config.yaml: what it says made the files beside it."""
     saved = load_config((), out / CONFIG)
     write_config(out, replace(saved, **{section: getattr(config, section)}))
-
-
-def logger(out: Path) -> Callable[[str], None]:
-    """Lines to the terminal and, appended, to the folder's log.txt; our own mistakes go there too."""
-    path = out / LOG
-    _logs.append(path)
-
-    def log(line: str) -> None:
-        print(line, flush=True)
-        with path.open("a", encoding="utf-8") as file:
-            file.write(line + "\n")
-
-    return log
-
-
-def open_log() -> Path | None:
-    """The log of the run in this process, if there is one."""
-    return _logs[-1] if _logs and _logs[-1].exists() else None
 
 
 def absolute(config: Config) -> Config:

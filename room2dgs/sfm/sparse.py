@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 from room2dgs.captures.point_cloud import PointCloud
@@ -13,6 +12,7 @@ from room2dgs.captures.point_files import load_points, read_ply, save_points
 from room2dgs.captures.scene import Scene
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
+from room2dgs.logs import Log
 from room2dgs.sfm.colmap import pycolmap
 
 # Raised when triangulation, pairs or the cache give something else for the same input. 2: with tracks.
@@ -21,7 +21,7 @@ RECIPE = 2
 MIN_POINTS = 16
 
 
-def sparse_points(scene: Scene, config: PointsConfig, cache: Path, log: Callable[[str], None] = print) -> PointCloud:
+def sparse_points(scene: Scene, config: PointsConfig, cache: Path, log: Log = print) -> PointCloud:
     """The scene's sparse points.
 
     `source=sfm` triangulates them from the training views alone, so that nothing of a held-out view is

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from room2dgs.captures.scene import Frame
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from room2dgs.logs import Log
 from room2dgs.sfm.colmap import pycolmap
 from room2dgs.sfm.pairs import match_pairs
 
@@ -27,7 +28,7 @@ MIN_ANGLE_DEG = 1.5
 DEPTH_RANGE_M = (0.05, 30.0)
 
 
-def triangulate(frames: Sequence[Frame], config: PointsConfig, work: Path, log: Callable[[str], None]) -> PointCloud:
+def triangulate(frames: Sequence[Frame], config: PointsConfig, work: Path, log: Log) -> PointCloud:
     """Triangulate SIFT matches between posed photos, on the CPU.
 
     The result does not depend on the number of threads.

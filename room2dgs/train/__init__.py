@@ -1,6 +1,7 @@
-"""Training: the loop, its schedules, optimiser, checkpoints and progress."""
+"""Training: the trainer and its hooks, loss terms, strategies, schedules and checkpoints."""
 
-from room2dgs.train.loop import TrainResult, train
+from room2dgs.train.run import TrainResult, train
 from room2dgs.train.surfel_file import load_surfels, save_surfels
+from room2dgs.train.trainer import Hook, Iteration, Trainer
 
-__all__ = ["TrainResult", "load_surfels", "save_surfels", "train"]
+__all__ = ["Hook", "Iteration", "TrainResult", "Trainer", "load_surfels", "save_surfels", "train"]

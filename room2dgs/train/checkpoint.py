@@ -6,7 +6,6 @@ Nothing random needs saving: every draw in training comes from (seed, iteration)
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 from torch import Tensor
 
 from room2dgs.errors import InputError
+from room2dgs.logs import Log
 from room2dgs.train.tensor_file import read_tensors, write_tensors
 
 KIND = "checkpoint"
@@ -28,7 +28,7 @@ class Checkpoint:
     Attributes:
         iteration: iterations done.
         parameters, fixed: the decoder's tensors by name.
-        adam: the optimiser's tensors by name (`optimiser.adam_state`).
+        adam: the optimiser's tensors by name (`model.adam_state`).
         fingerprint: the settings that decide the result (`fingerprint.fingerprint`).
         seconds: by stage, so far.
         extra: what others keep from iteration to iteration, by "owner/name", such as "strategy/visits".
@@ -84,7 +84,7 @@ def load(path: Path) -> Checkpoint:
     )
 
 
-def latest(out: Path, log: Callable[[str], None]) -> Checkpoint | None:
+def latest(out: Path, log: Log) -> Checkpoint | None:
     """The newest checkpoint that is whole, or None; damaged ones are passed over and named in the log."""
     for path in reversed(on_disk(out)):
         try:

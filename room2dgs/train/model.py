@@ -1,4 +1,4 @@
-"""A decoder with its optimiser: what training changes and a checkpoint holds."""
+"""A decoder with its optimiser, Adam with one group a parameter: what training changes and a checkpoint holds."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from room2dgs.seeds.seeds import joined, seed_points, surface_seeds
 from room2dgs.seeds.spawn import spawn
 from room2dgs.splat.types import Surfels
 from room2dgs.train.checkpoint import Checkpoint
-from room2dgs.train.optimiser import adam_state, load_adam_state, make_adam
+
+EPSILON = 1e-15  # of Adam, 2DGS: gradients of a mean over pixels are tiny
 
 
 @dataclass
@@ -85,3 +86,36 @@ def checkpoint_of(
         dict(seconds),
         extra,
     )
+
+
+def make_adam(parameters: dict[str, Tensor]) -> Adam:
+    """Adam whose groups carry the parameters' names; rates are 0 until `set_rates`."""
+    groups = [{"params": [value], "name": name} for name, value in parameters.items()]
+    return Adam(groups, lr=0.0, eps=EPSILON, fused=True)
+
+
+def set_rates(adam: Adam, rates: dict[str, float]) -> None:
+    """Learning rate of each group by name."""
+    for group in adam.param_groups:
+        group["lr"] = rates[group["name"]]
+
+
+def adam_state(adam: Adam) -> dict[str, Tensor]:
+    """Moments and step counts: "exp_avg/offsets", ...; a parameter that never had a gradient has none."""
+    return {
+        f"{key}/{group['name']}": value
+        for group in adam.param_groups
+        for key, value in adam.state.get(group["params"][0], {}).items()
+    }
+
+
+def load_adam_state(adam: Adam, tensors: dict[str, Tensor]) -> None:
+    """The way back from `adam_state`."""
+    for group in adam.param_groups:
+        state = {
+            key: tensors[f"{key}/{group['name']}"].clone()
+            for key in ("step", "exp_avg", "exp_avg_sq")
+            if f"{key}/{group['name']}" in tensors
+        }
+        if state:
+            adam.state[group["params"][0]] = state

@@ -3,68 +3,60 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 
-from room2dgs.config import TrainConfig
-from room2dgs.train.progress import Bar, Log
-from room2dgs.train.scalars import Scalars
-from room2dgs.train.statistics import Means, psnr_db
-from room2dgs.train.step import Step
-from room2dgs.train.strategies.base import Adjustment
+from room2dgs.train.progress import Bar, Means, Scalars
+from room2dgs.train.step import psnr_db
+from room2dgs.train.trainer import Hook, Iteration, Trainer
 
 PSNR_EVERY = 10  # iterations; it is for the eye, and reads a whole image
 
 
-class Report:
-    """Collects figures of iterations and gives their means every `log_every`; a context manager.
+class Report(Hook):
+    """Collects figures of iterations and gives their means every `train.log_every`.
 
     Attributes:
         losses: the last logged means: each unweighted loss term, "loss", "psnr_db".
         test_psnr_db: the last held-out PSNR, None before the first.
     """
 
-    def __init__(self, out: Path, config: TrainConfig, start: int, log: Log) -> None:
+    def __init__(self) -> None:
         self.losses: dict[str, float] = {}
         self.test_psnr_db: float | None = None
-        self._config = config
-        self._log = log
-        self._bar = Bar(config.iterations, start)
-        self._scalars = Scalars(out, config.tensorboard, start)
+
+    def on_start(self, trainer: Trainer) -> None:
+        self._config, self._log = trainer.config.train, trainer.log
+        start = trainer.model.iteration
+        self._bar = Bar(self._config.iterations, start)
+        self._scalars = Scalars(trainer.out, self._config.tensorboard, start)
         self._means = Means()
         self._figures = ""
         self._since = (time.perf_counter(), start)
 
-    def __enter__(self) -> Report:
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def on_end(self, trainer: Trainer) -> None:
         self._bar.stop()
         self._scalars.close()
 
-    def step(self, done: int, step: Step, surfels: int) -> None:
-        """After each iteration; `done` counts it."""
+    def after_step(self, trainer: Trainer, iteration: Iteration) -> None:
+        done, step, surfels = iteration.done, iteration.step, trainer.model.surfel_count
+        where = f"iteration {done}/{self._config.iterations}"
         self._means.add(step.losses)
-        if done % PSNR_EVERY == 0 or done == self._config.iterations:
+        if done % PSNR_EVERY == 0 or trainer.finished:
             self._means.add({"psnr_db": psnr_db(step.color, step.target)})
-        if done % self._config.log_every == 0 or done == self._config.iterations:
+        if done % self._config.log_every == 0 or trainer.finished:
             self.losses = self._means.take()
             self._figures = self._line(done, surfels)
-            self._log(f"iteration {done}/{self._config.iterations}: {self._figures}")
+            self._log(f"{where}: {self._figures}")
             self._scalars.add({f"train/{name}": value for name, value in self.losses.items()}, done)
             self._scalars.add({"train/surfels": float(surfels)}, done)
         self._bar.update(done, self._figures)
-
-    def adjusted(self, done: int, adjustment: Adjustment, seeds: int) -> None:
-        """After densification and pruning."""
-        self._log(f"iteration {done}/{self._config.iterations}: {adjustment.line()}; {seeds} seeds")
-        self._scalars.add(adjustment.scalars() | {"seeds/count": float(seeds)}, done)
-
-    def test(self, done: int, psnr: float) -> None:
-        """After the held-out views were rendered."""
-        self.test_psnr_db = psnr
-        self._log(f"iteration {done}/{self._config.iterations}: held-out PSNR {psnr:.2f} dB")
-        self._scalars.add({"test/psnr_db": psnr}, done)
+        if iteration.adjustment:
+            seeds = trainer.model.seeds
+            self._log(f"{where}: {iteration.adjustment.line()}; {seeds} seeds")
+            self._scalars.add(iteration.adjustment.scalars() | {"seeds/count": float(seeds)}, done)
+        if iteration.held_out_psnr_db is not None:
+            self.test_psnr_db = iteration.held_out_psnr_db
+            self._log(f"{where}: held-out PSNR {self.test_psnr_db:.2f} dB")
+            self._scalars.add({"test/psnr_db": self.test_psnr_db}, done)
 
     def _line(self, done: int, surfels: int) -> str:
         now = time.perf_counter()

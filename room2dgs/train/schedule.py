@@ -79,19 +79,19 @@ def term_weight(iteration: int, term: TermConfig, iterations: int) -> float:
     return term.weight * min(1.0, (since + 1) / (ramp + 1))
 
 
-def doubt_deg(iteration: int, doubt: NormalReweightingConfig, iterations: int) -> float | None:
-    """The angle at which a prior normal's weight is a quarter; None: no normal is doubted (yet).
+def reweighting_deg(iteration: int, settings: NormalReweightingConfig, iterations: int) -> float | None:
+    """The angle at which a prior normal's weight is a quarter; None: no normal is reweighted (yet).
 
-    It narrows exponentially from the first doubted iteration to the last one of the run.
+    It narrows exponentially from the first such iteration to the last one of the run.
     """
-    start = at_iteration(doubt.start, iterations)
-    if not doubt.enabled or iteration < start:
+    start = at_iteration(settings.start, iterations)
+    if not settings.enabled or iteration < start:
         return None
-    return _decayed(iteration - start, iterations - start, doubt.first_deg, doubt.last_deg)
+    return _decayed(iteration - start, iterations - start, settings.first_deg, settings.last_deg)
 
 
 def has_shares(config: Config) -> bool:
-    """Is a time that matters to this run a share of `train.iterations`? Doubt narrows until the last of them."""
+    """Is a time that matters to this run a share of `train.iterations`? Reweighting narrows until the last of them."""
     terms = [term for term in vars(config.loss).values() if isinstance(term, TermConfig) and term.enabled]
     times = [time for term in terms for time in (term.start, term.end, term.ramp)]
     if config.strategy.name != "fixed":

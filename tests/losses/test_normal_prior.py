@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from room2dgs.losses.normal_prior import doubt, normal_prior_loss
+from room2dgs.losses.normal_prior import normal_prior_loss, reweighting
 
 H, W = 6, 7
 
@@ -87,13 +87,13 @@ def test_each_pixel_costs_its_weight():
 
 
 @pytest.mark.parametrize("length", [0.3, 1.0])
-def test_doubt_quarters_the_weight_at_its_width_and_spares_what_agrees(length):
+def test_reweighting_quarters_the_weight_at_its_width_and_spares_what_agrees(length):
     prior = constant(0, 0, -1)
 
     def at(degrees, width_deg):
         angle = np.radians(degrees)
         rendered = constant(0, length * np.sin(angle), -length * np.cos(angle)).requires_grad_()
-        found = doubt(rendered, prior, width_deg)
+        found = reweighting(rendered, prior, width_deg)
         assert not found.requires_grad and found.shape == (H, W)
         return found[0, 0].item()
 
@@ -104,7 +104,7 @@ def test_doubt_quarters_the_weight_at_its_width_and_spares_what_agrees(length):
         falling = [at(degrees, width_deg) for degrees in range(0, 181, 15)]
         assert falling == sorted(falling, reverse=True)
     assert at(20, 10) < at(20, 30)
-    assert (doubt(constant(0, 0, 0), prior, 20) < 0.2).all()
+    assert (reweighting(constant(0, 0, 0), prior, 20) < 0.2).all()
 
 
 def test_pixels_that_do_not_count_have_no_say_and_no_gradient():

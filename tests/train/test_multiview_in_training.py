@@ -10,9 +10,9 @@ from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.splat.types import Rendering
 from room2dgs.train import checkpoint, load_surfels, train
-from room2dgs.train.multiview import drawn_pixels, multiview_terms
 from room2dgs.train.neighbour_views import NeighbourViews
 from room2dgs.train.objective import needed_maps
+from room2dgs.train.terms.multiview import drawn_pixels, multiview_terms
 from room2dgs.train.views import Views
 
 ON = [

@@ -9,7 +9,7 @@ import torch
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.errors import InputError
 from room2dgs.splat.types import Rendering
-from room2dgs.train import load_surfels, loop, train
+from room2dgs.train import Hook, load_surfels, train
 from room2dgs.train.objective import loss_terms, needed_maps
 from room2dgs.train.prior_maps import prior_maps
 from room2dgs.train.views import View, Views
@@ -217,23 +217,19 @@ def test_normals_that_disagree_with_the_rendering_lose_weight_from_its_time_on(c
     assert normal_term(7, *doubted, normal_confidence=fifth) == pytest.approx(last / 5)
 
 
-def test_a_run_that_doubts_is_resumed_to_the_same_bits_and_only_at_its_length(
-    capture, configure, log, tmp_path, monkeypatch
-):
+def test_a_reweighted_run_is_resumed_to_the_same_bits_and_only_at_its_length(capture, configure, log, tmp_path):
     scene, points = capture
     priors = {frame.name: wall_prior(tilt=0.6) for frame in scene.train}
     settings = [*START, "loss.normal_prior.weight=100", "loss.normal_reweighting={enabled:true,start:2}"]
     whole = train(scene, points, configure(*settings), tmp_path / "whole", log, priors).surfels_path.read_bytes()
-    iterate = loop.iterate
 
-    def stopped(model, *args):
-        if model.iteration == 6:
-            raise KeyboardInterrupt
-        return iterate(model, *args)
+    class Interrupt(Hook):
+        def before_iteration(self, trainer, iteration):
+            if iteration.number == 6:
+                raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(loop, "iterate", stopped)
-        train(scene, points, configure(*settings), tmp_path / "cut", log, priors)
+    with pytest.raises(KeyboardInterrupt):
+        train(scene, points, configure(*settings), tmp_path / "cut", log, priors, [Interrupt()])
     resumed = train(scene, points, configure(*settings, "resume=true"), tmp_path / "cut", log, priors)
     assert resumed.surfels_path.read_bytes() == whole
     without = train(scene, points, configure(*settings[:-1]), tmp_path / "without", log, priors)

@@ -10,9 +10,9 @@ from room2dgs.train.schedule import (
     active_sh_degree,
     at_iteration,
     center_rate,
-    doubt_deg,
     image_fraction,
     learning_rates,
+    reweighting_deg,
     term_weight,
     view_index,
 )
@@ -134,9 +134,9 @@ def test_order_differs_between_epochs_and_seeds():
     assert order(0, 0) != order(1, 0)
 
 
-def test_doubt_narrows_from_its_start_to_the_last_iteration():
-    doubt = NormalReweightingConfig(enabled=True, start=0.4, first_deg=80.0, last_deg=20.0)
-    assert [doubt_deg(i, doubt, 101) for i in (0, 39)] == [None, None]
-    assert [doubt_deg(i, doubt, 101) for i in (40, 70, 100)] == pytest.approx([80, 40, 20])
-    assert doubt_deg(100, replace(doubt, enabled=False), 101) is None
-    assert doubt_deg(100, replace(doubt, start=101), 101) is None
+def test_reweighting_narrows_from_its_start_to_the_last_iteration():
+    settings = NormalReweightingConfig(enabled=True, start=0.4, first_deg=80.0, last_deg=20.0)
+    assert [reweighting_deg(i, settings, 101) for i in (0, 39)] == [None, None]
+    assert [reweighting_deg(i, settings, 101) for i in (40, 70, 100)] == pytest.approx([80, 40, 20])
+    assert reweighting_deg(100, replace(settings, enabled=False), 101) is None
+    assert reweighting_deg(100, replace(settings, start=101), 101) is None

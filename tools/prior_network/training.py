@@ -28,7 +28,7 @@ from room2dgs.tools.prior_network.network import PriorNetwork
 from room2dgs.tools.prior_network.options import TrainOptions, check_options, learning_rate_factor, progress
 from room2dgs.tools.prior_network.shards import Shards, open_shards, shard_names
 from room2dgs.tools.prior_network.validation import validate
-from room2dgs.train.scalars import Scalars
+from room2dgs.train.progress import Scalars
 
 BETAS = (0.9, 0.98)
 LARGEST_GRADIENT = 50.0

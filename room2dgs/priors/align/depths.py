@@ -13,8 +13,9 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
 from room2dgs.config import DepthPriorConfig
+from room2dgs.logs import Log
 from room2dgs.priors.align.neighbours import FEW_POINTS, align_to_neighbours
-from room2dgs.priors.align.one_view import Log, RawMap, RawMaps, add_aligned, pairs_at_points, shift_sigma
+from room2dgs.priors.align.one_view import RawMap, RawMaps, add_aligned, pairs_at_points, shift_sigma
 from room2dgs.priors.align.scale_shift import Fit, fit_scale_shift, residual
 from room2dgs.priors.confidence import read_confidence
 from room2dgs.priors.files import read_depth

@@ -11,7 +11,8 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import probably_seen, seen_points
 from room2dgs.config import DepthPriorConfig
-from room2dgs.priors.align.one_view import METRIC_SHIFT_M, Log, RawMaps, add_aligned, pairs_at_points, shift_sigma
+from room2dgs.logs import Log
+from room2dgs.priors.align.one_view import METRIC_SHIFT_M, RawMaps, add_aligned, pairs_at_points, shift_sigma
 from room2dgs.priors.align.scale_shift import MIN_POINTS, Fit, fit_scale_shift
 from room2dgs.sfm.pairs import shared_view
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -11,9 +11,9 @@ from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import SeenPoints
 from room2dgs.config import DepthPriorConfig
+from room2dgs.logs import Log
 from room2dgs.priors.align.scale_shift import Fit, aligned_depth
 
-Log = Callable[[str], None]
 MAX_DEPTH_M = 100.0
 # Maps in metres are off by a factor rather than by a shift: a free shift would follow their smooth errors.
 METRIC_SHIFT_M = 0.1

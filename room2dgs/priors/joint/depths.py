@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,10 +10,9 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
 from room2dgs.config import DepthPriorConfig
+from room2dgs.logs import Log
 from room2dgs.priors.joint.contradicted import contradicted
 from room2dgs.priors.joint.optimise import joint_depths
-
-Log = Callable[[str], None]
 
 
 def checked_joint_depths(

@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from room2dgs.captures.scene import Frame
 from room2dgs.config import NETWORK_SOURCES, OnnxConfig, PriorConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from room2dgs.logs import Log
 from room2dgs.priors.files import resize_depth, resize_normal
 from room2dgs.priors.network.flip import Prediction
 from room2dgs.priors.network.map_cache import SUFFIX, is_cached, is_empty, write_map
@@ -26,7 +27,6 @@ from room2dgs.priors.network.network import predictions, same_input
 from room2dgs.priors.network.session import Network, open_network
 from room2dgs.priors.network.shipped import model_path
 
-Log = Callable[[str], None]
 KINDS = ("depth", "normal")
 # Raise it when a map of the same photo by the same network would come out differently.
 FORMAT = 2

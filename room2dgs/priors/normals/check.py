@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from room2dgs.config import NormalPriorConfig
 from room2dgs.errors import InputError
+from room2dgs.logs import Log
 from room2dgs.priors.normals.convention import camera_normals, judge
 from room2dgs.priors.normals.planar_points import planar_normals
 from room2dgs.priors.normals.samples import Sample
 
-Log = Callable[[str], None]
 # Views of the same points agree less than this, mean cosine: noise, which has at most 0.25, or nearly so.
 MIN_AGREEMENT = 0.4
 # Mean cosine with the planes of the sparse points, above what normals that just face the camera have.

@@ -7,8 +7,7 @@ from torch import Tensor
 
 from room2dgs.config import SeedsConfig
 from room2dgs.seeds.decoders.registry import restored_decoder
-from room2dgs.train.model import Model
-from room2dgs.train.optimiser import adam_state, load_adam_state, make_adam
+from room2dgs.train.model import Model, adam_state, load_adam_state, make_adam
 
 
 def edit_seeds(model: Model, config: SeedsConfig, keep: Tensor, rows: dict[str, Tensor] | None = None) -> None:

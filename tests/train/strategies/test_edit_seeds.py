@@ -7,8 +7,7 @@ import torch
 
 from room2dgs.seeds.decoders.registry import new_decoder
 from room2dgs.seeds.spawn import Spawned
-from room2dgs.train.model import Model
-from room2dgs.train.optimiser import adam_state, make_adam, set_rates
+from room2dgs.train.model import Model, adam_state, make_adam, set_rates
 from room2dgs.train.strategies.edit_seeds import edit_seeds
 
 SEEDS, PER_SEED, ADDED = 5, 2, 2

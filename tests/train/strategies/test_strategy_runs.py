@@ -9,7 +9,8 @@ import torch
 from room2dgs import splat
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.train import checkpoint, load_surfels, train
-from room2dgs.train.step import iterate
+from room2dgs.train.progress import StageClock
+from room2dgs.train.step import forward_backward
 
 SEEDS = ["strategy=seeds", "seeds.voxel_m=0.05"]
 PLAIN = [
@@ -151,7 +152,6 @@ def test_growth_goes_to_tensorboard(capture, configure, log, tmp_path):
 
 
 def test_gradients_of_a_step_are_noted_only_when_asked_for(capture, configure):
-    from room2dgs.train.clock import StageClock
     from room2dgs.train.model import new_model
     from room2dgs.train.views import Views
 
@@ -159,7 +159,8 @@ def test_gradients_of_a_step_are_noted_only_when_asked_for(capture, configure):
     config = configure()
     view = Views(scene.train).at(0)
     steps = [
-        iterate(new_model(scene, points, config), view, config, 1.0, StageClock(), asked) for asked in (False, True)
+        forward_backward(new_model(scene, points, config), view, config, StageClock(), screen_gradients=asked)
+        for asked in (False, True)
     ]
     assert steps[0].center_gradients is None and steps[0].opacities is None
     assert steps[1].center_gradients.shape == (len(steps[1].opacities), 2)

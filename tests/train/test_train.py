@@ -12,6 +12,8 @@ from room2dgs.splat import Surfels
 from room2dgs.train import checkpoint, load_surfels, train
 from room2dgs.train.checkpoint import folder_of
 from room2dgs.train.surfel_file import surfels_meta
+from room2dgs.train.terms.registry import LOSS_TERMS
+from room2dgs.train.terms.term import LossTerm
 
 
 def same_bits(a: Surfels, b: Surfels) -> bool:
@@ -157,7 +159,7 @@ def test_a_fresh_run_keeps_the_old_checkpoints_until_it_has_its_own(capture, con
     train(*capture, configure(), tmp_path, log)
     old = checkpoint.on_disk(tmp_path)
     with monkeypatch.context() as patch:
-        patch.setattr("room2dgs.train.loop.iterate", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        patch.setattr("room2dgs.train.trainer.descend", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
             train(*capture, configure("train.seed=1"), tmp_path, log)
     assert checkpoint.on_disk(tmp_path) == old
@@ -173,14 +175,12 @@ def test_checkpoints_beyond_the_wanted_number_go(capture, configure, log, tmp_pa
 def test_a_loss_that_is_not_a_number_stops_the_run_and_saves_nothing_broken(
     capture, configure, log, tmp_path, monkeypatch
 ):
-    from room2dgs.train import objective
-
     monkeypatch.setitem(
-        objective.SURFACE_TERMS,
+        LOSS_TERMS,
         "normal_consistency",
-        lambda rendering, view: rendering.alpha.sum() * torch.nan,
+        LossTerm(lambda rendering, view, context: rendering.alpha.sum() * torch.nan),
     )
-    with pytest.raises(RuntimeError, match=r"iteration 6: loss normal_consistency = nan"):
+    with pytest.raises(RuntimeError, match=r"iteration 6, view 00000\d: loss normal_consistency = nan"):
         train(*capture, configure("loss.normal_consistency.start=6"), tmp_path, log)
     assert not (tmp_path / "surfels.safetensors").exists()
     last = checkpoint.latest(tmp_path, log.lines.append)
@@ -202,14 +202,14 @@ class NanGradient(torch.autograd.Function):
 def test_a_gradient_that_is_not_a_number_names_iteration_parameter_and_term(
     capture, configure, log, tmp_path, monkeypatch
 ):
-    from room2dgs.train import objective
-
     monkeypatch.setitem(
-        objective.SURFACE_TERMS,
+        LOSS_TERMS,
         "normal_consistency",
-        lambda rendering, view: NanGradient.apply(rendering.depth),
+        LossTerm(lambda rendering, view, context: NanGradient.apply(rendering.depth)),
     )
-    with pytest.raises(RuntimeError, match=r"iteration 5: the gradient of offsets.* from normal_consistency;"):
+    with pytest.raises(
+        RuntimeError, match=r"iteration 5, view 00000\d: the gradient of offsets.* from normal_consistency;"
+    ):
         train(*capture, configure("loss.normal_consistency.start=5"), tmp_path, log)
     assert checkpoint.latest(tmp_path, log.lines.append).iteration == 4
 

@@ -21,6 +21,7 @@ from room2dgs.losses.sampling import patches_at
 from room2dgs.splat.types import Rendering
 from room2dgs.train.kept_depths import MIN_ALPHA, STEP
 from room2dgs.train.neighbour_views import Pair
+from room2dgs.train.terms.term import LossTerm, TermContext
 from room2dgs.train.views import View
 
 GEOMETRIC, PHOTOMETRIC = "multiview_geometric", "multiview_photometric"
@@ -59,6 +60,22 @@ def multiview_terms(
 
     results = _WithGradients.apply(values, rendering.depth[row, column], rendering.normal[row, column])
     return dict(zip(names, results, strict=True))
+
+
+def _term(name: str, reads: tuple[str, ...] = ()) -> LossTerm:
+    """Both terms have most of their work in common, so that those that act are computed together."""
+
+    def value(rendering: Rendering, view: View, context: TermContext) -> Tensor:
+        names = [name for name in (GEOMETRIC, PHOTOMETRIC) if name in context.active]
+        settings = context.config.loss.multiview
+        values = context.shared("multiview", lambda: multiview_terms(rendering, view, context.pair, settings, names))
+        return values[name]
+
+    return LossTerm(value, reads, lambda view, pair: pair is not None, stage="multiview")
+
+
+MULTIVIEW_GEOMETRIC = _term(GEOMETRIC)
+MULTIVIEW_PHOTOMETRIC = _term(PHOTOMETRIC, reads=("normal",))
 
 
 class _WithGradients(torch.autograd.Function):

@@ -1,0 +1,73 @@
+"""Stopping at a loss or gradient that is not finite, with the name of the term that causes it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from room2dgs.train.objective import Term
+from room2dgs.train.trainer import Hook, Iteration, Trainer
+
+
+class FiniteCheck(Hook):
+    """Ends the run before a step with numbers that are not finite; the model stays as it was.
+
+    Raises:
+        RuntimeError: in `after_backward`; names the iteration, the view, the parameters and the loss terms.
+    """
+
+    def after_backward(self, trainer: Trainer, iteration: Iteration) -> None:
+        where = f"iteration {iteration.number}, view {iteration.view.name}"
+        check_loss(iteration.step.losses, where)
+        check_gradients(trainer.model.decoder.parameters(), where, iteration.step.terms_again)
+
+
+def check_loss(values: dict[str, float], where: str) -> None:
+    """Stop on a loss term that is not finite.
+
+    Raises:
+        RuntimeError: names the iteration and the terms.
+    """
+    bad = [f"{name} = {value}" for name, value in values.items() if not math.isfinite(value)]
+    if bad:
+        raise RuntimeError(f"{where}: loss {', '.join(bad)} is not finite; this is a fault of room2dgs")
+
+
+def check_gradients(parameters: dict[str, Tensor], where: str, terms_again: Callable[[], dict[str, Term]]) -> None:
+    """Stop on a gradient that is not finite.
+
+    Args:
+        terms_again: computes the iteration's loss terms anew, to find the one at fault.
+
+    Raises:
+        RuntimeError: names the iteration, the parameters and the loss terms that cause it.
+    """
+    bad = bad_gradients(parameters)
+    if bad:
+        causes = _causes([parameters[name] for name in bad], terms_again())
+        raise RuntimeError(
+            f"{where}: the gradient of {', '.join(bad)} is not finite, "
+            f"from {', '.join(causes) or 'the sum of all terms'}; this is a fault of room2dgs"
+        )
+
+
+def bad_gradients(parameters: dict[str, Tensor]) -> list[str]:
+    """Names of the parameters whose gradient is not finite; cheap when all are."""
+    with torch.no_grad():
+        named = [(name, p.grad) for name, p in parameters.items() if p.grad is not None]
+        if not named or torch.isfinite(torch.stack([grad.sum() for _, grad in named])).all():
+            return []
+        # a sum of large finite numbers can overflow: each is checked by itself
+        return [name for name, grad in named if not torch.isfinite(grad).all()]
+
+
+def _causes(parameters: list[Tensor], terms: dict[str, Term]) -> list[str]:
+    causes = []
+    for name, term in terms.items():
+        gradients = torch.autograd.grad(term.value, parameters, retain_graph=True, allow_unused=True)
+        if any(g is not None and not torch.isfinite(g).all() for g in gradients):
+            causes.append(name)
+    return causes
