@@ -27,20 +27,36 @@ class _RunHandler(logging.Handler):
 
 
 def run_log(out: Path | str) -> Log:
-    """A log for the run in `out`, from now on the one run of this process; lines go to stdout and out/log.txt."""
+    """A log for the run in `out`: lines go to stdout and out/log.txt.
+
+    What modules send to the logger meanwhile goes to the run that was last heard of: a study's runs may follow each
+    other in one process.
+    """
     path = Path(out) / LOG_FILE
     path.parent.mkdir(parents=True, exist_ok=True)
-    for handler in _run_handlers():
-        LOGGER.removeHandler(handler)
-    LOGGER.addHandler(_RunHandler(path))
-    LOGGER.setLevel(logging.INFO)
-    LOGGER.propagate = False  # a root handler, such as Hydra's, would print each line again
-    return LOGGER.info
+    handler = _RunHandler(path)
+
+    def log(line: str) -> None:
+        _use(handler)
+        LOGGER.info(line)
+
+    _use(handler)
+    return log
 
 
 def open_log() -> Path | None:
     """The log file of the run in this process, if there is one."""
     return next((handler.path for handler in _run_handlers() if handler.path.exists()), None)
+
+
+def _use(handler: _RunHandler) -> None:
+    """Make it the one run handler of the logger."""
+    for other in _run_handlers():
+        if other is not handler:
+            LOGGER.removeHandler(other)
+    LOGGER.addHandler(handler)
+    LOGGER.setLevel(logging.INFO)
+    LOGGER.propagate = False  # a root handler, such as Hydra's, would print each line again
 
 
 def _run_handlers() -> list[_RunHandler]:

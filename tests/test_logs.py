@@ -25,10 +25,14 @@ def test_lines_go_to_the_output_and_are_appended_to_the_runs_file(tmp_path, caps
 
 
 def test_a_second_run_has_its_own_file_and_no_line_comes_twice(tmp_path, capsys):
-    run_log(tmp_path / "a")("one")
-    run_log(tmp_path / "b")("two")
-    assert capsys.readouterr().out == "one\ntwo\n"
-    assert [(tmp_path / name / "log.txt").read_text() for name in "ab"] == ["one\n", "two\n"]
+    first = run_log(tmp_path / "a")
+    first("one")
+    second = run_log(tmp_path / "b")
+    second("two")
+    first("three")  # as a study does between its runs
+    second("four")
+    assert capsys.readouterr().out == "one\ntwo\nthree\nfour\n"
+    assert [(tmp_path / name / "log.txt").read_text() for name in "ab"] == ["one\nthree\n", "two\nfour\n"]
     assert open_log() == tmp_path / "b" / "log.txt"
 
 
