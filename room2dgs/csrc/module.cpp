@@ -33,4 +33,5 @@ NB_MODULE(_C, m) {
   room2dgs::bind_splat(m);
   room2dgs::bind_losses(m);
   room2dgs::bind_bench(m.def_submodule("bench", "What `room2dgs bench raster` measures by."));
+  room2dgs::bind_stereo(m);
 }

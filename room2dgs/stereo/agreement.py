@@ -1,0 +1,76 @@
+"""Where several views agree on a depth, and what they say together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from room2dgs.geometry.camera import Camera
+from room2dgs.stereo.patchmatch import warp
+
+
+class Agreement(NamedTuple):
+    """What the neighbours say of a view's pixels.
+
+    Attributes:
+        inverse_depth: (H, W) float32, 1/m, mean of the view's own and of those that agree with it.
+        count: (H, W) uint8 neighbours that agree.
+        spread: (H, W) float32, relative standard deviation of what was averaged; 0 with fewer than two.
+    """
+
+    inverse_depth: np.ndarray
+    count: np.ndarray
+    spread: np.ndarray
+
+
+def agreement(
+    camera: Camera,
+    inverse_depth: np.ndarray,
+    others: Sequence[tuple[Camera, np.ndarray]],
+    max_px: float,
+    max_relative: float,
+) -> Agreement:
+    """Compare a view's depth with its neighbours'.
+
+    A neighbour agrees where its depth, at the pixel nearest to the projection, carries the point back to within
+    `max_px` of where it came from and differs by less than `max_relative`.
+
+    Args:
+        inverse_depth: (H, W) float32, 1/m, 0 = unknown.
+        others: camera and inverse depth of each neighbour.
+    """
+    height, width = inverse_depth.shape
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    w = inverse_depth.astype(np.float32)
+    count = np.zeros((height, width), np.uint8)
+    total, squares = w.copy(), w * w
+    for other, theirs in others:
+        there, back = warp(camera, other).astype(np.float32), warp(other, camera).astype(np.float32)
+        u, v, z = _carried(there, x, y, w)
+        inside = (w > 0) & (z > 1e-6) & (u > -0.5) & (u < other.width - 0.5) & (v > -0.5) & (v < other.height - 0.5)
+        column, row = (np.where(inside, np.rint(pixel), 0).astype(np.int32) for pixel in (u, v))
+        seen = theirs[np.clip(row, 0, other.height - 1), np.clip(column, 0, other.width - 1)]
+        inside &= seen > 0
+        back_x, back_y, back_z = _carried(back, u, v, seen)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = np.hypot(back_x - x, back_y - y)
+            agrees = inside & (back_z > 1e-6) & (off < max_px) & (np.abs(w / z / seen - 1) < max_relative)
+            said = np.where(agrees, seen / back_z, 0)
+        count += agrees
+        total += said
+        squares += said * said
+    mean = total / (count + 1)
+    variance = np.maximum(squares / (count + 1) - mean * mean, 0)
+    spread = np.divide(np.sqrt(variance), mean, out=np.zeros_like(mean), where=mean > 0)
+    return Agreement(mean, count, spread)
+
+
+def _carried(
+    matrix: np.ndarray, x: np.ndarray, y: np.ndarray, w: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pixel in the other view, and z relative to the first view's."""
+    p, q, z = (row[0] * x + row[1] * y + row[2] + row[3] * w for row in matrix)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return p / z, q / z, z

@@ -1,0 +1,88 @@
+// PatchMatch stereo of one reference photo against its neighbours, a row of pixels at a time.
+//
+// A pixel's plane is (w, gx, gy): inverse depth at the pixel and its gradient over the image. A plane in space is
+// linear in inverse depth, so a neighbour's plane is carried over by w - gx dx - gy dy, and where a neighbouring view
+// sees pixel (x, y) is M (x, y, 1) + t w in homogeneous pixels.
+//
+// Pixels are kept by the colour of a checkerboard. In a row of one colour, pixel i has x = 2 i + (row + colour) % 2, so
+// that eight pixels of one colour and the neighbours that they ask, all of the other colour, are contiguous.
+// Pixel coordinates here count centres at integers.
+#pragma once
+
+#include <cstdint>
+
+namespace room2dgs {
+
+constexpr int kStereoReach = 24;      // the farthest neighbour that a pixel asks, rounded up
+constexpr int kStereoMargin = 24;     // replicated pixels round a packed photo
+constexpr int kStereoMaxSamples = 128;
+constexpr int kStereoMaxViews = 32;
+constexpr int kStereoMaxBest = 8;
+constexpr float kStereoWorst = 2.0f;  // cost of a plane that a view cannot judge
+constexpr float kStereoMaxReprojectionPx = 3.0f;
+
+// A neighbouring view as the reference sees it.
+struct StereoView {
+  const uint32_t* quads;  // (height + 2 margin, width + 2 margin): a pixel, its right, lower and lower right neighbour
+  int64_t width, height;
+  float M[9], t[3];            // reference to view, homogeneous pixels
+  float back_M[9], back_t[3];  // view to reference
+  const float* inverse_depth;  // (height, width) of the view, 0 = unknown; null without geometric consistency
+};
+
+// One map over all pixels of a colour, with a border so that no neighbour lies outside.
+struct StereoPlane {
+  float* data;  // [colour][row + kStereoReach][index + kStereoReach / 2]
+};
+
+struct StereoJob {
+  int64_t width, height;
+  const uint8_t* grey;  // (height + 2 margin, width + 2 margin), replicated border
+  const StereoView* views;
+  int view_count, best;
+  int samples;
+  int16_t dx[kStereoMaxSamples], dy[kStereoMaxSamples];
+  float spatial[kStereoMaxSamples];  // log2 of the weight that the distance from the centre gives
+  float grey_scale;                  // log2 of the weight is grey_scale * (difference of grey levels)^2
+  float variance_floor;              // of windows, grey levels^2: blank windows correlate by chance
+  float w_min, w_max, slope_limit;   // |gx|, |gy| <= slope_limit w
+  float pixel_slope;                 // 1 / focal length: the gradient of a plane that recedes by its depth a radian
+  float geometric_weight;            // of the forward-backward reprojection error, 1 / pixel; 0: none
+  uint32_t seed;
+  float *w, *gx, *gy, *cost;         // planes by colour, see `stereo_plane_size`
+  const float *hint_w, *hint_gx, *hint_gy;  // likewise: a plane to try at each pixel, w = 0 where there is none; or null
+};
+
+static inline int64_t stereo_half(int64_t width) { return (width + 1) / 2; }
+// Floats of a row of one colour: a border to both sides, and whole vectors.
+static inline int64_t stereo_stride(int64_t width) { return (stereo_half(width) + 7) / 8 * 8 + 2 * kStereoReach; }
+static inline int64_t stereo_rows(int64_t height) { return height + 2 * kStereoReach; }
+static inline int64_t stereo_plane_size(int64_t width, int64_t height) {
+  return 2 * stereo_rows(height) * stereo_stride(width);
+}
+// Where pixel `index` of a colour in a row is kept.
+static inline int64_t stereo_at(int64_t width, int64_t height, int colour, int64_t row, int64_t index) {
+  return (colour * stereo_rows(height) + row + kStereoReach) * stereo_stride(width) + kStereoReach + index;
+}
+
+// What one sweep over the pixels of a colour tries beside the neighbours' planes.
+struct StereoSweep {
+  int colour;
+  uint32_t draw;       // number of the sweep, for its random draws
+  float perturbation;  // size of random changes; 1 at the start
+  bool random_depth;   // also try a depth from anywhere in the range
+};
+
+}  // namespace room2dgs
+
+#define R2_STEREO_KERNELS(isa)                                                                                   \
+  namespace isa {                                                                                                \
+  /* Costs of the planes as they are; w <= 0 draws one at random first. */                                       \
+  void stereo_start_row(const room2dgs::StereoJob& job, int64_t row);                                            \
+  void stereo_sweep_row(const room2dgs::StereoJob& job, const room2dgs::StereoSweep& sweep, int64_t row);        \
+  /* Photometric cost of the planes, and variance of the windows, into (height, width) maps. */                  \
+  void stereo_cost_row(const room2dgs::StereoJob& job, int64_t row, float* cost, float* variance);               \
+  }
+R2_STEREO_KERNELS(isa_baseline)
+R2_STEREO_KERNELS(isa_avx2)
+#undef R2_STEREO_KERNELS
