@@ -60,9 +60,7 @@ def _of_view(
     points = points[_one_a_cell(in_cam, camera)] if len(points) > 40 else points
     distance = np.linalg.norm(centres - centres[view], axis=1)
     cosine = axes @ axes[view]
-    candidates = np.flatnonzero(
-        (cosine > MIN_AXES_COSINE) & (distance > LEAST_BASELINE * depth) & (distance < depth)
-    )
+    candidates = np.flatnonzero((cosine > MIN_AXES_COSINE) & (distance > LEAST_BASELINE * depth) & (distance < depth))
     candidates = candidates[candidates != view]
     if not len(candidates):
         return candidates

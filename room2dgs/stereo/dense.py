@@ -1,0 +1,204 @@
+"""Dense depth of all views: matched, made consistent with each other, and filtered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from room2dgs.geometry.camera import Camera
+from room2dgs.stereo.agreement import agreement
+from room2dgs.stereo.neighbours import choose_neighbours
+from room2dgs.stereo.patchmatch import Matching, Packed, Search, packed
+from room2dgs.stereo.planes import plane_normals, resized_planes
+from room2dgs.stereo.start import depth_range, planes_from_points
+
+Progress = Callable[[str, int, int], None]  # stage, done, of how many
+DISPARITY_ERROR_PX = 0.25  # of a match that is right
+COARSEST_WIDTH = 240
+
+
+class Options(NamedTuple):
+    """Numbers of the search over all views; see conf/stereo.
+
+    Attributes:
+        neighbours: views that a view is matched with; asked: views asked whether they agree.
+        iterations: sweeps of the first search; refinements: of each later one.
+        rounds: searches with geometric consistency, at each image size.
+        levels: image sizes, each half of the next.
+        min_agreeing, max_px, max_relative, max_cost: what a pixel must satisfy to be kept.
+    """
+
+    neighbours: int = 6
+    asked: int = 10
+    iterations: int = 3
+    refinements: int = 2
+    rounds: int = 2
+    levels: int = 1
+    min_agreeing: int = 2
+    max_px: float = 1.0
+    max_relative: float = 0.01
+    max_cost: float = 0.6
+
+
+class Sight(NamedTuple):
+    """Which sparse points a view sees: (N,) indices, (N, 2) pixels and (N,) depths in metres."""
+
+    points: np.ndarray
+    pixel: np.ndarray
+    depth: np.ndarray
+
+
+class DenseView(NamedTuple):
+    """What stereo found in one view, at the size of its camera.
+
+    Attributes:
+        depth: (H, W) float32 z-depth, metres; 0 where the views do not agree.
+        normal: (H, W, 3) float32 unit, world frame, facing the camera; 0 where there is no depth.
+        agreeing: (H, W) uint8, how many neighbours agree with the depth.
+        error: (H, W) float32, expected error of the depth, metres; 0 where there is none.
+        planes: (3, H, W) float32, the unfiltered planes.
+    """
+
+    depth: np.ndarray
+    normal: np.ndarray
+    agreeing: np.ndarray
+    error: np.ndarray
+    planes: np.ndarray
+
+
+def dense_views(
+    photos: Sequence[np.ndarray],
+    cameras: Sequence[Camera],
+    sights: Sequence[Sight],
+    xyz: np.ndarray,
+    options: Options,
+    matching: Matching,
+    progress: Progress = lambda *_: None,
+) -> list[DenseView]:
+    """Stereo of posed photos.
+
+    The same photos give the same bits on any number of threads.
+
+    Args:
+        photos: V grey photos (H, W) uint8, of their cameras' sizes.
+        cameras: V.
+        sights: V, from the sparse points.
+        xyz: (M, 3) sparse points, metres.
+        progress: is told how far each stage is.
+
+    Returns:
+        V results; a view without a neighbour has no depth at all.
+    """
+    near_views = choose_neighbours(
+        cameras, [sight.points for sight in sights], xyz, max(options.neighbours, options.asked)
+    )
+    everywhere = np.concatenate([sight.depth for sight in sights])
+    if not len(everywhere):
+        everywhere = np.array([0.5, 5.0])  # a room, if no point says otherwise
+    ranges = [depth_range(sight.depth, everywhere) for sight in sights]
+    planes: list[np.ndarray] = []
+    for level in reversed(range(options.levels)):
+        views = [_at_level(photo, camera, level) for photo, camera in zip(photos, cameras, strict=True)]
+        first = not planes
+        if first:
+            scales = [view.camera.width / camera.width for view, camera in zip(views, cameras, strict=True)]
+            planes = [
+                planes_from_points(sight.pixel * scale, sight.depth, view.camera)
+                for sight, scale, view in zip(sights, scales, views, strict=True)
+            ]
+        else:
+            planes = [
+                resized_planes(old, view.camera.width, view.camera.height)
+                for old, view in zip(planes, views, strict=True)
+            ]
+        for search in range((0 if first else 1), options.rounds + 1):
+            planes = _searched(views, planes, near_views, ranges, options, matching, search, level, progress)
+    return _filtered(views, planes, near_views, options, matching, progress)
+
+
+def _at_level(photo: np.ndarray, camera: Camera, level: int) -> Packed:
+    if level == 0:
+        return packed(photo, camera)
+    width, height = max(8, round(camera.width / 2**level)), max(8, round(camera.height / 2**level))
+    return packed(cv2.resize(photo, (width, height), interpolation=cv2.INTER_AREA), camera.resized(width, height))
+
+
+def _searched(
+    views: Sequence[Packed],
+    planes: Sequence[np.ndarray],
+    near_views: Sequence[np.ndarray],
+    ranges: Sequence[tuple[float, float]],
+    options: Options,
+    matching: Matching,
+    search: int,
+    level: int,
+    progress: Progress,
+) -> list[np.ndarray]:
+    """All views once; all see the others' depths as they were before."""
+    found = []
+    for index, view in enumerate(views):
+        near = near_views[index][: options.neighbours]
+        if not len(near):
+            found.append(np.zeros_like(planes[index]))
+            continue
+        inverse = [planes[other][0] for other in near] if search else None
+        run = Search(view, [views[other] for other in near], matching, ranges[index], index + 1, inverse)
+        draw = 1000 * level + 100 * search
+        if search:
+            size = 0.5 / search
+            found.append(run.run(planes[index], options.refinements, perturbation=size, first_draw=draw))
+        else:
+            found.append(run.run(planes[index], options.iterations, random_depths=2, first_draw=draw))
+        progress(f"stereo at {view.camera.width} pixels, search {search + 1}", index + 1, len(views))
+    return found
+
+
+def _filtered(
+    views: Sequence[Packed],
+    planes: Sequence[np.ndarray],
+    near_views: Sequence[np.ndarray],
+    options: Options,
+    matching: Matching,
+    progress: Progress,
+) -> list[DenseView]:
+    results = []
+    for index, view in enumerate(views):
+        camera, near = view.camera, near_views[index]
+        if not len(near):
+            nothing = np.zeros(planes[index].shape[1:], np.float32)
+            results.append(
+                DenseView(
+                    nothing, np.zeros((*nothing.shape, 3), np.float32), nothing.astype(np.uint8), nothing, planes[index]
+                )
+            )
+            continue
+        others = [views[other] for other in near[: options.neighbours]]
+        cost, _ = Search(view, others, matching, (0.1, 100.0), 0).costs(planes[index])
+        agreed = agreement(
+            camera,
+            planes[index][0],
+            [(views[other].camera, planes[other][0]) for other in near[: options.asked]],
+            options.max_px,
+            options.max_relative,
+        )
+        kept = (agreed.count >= options.min_agreeing) & (cost < options.max_cost)
+        depth = np.divide(1, agreed.inverse_depth, out=np.zeros_like(agreed.inverse_depth), where=kept)
+        normal = plane_normals(planes[index], camera) @ camera.cam_from_world[:3, :3].astype(np.float32)
+        baseline = np.median([np.linalg.norm(views[other].camera.centre - camera.centre) for other in near])
+        # a match is off by a part of a pixel; views that are averaged differ by what they are off
+        by_disparity = DISPARITY_ERROR_PX * depth / (camera.K[0, 0] * max(float(baseline), 1e-6))
+        error = depth * np.hypot(by_disparity, agreed.spread)
+        results.append(
+            DenseView(
+                depth.astype(np.float32),
+                np.where(kept[..., None], normal, 0).astype(np.float32),
+                np.where(kept, agreed.count, 0).astype(np.uint8),
+                np.where(kept, error, 0).astype(np.float32),
+                planes[index],
+            )
+        )
+        progress("stereo, filter", index + 1, len(views))
+    return results

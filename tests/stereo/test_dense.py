@@ -1,0 +1,124 @@
+"""Neighbours, agreement and the whole of stereo on a corner with exact depth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from room2dgs.splat import set_threads
+from room2dgs.stereo.agreement import agreement
+from room2dgs.stereo.dense import Options, Sight, dense_views
+from room2dgs.stereo.neighbours import choose_neighbours
+from room2dgs.stereo.patchmatch import Matching
+
+
+def sparse(corner, count=60):
+    """Points on the surfaces, and what each view sees of them."""
+    random = np.random.default_rng(0)
+    xyz = []
+    for camera, _, depth, _ in corner:
+        rows, columns = random.integers(4, 68, count), random.integers(4, 92, count)
+        rays = np.stack([columns + 0.5, rows + 0.5, np.ones(count)], 1) @ np.linalg.inv(camera.K).T
+        xyz.append((rays * depth[rows, columns, None] - camera.cam_from_world[:3, 3]) @ camera.cam_from_world[:3, :3])
+    xyz = np.concatenate(xyz)
+    sights = []
+    for camera, _, depth, _ in corner:
+        in_cam = xyz @ camera.cam_from_world[:3, :3].T + camera.cam_from_world[:3, 3]
+        pixel = in_cam[:, :2] / in_cam[:, 2:] * camera.K[[0, 1], [0, 1]] + camera.K[:2, 2]
+        inside = (pixel >= 0).all(1) & (pixel < (camera.width, camera.height)).all(1) & (in_cam[:, 2] > 0)
+        column, row = np.where(inside[:, None], pixel, 0).astype(int).T
+        index = np.flatnonzero(inside & (np.abs(depth[row, column] / in_cam[:, 2] - 1) < 0.02))
+        sights.append(Sight(index, pixel[index], in_cam[index, 2]))
+    return xyz, sights
+
+
+def run(corner, options=Options(min_agreeing=2)):  # noqa: B008
+    xyz, sights = sparse(corner)
+    photos, cameras = [photo for _, photo, _, _ in corner], [camera for camera, *_ in corner]
+    return dense_views(photos, cameras, sights, xyz, options, Matching())
+
+
+def test_most_of_what_several_views_see_is_found_and_right(corner):
+    for (camera, _, depth, normals), view in zip(corner[:3], run(corner), strict=False):
+        kept = view.depth > 0
+        assert kept.mean() > 0.6
+        off = np.abs(view.depth - depth)[kept] / depth[kept]
+        assert np.median(off) < 0.003 and np.mean(off < 0.02) > 0.97
+        in_cam = view.normal[kept] @ camera.cam_from_world[:3, :3].T
+        angle = np.degrees(np.arccos((in_cam * normals[kept]).sum(-1).clip(-1, 1)))
+        assert np.median(angle) < 8
+        assert (view.agreeing[kept] >= 2).all() and (view.error[kept] > 0).all()
+        assert (view.normal[~kept] == 0).all() and (view.error[~kept] == 0).all() and (view.agreeing[~kept] == 0).all()
+
+
+def test_coarse_to_fine_finds_it_too(corner):
+    view = run(corner, Options(levels=2, rounds=1))[0]
+    kept = view.depth > 0
+    off = np.abs(view.depth - corner[0][2])[kept] / corner[0][2][kept]
+    assert view.depth.shape == (72, 96) and kept.mean() > 0.6 and np.median(off) < 0.004
+
+
+def test_same_bits_on_any_number_of_threads(corner):
+    found = []
+    try:
+        for count in (1, 2):
+            set_threads(count)
+            found.append(run(corner, Options(rounds=1, iterations=2)))
+    finally:
+        set_threads()
+    for one, other in zip(*found, strict=True):
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_a_camera_that_only_turned_is_no_neighbour_and_its_view_has_no_depth(corner):
+    camera = corner[0][0]
+    alone = [corner[0]] * 3
+    xyz, sights = sparse(alone)
+    near = choose_neighbours([camera] * 3, [sight.points for sight in sights], xyz, 4)
+    assert all(len(views) == 0 for views in near)
+    for view in run(alone):
+        assert not view.depth.any() and not view.normal.any()
+
+
+def test_no_sparse_points_at_all_is_no_obstacle(corner):
+    nothing = Sight(np.zeros(0, int), np.zeros((0, 2)), np.zeros(0))
+    photos, cameras = [photo for _, photo, _, _ in corner], [camera for camera, *_ in corner]
+    options = Options(iterations=5)
+    view = dense_views(photos, cameras, [nothing] * 5, np.zeros((0, 3)), options, Matching())[0]
+    kept = view.depth > 0
+    assert kept.mean() > 0.4
+    assert np.median(np.abs(view.depth - corner[0][2])[kept] / corner[0][2][kept]) < 0.005
+
+
+def test_neighbours_stand_on_different_sides(corner):
+    """Two views beside each other on the right and one on the left: the second choice is the left one."""
+    cameras = [corner[0][0], corner[1][0], corner[4][0], corner[2][0]]
+    nudged = corner[1][0].cam_from_world.copy()
+    nudged[0, 3] -= 0.01
+    cameras[2] = type(cameras[1])(cameras[1].K, 96, 72, nudged)
+    xyz, sights = sparse([corner[0]])
+    seen = [sights[0].points] * 4
+    near = choose_neighbours(cameras, seen, xyz, 2)[0]
+    assert set(near) in ({1, 3}, {2, 3})
+
+
+def test_exact_depths_agree_and_a_wrong_one_is_alone(corner):
+    inverse = [(1 / depth).astype(np.float32) for _, _, depth, _ in corner]
+    cameras = [camera for camera, *_ in corner]
+    others = list(zip(cameras[1:], inverse[1:], strict=True))
+    exact = agreement(cameras[0], inverse[0], others, 1.0, 0.01)
+    assert np.mean(exact.count >= 2) > 0.85
+    np.testing.assert_allclose(exact.inverse_depth, inverse[0], rtol=0.01)
+    wrong = inverse[0].copy()
+    wrong[30:40, 40:50] *= 1.2
+    told = agreement(cameras[0], wrong, others, 1.0, 0.01)
+    assert (told.count[30:40, 40:50] == 0).all()
+    np.testing.assert_array_equal(told.inverse_depth[30:40, 40:50], wrong[30:40, 40:50])
+
+
+@pytest.mark.parametrize("value", [0.0, np.float32(1e-9)])
+def test_unknown_depth_has_nobody_that_agrees(corner, value):
+    inverse = np.full((72, 96), value, np.float32)
+    found = agreement(corner[0][0], inverse, [(corner[1][0], (1 / corner[1][2]).astype(np.float32))], 1.0, 0.01)
+    assert (found.count == 0).all() and np.isfinite(found.inverse_depth).all()
