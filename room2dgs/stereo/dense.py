@@ -100,6 +100,7 @@ def dense_views(
         everywhere = np.array([0.5, 5.0])  # a room, if no point says otherwise
     ranges = [depth_range(sight.depth, everywhere) for sight in sights]
     planes: list[np.ndarray] = []
+    results: list[DenseView] = []
     for level in reversed(range(options.levels)):
         views = [_at_level(photo, camera, level) for photo, camera in zip(photos, cameras, strict=True)]
         first = not planes
@@ -116,7 +117,32 @@ def dense_views(
             ]
         for search in range((0 if first else 1), options.rounds + 1):
             planes = _searched(views, planes, near_views, ranges, options, matching, search, level, progress)
-    return _filtered(views, planes, near_views, options, matching, progress)
+        if level <= 1:
+            kept = _filtered(views, planes, near_views, options, matching, progress)
+            results = [_completed(*pair) for pair in zip(kept, results, strict=True)] if results else kept
+    return results
+
+
+def _completed(fine: DenseView, coarse: DenseView) -> DenseView:
+    """The fine result; where its views did not agree, the coarse one's: a smaller photo has less noise and blur."""
+    height, width = fine.depth.shape
+    planes = resized_planes(coarse.planes * (coarse.depth > 0), width, height)
+    row = np.minimum((np.arange(height) + 0.5) * coarse.depth.shape[0] // height, coarse.depth.shape[0] - 1).astype(int)
+    column = np.minimum((np.arange(width) + 0.5) * coarse.depth.shape[1] // width, coarse.depth.shape[1] - 1).astype(int)
+    added = (fine.depth == 0) & (planes[0] > 0)
+    depth = np.divide(1, planes[0], out=np.zeros_like(fine.depth), where=added)
+
+    def joined(name: str, there: np.ndarray) -> np.ndarray:
+        theirs = getattr(coarse, name)[row[:, None], column]
+        return np.where(there if theirs.ndim == 2 else there[..., None], theirs, getattr(fine, name))
+
+    return DenseView(
+        np.where(added, depth, fine.depth),
+        joined("normal", added),
+        joined("agreeing", added),
+        joined("error", added),
+        fine.planes,
+    )
 
 
 def _at_level(photo: np.ndarray, camera: Camera, level: int) -> Packed:
@@ -197,7 +223,7 @@ def _filtered(
                 np.where(kept[..., None], normal, 0).astype(np.float32),
                 np.where(kept, agreed.count, 0).astype(np.uint8),
                 np.where(kept, error, 0).astype(np.float32),
-                planes[index],
+                np.stack([np.where(kept, agreed.inverse_depth, planes[index][0]), *planes[index][1:]]).astype(np.float32),
             )
         )
         progress("stereo, filter", index + 1, len(views))
