@@ -111,10 +111,7 @@ def dense_views(
                 for sight, scale, view in zip(sights, scales, views, strict=True)
             ]
         else:
-            planes = [
-                resized_planes(old, view.camera.width, view.camera.height)
-                for old, view in zip(planes, views, strict=True)
-            ]
+            planes = [resized_planes(old, *view.camera.size) for old, view in zip(planes, views, strict=True)]
         for search in range((0 if first else 1), options.rounds + 1):
             planes = _searched(views, planes, near_views, ranges, options, matching, search, level, progress)
         if level <= 1:
@@ -128,7 +125,9 @@ def _completed(fine: DenseView, coarse: DenseView) -> DenseView:
     height, width = fine.depth.shape
     planes = resized_planes(coarse.planes * (coarse.depth > 0), width, height)
     row = np.minimum((np.arange(height) + 0.5) * coarse.depth.shape[0] // height, coarse.depth.shape[0] - 1).astype(int)
-    column = np.minimum((np.arange(width) + 0.5) * coarse.depth.shape[1] // width, coarse.depth.shape[1] - 1).astype(int)
+    column = np.minimum((np.arange(width) + 0.5) * coarse.depth.shape[1] // width, coarse.depth.shape[1] - 1).astype(
+        int
+    )
     added = (fine.depth == 0) & (planes[0] > 0)
     depth = np.divide(1, planes[0], out=np.zeros_like(fine.depth), where=added)
 
@@ -212,7 +211,7 @@ def _filtered(
         )
         kept = (agreed.count >= options.min_agreeing) & (cost < options.max_cost)
         depth = np.divide(1, agreed.inverse_depth, out=np.zeros_like(agreed.inverse_depth), where=kept)
-        normal = plane_normals(planes[index], camera) @ camera.cam_from_world[:3, :3].astype(np.float32)
+        normal = camera.turned_to_world(plane_normals(planes[index], camera))
         baseline = np.median([np.linalg.norm(views[other].camera.centre - camera.centre) for other in near])
         # a match is off by a part of a pixel; views that are averaged differ by what they are off
         by_disparity = DISPARITY_ERROR_PX * depth / (camera.K[0, 0] * max(float(baseline), 1e-6))
@@ -223,7 +222,9 @@ def _filtered(
                 np.where(kept[..., None], normal, 0).astype(np.float32),
                 np.where(kept, agreed.count, 0).astype(np.uint8),
                 np.where(kept, error, 0).astype(np.float32),
-                np.stack([np.where(kept, agreed.inverse_depth, planes[index][0]), *planes[index][1:]]).astype(np.float32),
+                np.stack([np.where(kept, agreed.inverse_depth, planes[index][0]), *planes[index][1:]]).astype(
+                    np.float32
+                ),
             )
         )
         progress("stereo, filter", index + 1, len(views))

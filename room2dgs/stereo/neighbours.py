@@ -9,6 +9,7 @@ import numpy as np
 from room2dgs.geometry.camera import Camera
 
 GRID = (16, 12)  # one point a cell of the photo has a say, so that the whole photo counts alike
+FEW_POINTS = 40  # all of fewer have a say
 FULL_ANGLE_DEG = 4.0  # of triangulation: less counts less, by its square
 WIDE_ANGLE_DEG = 12.0  # beyond it patches begin to differ
 FADE_DEG = 8.0
@@ -55,9 +56,9 @@ def _of_view(
     xyz: np.ndarray,
     count: int,
 ) -> np.ndarray:
-    in_cam = xyz[points] @ camera.cam_from_world[:3, :3].T + camera.cam_from_world[:3, 3]
-    depth = float(np.median(in_cam[:, 2])) if len(points) else NO_POINTS_DEPTH_M
-    points = points[_one_a_cell(in_cam, camera)] if len(points) > 40 else points
+    pixel, z = camera.project(xyz[points])
+    depth = float(np.median(z)) if len(points) else NO_POINTS_DEPTH_M
+    points = points[_one_a_cell(pixel, camera)] if len(points) > FEW_POINTS else points
     distance = np.linalg.norm(centres - centres[view], axis=1)
     cosine = axes @ axes[view]
     candidates = np.flatnonzero((cosine > MIN_AXES_COSINE) & (distance > LEAST_BASELINE * depth) & (distance < depth))
@@ -87,9 +88,8 @@ def _of_view(
     return candidates[taken]
 
 
-def _one_a_cell(in_cam: np.ndarray, camera: Camera) -> np.ndarray:
-    pixel = in_cam[:, :2] / in_cam[:, 2:] * camera.K[[0, 1], [0, 1]] + camera.K[:2, 2]
-    cell = (pixel / (camera.width, camera.height) * GRID).astype(np.int64)
+def _one_a_cell(pixel: np.ndarray, camera: Camera) -> np.ndarray:
+    cell = (pixel / camera.size * GRID).astype(np.int64)
     return np.unique(cell[:, 1] * GRID[0] + cell[:, 0], return_index=True)[1]
 
 

@@ -24,8 +24,7 @@ def plane_normals(planes: np.ndarray, camera: Camera) -> np.ndarray:
     """
     w, gx, gy = planes.astype(np.float64)
     K = camera.K
-    x = np.arange(camera.width) + 0.5 - K[0, 2]
-    y = np.arange(camera.height)[:, None] + 0.5 - K[1, 2]
+    x, y = np.moveaxis(camera.pixels() - K[:2, 2], -1, 0)
     across = np.stack([gx * K[0, 0], gy * K[1, 1], w - gx * x - gy * y], axis=-1)
     length = np.linalg.norm(across, axis=-1, keepdims=True)
     there = (w > 0)[..., None] & (length > 0)

@@ -23,9 +23,8 @@ def planes_from_points(pixel: np.ndarray, depth: np.ndarray, camera: Camera) -> 
     """
     planes = np.zeros((3, camera.height, camera.width), np.float32)
     if len(pixel):
-        y, x = np.mgrid[: camera.height, : camera.width] + 0.5
-        tree = cKDTree(pixel)
-        distance, nearest = tree.query(np.stack([x.ravel(), y.ravel()], 1), distance_upper_bound=REACH * camera.width)
+        asked = camera.pixels().reshape(-1, 2)
+        distance, nearest = cKDTree(pixel).query(asked, distance_upper_bound=REACH * camera.width)
         found = np.isfinite(distance)
         planes[0].reshape(-1)[found] = 1 / depth[nearest[found]]
     return planes
@@ -35,8 +34,8 @@ def depth_range(depth: np.ndarray, all_depths: np.ndarray) -> tuple[float, float
     """Nearest and farthest depth worth looking at, metres.
 
     Args:
-        depth: (N,) of the points that the view sees; with few of them those of all views, `all_depths`, tell it.
+        depth: (N,) of the points that the view sees; with few of them those of all views, `all_depths`, count.
     """
-    told = depth if len(depth) >= FEW_POINTS else all_depths
-    near, far = np.percentile(told, (1, 99))
+    known = depth if len(depth) >= FEW_POINTS else all_depths
+    near, far = np.percentile(known, (1, 99))
     return NEARER * float(near), FARTHER * float(far)
