@@ -20,6 +20,7 @@ INTERRUPTED, UNREAD, TERMINATED = 130, 141, 143  # 128 + SIGINT, SIGPIPE, SIGTER
 VERBS = {
     "run": "photos to a scored mesh: points, training, mesh, renders, scores",
     "train": "the first part of run: points and training",
+    "depth": "dense depth of a capture by stereo, and a first mesh without training",
     "mesh": "mesh an earlier run (again)",
     "eval": "score an earlier run, or any mesh against a ground truth",
     "render": "pictures of an earlier run's views beside the photos",

@@ -11,6 +11,7 @@ BENCHES = {
     "raster": ("room2dgs.bench.raster", "the rasterizer's time on this machine"),
     "prior": ("room2dgs.commands.bench_prior", "a prior's depth, normals and confidence where depth is known"),
     "memory": ("room2dgs.bench.memory", "the peak memory of training over the number of views"),
+    "stereo": ("room2dgs.commands.bench_stereo", "dense stereo where depth is known, and its time"),
     "prior-error": ("room2dgs.commands.prior_error", "the mesh's score over the errors of the prior"),
 }
 

@@ -10,6 +10,7 @@ from room2dgs.config.groups.prior import DepthPriorConfig, NormalPriorConfig, Pr
 from room2dgs.config.groups.render import RenderConfig
 from room2dgs.config.groups.scene import SceneConfig
 from room2dgs.config.groups.seeds import SeedsConfig
+from room2dgs.config.groups.stereo import StereoConfig
 from room2dgs.config.groups.strategy import StrategyConfig
 from room2dgs.config.groups.train import RatesConfig, ResolutionConfig, TrainConfig
 from room2dgs.config.load import dump_config, load_config
@@ -33,6 +34,7 @@ __all__ = [
     "ResolutionConfig",
     "SceneConfig",
     "SeedsConfig",
+    "StereoConfig",
     "StrategyConfig",
     "TermConfig",
     "TrainConfig",

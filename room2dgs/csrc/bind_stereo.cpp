@@ -1,12 +1,14 @@
 // Binds dense stereo. Every array is checked for shape, type and contiguity by its declared type, the rest here.
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <initializer_list>
 #include <optional>
+#include <stdexcept>
 #include <vector>
 
-#include "bind.h"
+#include "arrays.h"
 #include "parallel.h"
 #include "patchmatch.h"
 
@@ -28,10 +30,6 @@ using Pose = nb::ndarray<const double, nb::shape<3, 4>, nb::c_contig, nb::device
 
 constexpr int64_t kRowsPerTask = 2;
 constexpr int64_t kMostPixels = int64_t(1) << 24;  // kernels index photos with floats
-
-void require(bool condition, const char* message) {
-  if (!condition) throw nb::value_error(message);
-}
 
 int64_t clamped(int64_t x, int64_t size) { return x < 0 ? 0 : x >= size ? size - 1 : x; }
 
@@ -59,6 +57,19 @@ struct StereoPhoto {
       }
     }
   }
+};
+
+// Held by the call that uses an object: a second thread is refused while the first one's kernels run.
+class InUse {
+ public:
+  explicit InUse(std::atomic<bool>& flag) : flag_(flag) {
+    if (flag_.exchange(true)) throw std::runtime_error("this PatchMatch is in use by another thread");
+  }
+  ~InUse() { flag_ = false; }
+  InUse(const InUse&) = delete;
+
+ private:
+  std::atomic<bool>& flag_;
 };
 
 // One reference photo, its neighbours and the planes of its pixels.
@@ -95,6 +106,7 @@ class PatchMatch {
 
   void add_view(const StereoPhoto& photo, Pose view_from_reference, Pose reference_from_view,
                 std::optional<ConstMap> inverse_depth) {
+    const InUse use(in_use_);
     require(views_.size() < size_t(kStereoMaxViews), "too many neighbouring views");
     require(!inverse_depth || (int64_t(inverse_depth->shape(0)) == photo.height &&
                                int64_t(inverse_depth->shape(1)) == photo.width),
@@ -114,16 +126,19 @@ class PatchMatch {
   }
 
   void set_planes(ConstPlanes planes) {
+    const InUse use(in_use_);
     pack(planes, {&w_, &gx_, &gy_});
     std::fill(cost_.begin(), cost_.end(), 1e9f);
   }
   void set_hints(ConstPlanes planes) {
+    const InUse use(in_use_);
     for (auto* plane : {&hint_w_, &hint_gx_, &hint_gy_}) plane->assign(size_, 0.0f);
     pack(planes, {&hint_w_, &hint_gx_, &hint_gy_});
     job_.hint_w = hint_w_.data(), job_.hint_gx = hint_gx_.data(), job_.hint_gy = hint_gy_.data();
   }
 
   void run(int iterations, double perturbation, int random_depths, double geometric_weight, uint32_t first_draw) {
+    const InUse use(in_use_);
     ready();
     require(iterations >= 0 && iterations <= 1000, "iterations are 0 to 1000");
     require(perturbation >= 0 && perturbation <= 10 && geometric_weight >= 0 && geometric_weight <= 100,
@@ -142,6 +157,7 @@ class PatchMatch {
   }
 
   void costs(double geometric_weight, Map cost, Map variance) {
+    const InUse use(in_use_);
     ready();
     require(int64_t(cost.shape(0)) == job_.height && int64_t(cost.shape(1)) == job_.width &&
                 int64_t(variance.shape(0)) == job_.height && int64_t(variance.shape(1)) == job_.width,
@@ -154,6 +170,7 @@ class PatchMatch {
   }
 
   void planes(Planes out) const {
+    const InUse use(in_use_);
     require(int64_t(out.shape(1)) == job_.height && int64_t(out.shape(2)) == job_.width, "planes differ from the photo in size");
     const std::vector<float>* from[3] = {&w_, &gx_, &gy_};
     for (int part = 0; part < 3; ++part)
@@ -196,6 +213,7 @@ class PatchMatch {
   }
 
   const StereoPhoto& photo_;
+  mutable std::atomic<bool> in_use_{false};
   int64_t size_;
   StereoJob job_;
   std::vector<StereoView> views_;

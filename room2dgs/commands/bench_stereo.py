@@ -1,0 +1,57 @@
+"""`room2dgs bench stereo SCENE...`: what dense stereo finds where depth is known, and what it costs."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pandas as pd
+
+from room2dgs.bench.stereo import measured
+from room2dgs.commands.bench_prior import scene_config, split_scenes
+from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.errors import InputError
+from room2dgs.runs.folder import last_value
+from room2dgs.runs.metrics import commit, machine
+
+USAGE = "room2dgs bench stereo SCENE... [out=DIR] [widths=320,640] [scene.frames=N] [stereo.KEY=VALUE ...]"
+HELP = """Measures dense stereo on captures with depth: how much of it is found and right, and how long a photo takes.
+
+For example: room2dgs bench stereo room other_room widths=320
+With out=DIR the sparse points are kept there, and the table is written as bench_stereo.csv.
+"""
+WIDTHS = "widths="
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Measure and print a table.
+
+    Raises:
+        InputError: settings that cannot be, a scene without depth.
+    """
+    argv = list(argv or [])
+    if asked_for_help(argv):
+        return show(USAGE, HELP, ("scene", "stereo"))
+    widths = [_width(text) for part in argv if part.startswith(WIDTHS) for text in part[len(WIDTHS) :].split(",")]
+    scenes, overrides = split_scenes([text for text in argv if not text.startswith(WIDTHS)])
+    rows = []
+    for scene in scenes:
+        config = scene_config(scene, overrides)
+        for width in widths or [config.stereo.width]:
+            rows.append(measured(config, width))
+    table = pd.DataFrame(rows)
+    print(shlex.join(["room2dgs", "bench", "stereo", *argv]))
+    print(f"{machine()}; commit {commit()}")
+    print(table.to_string(index=False))
+    if last_value(overrides, "out"):
+        path = Path(scene_config(scenes[0], overrides).out) / "bench_stereo.csv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        table.to_csv(path, index=False)
+        print(f"table: {path}")
+    return 0
+
+
+def _width(text: str) -> int:
+    if not text.isdecimal() or int(text) < 16:
+        raise InputError(f"widths={text} is no list of image widths; give for example widths=320,640")
+    return int(text)

@@ -1,0 +1,92 @@
+"""Dense stereo of a scene's views, from photos on disk and sparse points."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import cv2
+import numpy as np
+
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
+from room2dgs.captures.seen_points import seen_points
+from room2dgs.config import StereoConfig
+from room2dgs.geometry.camera import Camera
+from room2dgs.stereo.dense import COARSEST_WIDTH, DenseView, Options, Sight, dense_views
+from room2dgs.stereo.patchmatch import Matching
+
+Log = Callable[[str], None]
+LOG_SECONDS = 10.0
+
+
+def scene_stereo(
+    frames: Sequence[Frame], points: PointCloud, settings: StereoConfig, log: Log = print
+) -> tuple[list[Camera], list[DenseView]]:
+    """Depth and normals of each view where several views agree.
+
+    Args:
+        frames: the views, at their working size.
+        points: sparse points, metres; their tracks tell which views see the same.
+        log: takes one line at a time.
+
+    Returns:
+        The views' cameras at stereo's image size, and what was found in each, in the frames' order.
+
+    Raises:
+        InputError: a photo cannot be decoded.
+    """
+    cameras = [_camera(frame.camera, settings.width) for frame in frames]
+    photos = [_grey(frame, camera) for frame, camera in zip(frames, cameras, strict=True)]
+    sights = [_sight(frame, camera, points) for frame, camera in zip(frames, cameras, strict=True)]
+    options = Options(
+        neighbours=settings.neighbours,
+        asked=settings.asked,
+        iterations=settings.iterations,
+        refinements=settings.refinements,
+        rounds=settings.rounds,
+        levels=_levels(max(camera.width for camera in cameras)),
+        min_agreeing=settings.min_agreeing,
+        max_px=settings.max_px,
+        max_relative=settings.max_relative,
+        max_cost=settings.max_cost,
+    )
+    matching = Matching(radius=settings.radius, step=settings.step, best=settings.best)
+    return cameras, dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log))
+
+
+def coverage(views: Sequence[DenseView]) -> np.ndarray:
+    """(V,) share of each view's pixels that have a depth."""
+    return np.array([np.mean(view.depth > 0) for view in views])
+
+
+def _levels(width: int) -> int:
+    """Image sizes: halves of `width` down to the first that is no wider than the coarsest needs to be."""
+    return 1 if width <= COARSEST_WIDTH else 1 + _levels((width + 1) // 2)
+
+
+def _camera(camera: Camera, width: int | None) -> Camera:
+    return camera if width is None or width >= camera.width else camera.resized_to_width(width)
+
+
+def _grey(frame: Frame, camera: Camera) -> np.ndarray:
+    grey = cv2.cvtColor(frame.color(), cv2.COLOR_RGB2GRAY)
+    return grey if camera == frame.camera else cv2.resize(grey, camera.size, interpolation=cv2.INTER_AREA)
+
+
+def _sight(frame: Frame, camera: Camera, points: PointCloud) -> Sight:
+    """The points that the photo saw, at stereo's image size."""
+    index, pixel, depth = seen_points(points, frame)
+    return Sight(index, pixel * np.array(camera.size) / frame.camera.size, depth)
+
+
+def _progress(log: Log) -> Callable[[str, int, int], None]:
+    last = time.monotonic()
+
+    def progress(stage: str, done: int, count: int) -> None:
+        nonlocal last
+        if time.monotonic() - last > LOG_SECONDS:
+            last = time.monotonic()
+            log(f"{stage}: {done} of {count} views")
+
+    return progress
