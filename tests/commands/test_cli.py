@@ -238,13 +238,13 @@ def test_our_fault_keeps_the_traceback_in_the_runs_log(scene, tmp_path, monkeypa
 
 def test_our_fault_without_a_run_keeps_the_traceback_too(monkeypatch, tmp_path, capsys):
     import room2dgs.commands.doctor
-    import room2dgs.runs.folder
+    from room2dgs.logs import LOGGER
 
     def broken(_):
         raise ZeroDivisionError("nothing to share")
 
     monkeypatch.setattr(room2dgs.commands.doctor, "main", broken)
-    monkeypatch.setattr(room2dgs.runs.folder, "_logs", [])
+    monkeypatch.setattr(LOGGER, "handlers", [])  # of runs of other tests
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     assert cli.main(["doctor"]) == 1
     (path,) = tmp_path.glob("room2dgs_*.log")
