@@ -45,6 +45,24 @@ def seen_points(points: PointCloud, frame: Frame) -> SeenPoints:
     return SeenPoints(index[usable].astype(np.int64), pixel[usable].astype(np.float64), depth[usable])
 
 
+def likely_points(points: PointCloud, frame: Frame) -> tuple[SeenPoints, np.ndarray]:
+    """Points that a photo has seen, and those that it probably sees too without having been matched there.
+
+    A track has a few photos of the many that see its point. What is fitted robustly is better off with all of them;
+    what is judged wants the sure ones.
+
+    Returns:
+        The points, and (N,) bool: which of them the photo is known to have seen.
+    """
+    guess = probably_seen(points.xyz, frame.camera)
+    if points.tracks is None:
+        return guess, np.ones(len(guess.index), dtype=bool)
+    sure = seen_points(points, frame)
+    more = ~np.isin(guess.index, sure.index)
+    parts = (np.concatenate([one, other[more]]) for one, other in zip(sure, guess, strict=True))
+    return SeenPoints(*parts), np.arange(len(sure.index) + int(more.sum())) < len(sure.index)
+
+
 def probably_seen(xyz: np.ndarray, camera: Camera) -> SeenPoints:
     """A guess for points without tracks: those that project into the image and are not plainly behind another one.
 

@@ -13,10 +13,10 @@ from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
 from room2dgs.config import StereoConfig
 from room2dgs.geometry.camera import Camera
+from room2dgs.logs import Log
 from room2dgs.stereo.dense import COARSEST_WIDTH, DenseView, Options, Sight, dense_views
 from room2dgs.stereo.patchmatch import Matching
 
-Log = Callable[[str], None]
 LOG_SECONDS = 10.0
 
 

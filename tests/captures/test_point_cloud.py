@@ -7,7 +7,7 @@ import pytest
 
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.scene import Frame
-from room2dgs.captures.seen_points import probably_seen, seen_points
+from room2dgs.captures.seen_points import likely_points, probably_seen, seen_points
 
 
 def cloud() -> PointCloud:
@@ -63,3 +63,15 @@ def test_without_tracks_a_point_plainly_behind_another_one_is_not_seen():
     assert seen.pixel[0] == pytest.approx([49.6, 37.6]) and seen.depth == pytest.approx([1, 2, 1.2])
     assert seen_points(PointCloud(xyz, np.zeros((6, 3), np.uint8)), photo("a")).index.tolist() == [1, 2, 5]
     assert len(probably_seen(np.zeros((0, 3)), photo("a").camera).index) == 0
+
+
+def test_what_a_photo_probably_sees_too_stands_behind_what_it_is_known_to_see():
+    known = seen_points(cloud(), photo("a"))
+    points, sure = likely_points(cloud(), photo("a"))
+    assert sure.tolist() == [True] * len(known.index) + [False] * (len(points.index) - len(known.index))
+    assert len(set(points.index.tolist())) == len(points.index)  # nothing twice
+    np.testing.assert_array_equal(points.pixel[sure], known.pixel)  # where it was matched, not where it projects
+    guess = probably_seen(cloud().xyz, photo("a").camera)
+    assert set(points.index.tolist()) == set(known.index.tolist()) | set(guess.index.tolist())
+    bare, all_sure = likely_points(PointCloud(cloud().xyz, cloud().rgb), photo("a"))
+    assert all_sure.all() and bare.index.tolist() == guess.index.tolist()

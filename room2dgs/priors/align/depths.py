@@ -11,7 +11,7 @@ import numpy as np
 from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
-from room2dgs.captures.seen_points import seen_points
+from room2dgs.captures.seen_points import likely_points
 from room2dgs.config import DepthPriorConfig
 from room2dgs.logs import Log
 from room2dgs.priors.align.neighbours import FEW_POINTS, align_to_neighbours
@@ -71,7 +71,7 @@ def _align_to_points(
     depths: LazyMaps[np.ndarray] = LazyMaps()
     fits: dict[str, Fit] = {}
     for frame in frames:
-        x, y = pairs_at_points(raw[frame.name], seen_points(points, frame), settings)
+        x, y = pairs_at_points(raw[frame.name], likely_points(points, frame)[0], settings)
         if not settings.align:
             fit = Fit(1.0, 0.0, residual(x, y, 1.0, 0.0), len(x))
         elif len(x) >= FEW_POINTS:

@@ -9,7 +9,7 @@ import numpy as np
 from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
-from room2dgs.captures.seen_points import probably_seen, seen_points
+from room2dgs.captures.seen_points import likely_points, probably_seen
 from room2dgs.config import DepthPriorConfig
 from room2dgs.logs import Log
 from room2dgs.priors.align.one_view import METRIC_SHIFT_M, RawMaps, add_aligned, pairs_at_points, shift_sigma
@@ -46,7 +46,7 @@ def align_to_neighbours(
         beside = [j for j in np.argsort(-shared[index] * known, kind="stable")[:NEIGHBOURS] if known[j]]
         beside = [j for j in beside if shared[index, j] > MIN_SHARED]
         read = raw[frame.name]
-        x, y = pairs_at_points(read, seen_points(points, frame), settings)
+        x, y = pairs_at_points(read, likely_points(points, frame)[0], settings)
         own = len(x)
         for j in beside:
             sampled = _sampled_points(frames[j], depths[frames[j].name])
@@ -72,7 +72,7 @@ def _align_by_one_scale(
 
     Passing on the scale of one view would be worse.
     """
-    seen = [pairs_at_points(raw[frame.name], seen_points(points, frame), settings) for frame in frames]
+    seen = [pairs_at_points(raw[frame.name], likely_points(points, frame)[0], settings) for frame in frames]
     pooled = [np.concatenate(part) for part in zip(*seen, strict=True)] or [np.zeros(0), np.zeros(0)]
     common = fit_scale_shift(*pooled, shift_sigma=METRIC_SHIFT_M) or Fit(1.0, 0.0, float("nan"), 0)
     for frame, (x, y) in zip(frames, seen, strict=True):

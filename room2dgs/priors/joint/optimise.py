@@ -173,6 +173,6 @@ def _differences(views: Overlap, grid: Tensor) -> tuple[float, float, float]:
     more than `OUTLIER_ERROR`; NaN without any."""
     generator = torch.Generator().manual_seed(1)
     between = view_residuals(views, grid, SAMPLES[1], generator)[0].abs()
-    points = point_residuals(views, grid, SAMPLES[1], generator).abs()
+    points = point_residuals(views, grid, SAMPLES[1], generator, tracked=True).abs()
     medians = [float(part.median()) if len(part) else float("nan") for part in (between, points)]
     return *medians, float((points > OUTLIER_ERROR).float().mean()) if len(points) else float("nan")

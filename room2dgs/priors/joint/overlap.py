@@ -12,7 +12,7 @@ from torch import Tensor
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
-from room2dgs.captures.seen_points import seen_points
+from room2dgs.captures.seen_points import likely_points
 from room2dgs.geometry.camera_tensors import CameraTensors, camera_tensors
 from room2dgs.sfm.pairs import shared_view
 
@@ -40,7 +40,8 @@ class Overlap:
         cameras: of the views, at their full size.
         pairs: (P, 2) int64, views that see the same surface, both ways round.
         point_view: (M,) int64; point_px: (M, 2); point_depth: (M,) sparse points as seen by the views, metres;
-            point_prior: (M,) the depth map there, metres.
+            point_tracked: (M,) bool, whether the photo is known to have seen the point; point_prior: (M,) the depth
+            map there, metres.
     """
 
     step: int
@@ -55,6 +56,7 @@ class Overlap:
     point_view: Tensor
     point_px: Tensor
     point_depth: Tensor
+    point_tracked: Tensor
     point_prior: Tensor
 
     def __len__(self) -> int:
@@ -132,7 +134,7 @@ def overlap(
         torch.zeros(0, dtype=torch.float32),
     )
     prior, good = views.depth_at(views.point_view, views.point_px)
-    seen = {name: getattr(views, name)[good] for name in ("point_view", "point_px", "point_depth")}
+    seen = {name: getattr(views, name)[good] for name in ("point_view", "point_px", "point_depth", "point_tracked")}
     return replace(views, **seen, point_prior=prior[good])
 
 
@@ -168,11 +170,18 @@ def _pairs(frames: Sequence[Frame]) -> Tensor:
     return torch.tensor(found, dtype=torch.int64).reshape(-1, 2)
 
 
-def _points(frames: Sequence[Frame], points: PointCloud | None) -> tuple[Tensor, Tensor, Tensor]:
+def _points(frames: Sequence[Frame], points: PointCloud | None) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     views, pixels, depths = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 2))], [np.zeros(0)]
+    tracked = [np.zeros(0, dtype=bool)]
     for index, frame in enumerate(frames if points is not None else ()):
-        seen = seen_points(points, frame)
+        seen, known = likely_points(points, frame)
         views.append(np.full(len(seen.index), index))
         pixels.append(seen.pixel)
         depths.append(seen.depth)
-    return torch.from_numpy(np.concatenate(views)), _float(np.concatenate(pixels)), _float(np.concatenate(depths))
+        tracked.append(known)
+    return (
+        torch.from_numpy(np.concatenate(views)),
+        _float(np.concatenate(pixels)),
+        _float(np.concatenate(depths)),
+        torch.from_numpy(np.concatenate(tracked)),
+    )

@@ -5,6 +5,8 @@ Each function draws its samples from the generator and is differentiable with re
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
@@ -26,8 +28,14 @@ def robust(residual: Tensor, width: float, weight: Tensor | None = None) -> Tens
     return (cost if weight is None else weight * cost).sum() / max(1, len(residual))
 
 
-def point_residuals(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """(N,) log of optimised depth over point depth, at random sparse points."""
+def point_residuals(
+    views: Overlap, grid: Tensor, count: int, generator: torch.Generator, tracked: bool = False
+) -> Tensor:
+    """(N,) log of optimised depth over point depth, at random sparse points; or at those known to be seen alone."""
+    if tracked and views.point_tracked.any():
+        sure = views.point_tracked
+        parts = ("point_view", "point_px", "point_depth", "point_tracked", "point_prior")
+        views = replace(views, **{name: getattr(views, name)[sure] for name in parts})
     if not len(views.point_view):
         return grid.new_zeros(0)
     some = torch.randint(len(views.point_view), (count,), generator=generator)

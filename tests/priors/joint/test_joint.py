@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 import torch
 
-from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.scene import Frame
+from room2dgs.captures.seen_points import seen_points
 from room2dgs.priors import load_priors
 from room2dgs.priors.joint import optimise as joint
 from room2dgs.priors.joint.optimise import joint_depths
@@ -266,6 +267,23 @@ def test_loaded_maps_are_optimised_jointly_if_asked_and_the_log_has_the_residual
     found = {name: prior.depth for name, prior in load_priors(frames, points, settings, lines.append).by_frame.items()}
     assert (error(found, depths) < 0.015) == joint
     assert any("joint depth optimisation: views differ by" in line for line in lines) == joint
+
+
+def test_maps_are_judged_by_points_that_photos_are_known_to_have_seen(ring):
+    """Points behind walls are guessed to be seen; what photos did see says that the maps are right."""
+    frames, depths, normals, points = ring
+    xyz = np.concatenate([points.xyz, points.xyz * 1.15])  # the room is about the origin
+    observed = []
+    for index, frame in enumerate(frames):
+        seen = seen_points(PointCloud(points.xyz, points.rgb), frame)
+        observed.append((np.full(len(seen.index), index), seen.index, seen.pixel))
+    frame_of, point_of, pixel = (np.concatenate(part) for part in zip(*observed, strict=True))
+    tracks = Tracks(tuple(frame.name for frame in frames), frame_of, point_of, pixel.astype(np.float32))
+    rgb = np.zeros((len(xyz), 3), np.uint8)
+    known = joint_depths(frames, depths, normals, PointCloud(xyz, rgb, tracks))
+    guessed = joint_depths(frames, depths, normals, PointCloud(xyz, rgb))
+    assert known.outlier_ratio < 0.05
+    assert guessed.outlier_ratio > 0.12
 
 
 def test_maps_on_which_all_views_agree_but_the_points_do_not_are_left_out(ring, prior_config, tmp_path):
