@@ -13,7 +13,8 @@ from room2dgs.captures.scene import Frame
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import cached, read, use_threads
 from room2dgs.files import whole_file
-from room2dgs.runs.folder import MESH, POINTS, claimed, logger, new_run
+from room2dgs.logs import run_log
+from room2dgs.runs.folder import MESH, POINTS, claimed, new_run
 from room2dgs.runs.metrics import record, timed
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def main(argv: list[str]) -> int:
         from room2dgs.stereo.cloud import fused_cloud, ply_bytes
         from room2dgs.stereo.scene import coverage, scene_stereo
 
-        log = logger(out)
+        log = run_log(out)
         use_threads(config)
         with timed(seconds, "points"):
             points = sparse_points(scene, config.points, Path(config.points.cache or out / POINTS), log)
