@@ -12,6 +12,7 @@ from room2dgs.geometry.camera import Camera
 
 NEAR_M = 0.05
 CELLS = 24  # across the image, in each of which points hide one another
+ENOUGH_TRACKED = 100  # points of a photo; a guess adds to fewer
 HIDDEN = 1.25  # a point this many times as far as its cell's nearest is hidden
 
 
@@ -46,18 +47,21 @@ def seen_points(points: PointCloud, frame: Frame) -> SeenPoints:
 
 
 def likely_points(points: PointCloud, frame: Frame) -> tuple[SeenPoints, np.ndarray]:
-    """Points that a photo has seen, and those that it probably sees too without having been matched there.
+    """Points that a photo has seen and, if these are few, those that it probably sees too.
 
-    A track has a few photos of the many that see its point. What is fitted robustly is better off with all of them;
-    what is judged wants the sure ones.
+    A track has a few photos of the many that see its point. Where a photo has hardly any, a robust fit is better off
+    with guesses; where it has many, hidden points among the guesses do harm (docs/results.md).
 
     Returns:
         The points, and (N,) bool: which of them the photo is known to have seen.
     """
-    guess = probably_seen(points.xyz, frame.camera)
     if points.tracks is None:
+        guess = probably_seen(points.xyz, frame.camera)
         return guess, np.ones(len(guess.index), dtype=bool)
     sure = seen_points(points, frame)
+    if len(sure.index) >= ENOUGH_TRACKED:
+        return sure, np.ones(len(sure.index), dtype=bool)
+    guess = probably_seen(points.xyz, frame.camera)
     more = ~np.isin(guess.index, sure.index)
     parts = (np.concatenate([one, other[more]]) for one, other in zip(sure, guess, strict=True))
     return SeenPoints(*parts), np.arange(len(sure.index) + int(more.sum())) < len(sure.index)

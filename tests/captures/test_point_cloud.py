@@ -75,3 +75,9 @@ def test_what_a_photo_probably_sees_too_stands_behind_what_it_is_known_to_see():
     assert set(points.index.tolist()) == set(known.index.tolist()) | set(guess.index.tolist())
     bare, all_sure = likely_points(PointCloud(cloud().xyz, cloud().rgb), photo("a"))
     assert all_sure.all() and bare.index.tolist() == guess.index.tolist()
+
+
+def test_a_photo_that_is_known_to_have_seen_many_points_needs_no_guess(monkeypatch):
+    monkeypatch.setattr("room2dgs.captures.seen_points.ENOUGH_TRACKED", 3)
+    points, sure = likely_points(cloud(), photo("a"))
+    assert points.index.tolist() == seen_points(cloud(), photo("a")).index.tolist() and sure.all()
