@@ -12,7 +12,7 @@ from room2dgs.geometry.camera import Camera
 
 NEAR_M = 0.05
 CELLS = 24  # across the image, in each of which points hide one another
-ENOUGH_TRACKED = 100  # points of a photo; a guess adds to fewer
+ENOUGH_TRACKED = 400  # points of a photo; a guess adds to fewer
 HIDDEN = 1.25  # a point this many times as far as its cell's nearest is hidden
 
 
