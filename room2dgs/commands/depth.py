@@ -32,7 +32,7 @@ def main(argv: list[str]) -> int:
     point cloud (dense.ply), and a mesh of the depth alone (mesh.ply).
 
     The maps are .npy files named as the photos: depth in metres (0 = none), unit normals in the world frame, errors in
-    metres. `room2dgs run ... prior=files prior.depth.path=OUT/depth` trains with them.
+    metres. `room2dgs run ... prior/depth=files prior.depth.path=OUT/depth prior.depth.align=false` trains with them.
     """
     if asked_for_help(argv):
         return show(USAGE, main.__doc__, ("scene", "points", "stereo", "mesh"))

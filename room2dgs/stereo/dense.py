@@ -87,7 +87,7 @@ def dense_views(
         cameras: V.
         sights: V, from the sparse points.
         xyz: (M, 3) sparse points, metres.
-        progress: is told how far each stage is.
+        progress: gets the stage, how many views are done, and of how many.
 
     Returns:
         V results; a view without a neighbour has no depth at all.

@@ -112,9 +112,9 @@ def test_exact_depths_agree_and_a_wrong_one_is_alone(corner):
     np.testing.assert_allclose(exact.inverse_depth, inverse[0], rtol=0.01)
     wrong = inverse[0].copy()
     wrong[30:40, 40:50] *= 1.2
-    told = agreement(cameras[0], wrong, others, 1.0, 0.01)
-    assert (told.count[30:40, 40:50] == 0).all()
-    np.testing.assert_array_equal(told.inverse_depth[30:40, 40:50], wrong[30:40, 40:50])
+    found = agreement(cameras[0], wrong, others, 1.0, 0.01)
+    assert (found.count[30:40, 40:50] == 0).all()
+    np.testing.assert_array_equal(found.inverse_depth[30:40, 40:50], wrong[30:40, 40:50])
 
 
 @pytest.mark.parametrize("value", [0.0, np.float32(1e-9)])
