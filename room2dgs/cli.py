@@ -11,7 +11,7 @@ from pathlib import Path
 
 from room2dgs import __version__
 from room2dgs.errors import InputError, RunFailed
-from room2dgs.interrupts import Terminated, reader_is_gone, sigterm_raises, unread
+from room2dgs.interrupts import Terminated, reader_is_gone, signals_raise, unread
 
 DONE, OUR_FAULT, BAD_INPUT = 0, 1, 2
 INTERRUPTED, UNREAD, TERMINATED = 130, 141, 143  # 128 + SIGINT, SIGPIPE, SIGTERM, as shells have it
@@ -37,7 +37,7 @@ def main(argv: list[str] | None = None) -> int:
         0 done, 1 our fault, 2 bad input, 130 interrupted by Ctrl-C, 143 by SIGTERM, 141 when nobody reads the output
         any more; of a study or a sweep with failed runs, that of the first one's cause.
     """
-    with sigterm_raises():
+    with signals_raise():
         try:
             code = _answered(sys.argv[1:] if argv is None else list(argv))
         except BrokenPipeError:

@@ -8,6 +8,7 @@ import select
 import signal
 import sys
 import threading
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -17,17 +18,29 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM arrived. Whoever cleans up after Ctrl-C cleans up after this."""
 
 
+# Python code that is called from where an exception is lost: nanobind asks a tensor for its memory twice and forgets
+# what the first call raised; destructors and weakref callbacks have nobody to raise to.
+_DEAF = ("__dlpack__", "__dlpack_device__", "__del__")
+_DEAF_CODE = weakref.finalize.__call__.__code__
+_LATER_S = 0.005
+
+
 @contextmanager
-def sigterm_raises() -> Iterator[None]:
-    """SIGTERM raises `Terminated` in the main thread, as Ctrl-C raises KeyboardInterrupt."""
+def signals_raise() -> Iterator[None]:
+    """SIGTERM raises `Terminated` in the main thread, as Ctrl-C raises KeyboardInterrupt; neither is ever lost."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, _terminated)
+    before = {signum: signal.getsignal(signum) for signum in (signal.SIGTERM, signal.SIGINT, signal.SIGALRM)}
+    signal.signal(signal.SIGTERM, _terminated)
+    if before[signal.SIGINT] is signal.default_int_handler:  # a shell's background job ignores Ctrl-C
+        signal.signal(signal.SIGINT, _interrupted)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        for signum, handler in before.items():
+            signal.signal(signum, handler)
 
 
 @contextmanager
@@ -70,4 +83,19 @@ def _silence() -> None:
 
 
 def _terminated(signum: int, frame: FrameType | None) -> None:
-    raise Terminated
+    _raise(Terminated, frame)
+
+
+def _interrupted(signum: int, frame: FrameType | None) -> None:
+    _raise(KeyboardInterrupt, frame)
+
+
+def _raise(stop: type[KeyboardInterrupt], frame: FrameType | None) -> None:
+    """Raises, or a moment later if nobody would hear it here."""
+    while frame is not None:
+        if frame.f_code.co_name in _DEAF or frame.f_code is _DEAF_CODE:
+            signal.signal(signal.SIGALRM, lambda _, later: _raise(stop, later))
+            signal.setitimer(signal.ITIMER_REAL, _LATER_S)
+            return
+        frame = frame.f_back
+    raise stop
