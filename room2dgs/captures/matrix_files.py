@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from room2dgs.captures.capture import Lost
 from room2dgs.errors import InputError
 from room2dgs.geometry.poses import rigid_pose
 
@@ -13,7 +14,7 @@ from room2dgs.geometry.poses import rigid_pose
 ROTATION_TOLERANCE = 5e-3
 
 
-class NonFinitePose(ValueError):
+class NonFinitePose(Lost):
     """A pose file of inf or NaN: how ScanNet marks a frame whose tracking was lost."""
 
 
@@ -34,13 +35,26 @@ def read_world_from_cam(path: Path) -> np.ndarray:
     pose = _read_matrix(path, (4,))
     if not np.isfinite(pose).all():
         raise NonFinitePose(f"{path.parent.name}/{path.name} holds inf or NaN (tracking lost)")
+    return rigid(pose, path, "write it row by row as 4x4")
+
+
+def rigid(pose: np.ndarray, label: object, mend: str = "write the poses again") -> np.ndarray:
+    """(4, 4) float64, rigid to the last digit: a rotation that text has rounded is replaced by the nearest one.
+
+    Args:
+        pose: (4, 4), finite.
+        label: what messages call it; mend: what to do about a last row that is wrong.
+
+    Raises:
+        InputError: it is not rigid.
+    """
     if not np.allclose(pose[3], (0.0, 0.0, 0.0, 1.0), rtol=0.0, atol=1e-6):
-        raise InputError(f"{path} is not a rigid pose, its last row is not 0 0 0 1; write it row by row as 4x4")
+        raise InputError(f"{label} is not a rigid pose, its last row is not 0 0 0 1; {mend}")
     rotation = pose[:3, :3]
     error = np.abs(rotation.T @ rotation - np.eye(3)).max()
     if error > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0.0:
         raise InputError(
-            f"{path} is not a rigid pose, its 3x3 part is no rotation (|R^T R - I| = {error:.2g}, "
+            f"{label} is not a rigid pose, its 3x3 part is no rotation (|R^T R - I| = {error:.2g}, "
             f"determinant {np.linalg.det(rotation):.3g}); remove scale and mirroring, or delete the frame"
         )
     left, _, right = np.linalg.svd(rotation)

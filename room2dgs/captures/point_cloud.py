@@ -42,11 +42,13 @@ class PointCloud:
         xyz: (M, 3) float64, metres.
         rgb: (M, 3) uint8.
         tracks: what photos saw; None where nobody knows, as for points from a file.
+        weight: (M,) float32 in 0..1, the trust in each point; None: 1.
     """
 
     xyz: np.ndarray
     rgb: np.ndarray
     tracks: Tracks | None = None
+    weight: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.xyz)
@@ -70,4 +72,13 @@ class PointCloud:
             kept = which[tracks.point]
             point = number[tracks.point[kept]].astype(np.int32)
             tracks = Tracks(tracks.frames, tracks.frame[kept], point, tracks.pixel[kept])
-        return PointCloud(self.xyz[which], self.rgb[which], tracks)
+        weight = None if self.weight is None else self.weight[which]
+        return PointCloud(self.xyz[which], self.rgb[which], tracks, weight)
+
+    def weight_of(self, index: np.ndarray) -> np.ndarray:
+        """(N,) float32 trust in some of the points.
+
+        Args:
+            index: (N,) int64.
+        """
+        return np.ones(len(index), np.float32) if self.weight is None else self.weight[index]

@@ -1,18 +1,18 @@
-"""From a folder to a `Scene`, whatever its layout."""
+"""From a folder or file to a `Scene`, whatever its layout."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
+from room2dgs.captures.assemble import assembled
 from room2dgs.captures.cache import Cache
-from room2dgs.captures.image_files import check_photo
-from room2dgs.captures.readers.scannet import read_scannet
+from room2dgs.captures.listing import Listing
+from room2dgs.captures.readers.registry import reader_of
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import SceneConfig
-
-READERS: dict[str, Callable[[SceneConfig], Scene]] = {"scannet": read_scannet}
+from room2dgs.errors import InputError
 
 
 def read_scene(config: SceneConfig, cache: Cache | None = None) -> Scene:
@@ -31,7 +31,10 @@ def read_scene(config: SceneConfig, cache: Cache | None = None) -> Scene:
         InputError: missing or broken files, poses that are not rigid, sizes that disagree with the
             intrinsics, too few views; the sentence names the file.
     """
-    scene = READERS[config.layout](config)
+    root = Path(config.path)
+    if not root.exists():
+        raise InputError(f"{root} is not there; give scene.path=DIR of a capture (docs/captures.md lists the layouts)")
+    scene = assembled(reader_of(config, Listing(root)).read(root, config), config)
     if cache is not None:
         kept = [tuple(replace(frame, cache=cache) for frame in frames) for frames in (scene.train, scene.test)]
         scene = replace(scene, train=kept[0], test=kept[1], cache=cache)
@@ -44,4 +47,6 @@ def _checked(frame: Frame) -> None:
     if frame.cache is not None and frame.cache.has_room(3 * frame.camera.width * frame.camera.height):
         frame.color()
     else:
-        check_photo(frame.color_path)
+        frame.source.check()
+    if frame.mask_photo is not None:
+        frame.mask_photo.check()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -9,9 +11,16 @@ import cv2
 import numpy as np
 
 from room2dgs.captures.cache import Cache
-from room2dgs.captures.image_files import read_photo
+from room2dgs.captures.depth_maps import DepthMap
+from room2dgs.captures.image_files import resized
+from room2dgs.captures.lens import Lens, pinhole_of
+from room2dgs.captures.photos import Photo, PhotoFile
+from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+
+MASK_WHITE = 127  # of 255; brighter may be used
+MASK_WHOLE = 1 - 1e-4  # share of a pixel that must be usable; resizing rounds
 
 
 @dataclass(frozen=True)
@@ -19,12 +28,18 @@ class Frame:
     """One posed photo; pixels are read when asked for, at the size of `camera`.
 
     Attributes:
-        name: unique in the scene, sorts in capture order ("000012").
-        camera: pose and intrinsics at the working image size.
-        color_path: the photo.
-        depth_path: registered depth map or None.
+        name: unique in the scene, fit for a file's name ("000012").
+        camera: pose and intrinsics at the working image size, without distortion.
+        color_path: the photo's file, or what it would be called as one: its stem names maps of the photo.
+        depth_path: depth map that a sensor measured, or the file that holds it; None without one.
         depth_unit_m: metres of one unit of the depth file (0.001 for millimetres).
         cache: where the decoded photo is kept; None: it is decoded each time.
+        index: place in the capture's order.
+        photo: the photo where it is no file of its own; None: `color_path`.
+        lens: the distortion that is taken out on reading; None: none.
+        mask_photo: white where the photo may be used, of the photo's shape; None: everywhere.
+        depth_map: how the depth is read, and its camera; None: a 16-bit image registered to the photo.
+        poses: what the pose on disk was read as (`scene.poses`).
     """
 
     name: str
@@ -33,19 +48,54 @@ class Frame:
     depth_path: Path | None = None
     depth_unit_m: float = 0.001
     cache: Cache | None = field(default=None, repr=False, compare=False)
+    index: int = 0
+    photo: Photo | None = None
+    lens: Lens | None = None
+    mask_photo: Photo | None = None
+    depth_map: DepthMap | None = None
+    poses: str = "camera_to_world_opencv"
+
+    @property
+    def source(self) -> Photo:
+        """The photo as it is stored."""
+        return self.photo or PhotoFile(self.color_path)
+
+    def full_size(self) -> tuple[int, int]:
+        """(width, height) of the undistorted photo.
+
+        Raises:
+            InputError: the file cannot be decoded.
+        """
+        return pinhole_of(self.lens).size if self.lens else self.source.size()
 
     def color(self) -> np.ndarray:
-        """(H, W, 3) uint8 RGB, area-averaged down to the camera's size; orientation tags are not applied.
+        """(H, W, 3) uint8 RGB, undistorted, area-averaged down to the camera's size; orientation tags are not applied.
 
         It is shared with the cache: do not write to it.
 
         Raises:
             InputError: the file cannot be decoded.
         """
-        size = (self.camera.width, self.camera.height)
         if self.cache is None:
-            return read_photo(self.color_path, size)
-        return self.cache.get_or(("photo", self.color_path, size), lambda: (read_photo(self.color_path, size),))[0]
+            return self._color()
+        return self.cache.get_or(("photo", self._place, self.camera.size), lambda: (self._color(),))[0]
+
+    def mask(self) -> np.ndarray | None:
+        """(H, W) bool: pixels that may be used, those of which every part may; None: all may.
+
+        It is shared with the cache: do not write to it.
+
+        Raises:
+            InputError: the file cannot be decoded.
+        """
+        whole = self.lens is None or pinhole_of(self.lens).valid is None
+        if self.mask_photo is None and whole:
+            return None
+        if self.cache is None:
+            return self._mask()
+        key = ("mask", self._place, self.camera.size)
+        bits = self.cache.get_or(key, lambda: (np.packbits(self._mask(), axis=1),))[0]
+        return np.unpackbits(bits, axis=1, count=self.camera.width).astype(bool)
 
     def depth(self) -> np.ndarray | None:
         """(H, W) float32 z-depth in metres, 0 = invalid, nearest-sampled to the camera's size.
@@ -57,13 +107,50 @@ class Frame:
         """
         if self.depth_path is None:
             return None
+        size = self.camera.size
+        if self.depth_map is not None:
+            return self.depth_map.seen_by(self.camera, self.lens)
         depth = cv2.imread(str(self.depth_path), cv2.IMREAD_UNCHANGED)
         if depth is None or depth.ndim != 2:
             raise InputError(f"{self.depth_path} cannot be decoded as a one-channel depth map; replace it")
-        size = (self.camera.width, self.camera.height)
         if (depth.shape[1], depth.shape[0]) != size:
             depth = cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST)
         return depth.astype(np.float32) * np.float32(self.depth_unit_m)
+
+    def digest(self) -> bytes:
+        """Stands for the photo's content, what is taken out of it, and its mask."""
+        parts = [self.source.digest()]
+        if self.lens is not None:
+            parts.append(repr((self.lens.model, self.lens.params, self.lens.size)).encode())
+        if self.mask_photo is not None:
+            parts.append(self.mask_photo.digest())
+        return parts[0] if len(parts) == 1 else hashlib.sha256(b"".join(parts)).digest()
+
+    @property
+    def _place(self) -> tuple:
+        return self.color_path, self.photo, self.lens, self.mask_photo
+
+    def _color(self) -> np.ndarray:
+        if self.lens is None:
+            return self.source.pixels(self.camera.size)
+        pixels = self.source.pixels()
+        if pixels.shape[1::-1] != self.lens.size:
+            raise InputError(f"{self.color_path} is not {self.lens.size[0]}x{self.lens.size[1]} pixels any more")
+        return resized(pinhole_of(self.lens).undistorted(pixels), self.camera.size)
+
+    def _mask(self) -> np.ndarray:
+        full = self.full_size()
+        usable = np.ones(full[::-1], np.float32)
+        if self.mask_photo is not None:
+            stored = self.lens.size if self.lens else full
+            white = (self.mask_photo.pixels()[..., 0] > MASK_WHITE).astype(np.float32)
+            if white.shape[1::-1] != stored:
+                white = cv2.resize(white, stored, interpolation=cv2.INTER_NEAREST)
+            usable = pinhole_of(self.lens).undistorted(white) if self.lens else white
+        valid = pinhole_of(self.lens).valid if self.lens else None
+        if valid is not None:
+            usable = usable * valid
+        return resized(usable, self.camera.size) > MASK_WHOLE
 
 
 @dataclass(frozen=True)
@@ -84,6 +171,10 @@ class Scene:
         dropped: frames on disk that cannot be used, with reasons.
         gt_mesh: ground-truth mesh in the same world frame, if there is one.
         cache: of all that is kept of the views.
+        layout: of the capture on disk.
+        metric: whether its lengths are metres.
+        notes: what was found, and what was taken for what; a sentence each, for the log.
+        given_points: reads the points that the capture brings, as its training views see them; None: it brings none.
     """
 
     path: Path
@@ -92,11 +183,15 @@ class Scene:
     dropped: tuple[Dropped, ...] = field(default=())
     gt_mesh: Path | None = None
     cache: Cache = field(default_factory=Cache, repr=False, compare=False)
+    layout: str = "scannet"
+    metric: bool = True
+    notes: tuple[str, ...] = ()
+    given_points: Callable[[], PointCloud] | None = field(default=None, repr=False, compare=False)
 
     @property
     def frames(self) -> tuple[Frame, ...]:
         """Training and test views together, in capture order."""
-        return tuple(sorted(self.train + self.test, key=lambda frame: frame.name))
+        return tuple(sorted(self.train + self.test, key=lambda frame: (frame.index, frame.name)))
 
     @property
     def extent(self) -> float:

@@ -10,6 +10,7 @@ import pytest
 
 from room2dgs.captures.read import read_scene
 from room2dgs.errors import InputError
+from room2dgs.priors.sensor.maps import sensor_depth
 
 
 @pytest.fixture
@@ -28,11 +29,11 @@ def refused(scene_config):
 
 
 def test_a_folder_that_is_not_there(refused, tmp_path):
-    refused("nowhere", "color/<i>.jpg", path=str(tmp_path / "nowhere"))
+    refused("nowhere is not there", "docs/captures.md", path=str(tmp_path / "nowhere"))
 
 
 def test_a_file_instead_of_a_folder(refused, capture):
-    refused("0.jpg", "not a folder", path=str(capture / "color" / "0.jpg"))
+    refused("0.jpg", "poses are unknown", path=str(capture / "color" / "0.jpg"))
 
 
 @pytest.mark.parametrize("folder", ["color", "pose", "intrinsic"])
@@ -92,10 +93,17 @@ def without_its_end(path):
 
 
 @pytest.mark.parametrize("spoil", [text, empty, half, without_its_end])
-@pytest.mark.parametrize("name", ["color/15.jpg", "depth/15.png"])
-def test_an_image_that_is_not_whole(refused, capture, name, spoil):
-    spoil(capture / name)
-    refused(name, "cannot be decoded")
+def test_a_photo_that_is_not_whole(refused, capture, spoil):
+    spoil(capture / "color/15.jpg")
+    refused("color/15.jpg", "cannot be decoded")
+
+
+@pytest.mark.parametrize("spoil", [text, empty, half])
+def test_a_depth_map_that_is_not_whole_stops_no_run(capture, scene_config, default_config, spoil):
+    spoil(capture / "depth/15.png")
+    frame = next(frame for frame in read_scene(scene_config()).frames if frame.name == "000015")
+    with pytest.raises(InputError, match=r"depth/15\.png cannot be decoded"):
+        sensor_depth(frame, default_config.prior.depth)
 
 
 def test_a_truncated_png_photo(refused, capture, corner_views):
@@ -116,7 +124,7 @@ def test_intrinsics_of_another_image_size(refused, capture, factor):
     K = np.loadtxt(capture / "intrinsic" / "intrinsic_color.txt")
     K[:2] *= factor
     np.savetxt(capture / "intrinsic" / "intrinsic_color.txt", K)
-    refused("intrinsic_color.txt", "320x240")
+    refused("intrinsic_color.txt", "320x240", "look like those of", "scene.intrinsics=[2")
 
 
 def test_intrinsics_of_the_turned_photo(refused, capture):

@@ -7,22 +7,55 @@ from typing import Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Folder, Int, PathText
+from room2dgs.config.fields import GROUP, Float, Folder, Int, PathText
 
 
 @dataclass(config=GROUP)
 class SceneConfig:
-    """Which frames of which capture, at which size."""
+    """Which frames of which capture, at which size; and what its numbers mean, where its layout does not tell."""
 
-    path: Folder = Field(description="the capture's folder")
-    layout: Literal["scannet"] = Field(description="scannet")
+    path: Folder = Field(description="the capture's folder, or the file that it is")
+    layout: Literal[
+        "auto",
+        "sens",
+        "record3d",
+        "scannetpp",
+        "polycam",
+        "stray",
+        "arkitscenes",
+        "scannet",
+        "replica",
+        "tum",
+        "sevenscenes",
+        "monosdf",
+        "sdfstudio",
+        "nerfstudio",
+        "neuralrgbd",
+        "colmap",
+        "open3d",
+        "metashape",
+    ] = Field(description="auto: by the files' names; docs/captures.md lists what is read")
     frames: Int | None = Field(ge=3, description="use this many, evenly spaced (null: all)")
     stride: Int = Field(ge=1, description="use every n-th frame on disk")
     image_width: Int | None = Field(
         ge=16, le=8192, description="resize down to this width, keeping the aspect (null: as on disk)"
     )
-    pixel_centres: Literal["integer", "half"] = Field(
-        description="integer (ScanNet, OpenCV) | half: what cx, cy on disk count"
+    intrinsics: list[Float] | None = Field(
+        min_length=4, max_length=4, description="[fx,fy,cx,cy] in pixels of the photos (null: the capture's)"
+    )
+    pixel_centres: Literal["auto", "integer", "half"] = Field(
+        description="auto: as the layout has it | integer (OpenCV) | half (COLMAP): what cx, cy on disk count"
+    )
+    poses: Literal[
+        "auto",
+        "camera_to_world_opencv",
+        "camera_to_world_opengl",
+        "world_to_camera_opencv",
+        "world_to_camera_opengl",
+    ] = Field(description="auto: as the layout has it; else what the poses on disk mean")
+    unit: Float | None = Field(gt=0, description="metres of one unit of the poses (null: 1)")
+    split: Literal["capture", "every"] = Field(
+        description="capture: its own test photos are held out, if it has such | every: every test_every-th"
     )
     test_every: Int = Field(ge=0, description="every n-th used frame is held out (0: none)")
-    gt_mesh: PathText | None = Field(description="null: gt_mesh.ply in the capture's folder, if there")
+    gt_mesh: PathText | None = Field(description="the true surface (null: what lies in the capture, if anything)")

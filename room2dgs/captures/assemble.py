@@ -1,0 +1,306 @@
+"""From what a reader found to a `Scene`: frames chosen, poses and intrinsics brought to the house's conventions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from room2dgs.captures.capture import Capture, Lost, Shot, file_name, moved, pinhole_lens, world_from_cam
+from room2dgs.captures.exif import focal_doubt
+from room2dgs.captures.given_points import given_points
+from room2dgs.captures.image_files import depth_size
+from room2dgs.captures.lens import Lens, pinhole_of
+from room2dgs.captures.matrix_files import rigid
+from room2dgs.captures.scene import Dropped, Frame, Scene
+from room2dgs.captures.selection import evenly_spaced, hold_out
+from room2dgs.config import SceneConfig
+from room2dgs.errors import InputError
+from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.poses import inverse_pose
+
+MIN_VIEWS = 3
+# The principal point of a whole photo lies near its middle; further off, the intrinsics are another size's.
+MAX_OFF_CENTRE = 0.15
+# Depth and colour cameras of one registered pair: relative difference of aspect ratio and of K.
+MAX_DEPTH_MISMATCH = 0.05
+# A room's path of cameras is shorter; lengths in millimetres are a thousand times as long.
+LONGEST_PATH_M = 300.0
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A chosen shot with its pose, camera-to-world in metres, and its lens at the photo's size."""
+
+    index: int
+    shot: Shot
+    world_from_cam: np.ndarray
+    lens: Lens | None = None
+    size: tuple[int, int] = (0, 0)
+
+
+def assembled(capture: Capture, config: SceneConfig) -> Scene:
+    """A scene of some of the capture's photos.
+
+    Taken is every `stride`-th, of these the ones with a pose, of these `frames` evenly spaced; then the capture's own
+    test photos are held out, or every `test_every`-th.
+
+    Raises:
+        InputError: see `room2dgs.captures.read.read_scene`.
+    """
+    root = capture.root
+    entries, dropped = _posed(capture, config)
+    entries = evenly_spaced(entries, config.frames)
+    if len(entries) < MIN_VIEWS:
+        lost = f" ({len(dropped)} dropped: {dropped[0].reason})" if dropped else ""
+        raise InputError(
+            f"{root} has {len(entries)} usable views{lost}, at least {MIN_VIEWS} are needed; "
+            "add frames or lower scene.stride"
+        )
+    _check_scale(entries, capture)
+    entries = _with_lenses(capture, entries, config)
+    _check_depths(entries)
+    wide = any(entry.size[0] >= entry.size[1] for entry in entries)
+    poses = capture.poses if config.poses == "auto" else config.poses
+    frames = [replace(_frame(entry, config.image_width, wide), poses=poses) for entry in entries]
+    _check_names(frames)
+    train, test = _split(frames, capture, config)
+    points = None
+    if capture.points is not None:
+        lenses = {entry.shot.name: entry for entry in entries}
+        points = partial(
+            given_points,
+            capture,
+            tuple(train),
+            {frame.name: lenses[name].shot.name for frame, name in zip(frames, lenses, strict=True)},
+            config.unit,
+        )
+    return Scene(
+        root,
+        tuple(train),
+        tuple(test),
+        tuple(dropped),
+        _gt_mesh(capture, config),
+        layout=capture.layout,
+        metric=capture.metric,
+        notes=(*capture.notes, *_notes(capture, config, entries)),
+        given_points=points,
+    )
+
+
+def _posed(capture: Capture, config: SceneConfig) -> tuple[list[_Entry], list[Dropped]]:
+    entries, dropped = [], []
+    poses = capture.poses if config.poses == "auto" else config.poses
+    for index, shot in list(enumerate(capture.shots))[:: config.stride]:
+        try:
+            pose = world_from_cam(_disk_pose(shot), poses)
+        except Lost as reason:
+            dropped.append(Dropped(file_name(shot.name), str(reason)))
+            continue
+        if capture.world_from_disk is not None:
+            pose = moved(pose, capture.world_from_disk)
+        if config.unit is not None:
+            pose = pose.copy()
+            pose[:3, 3] *= config.unit
+        entries.append(_Entry(index, shot, pose))
+    return entries, dropped
+
+
+def _disk_pose(shot: Shot) -> np.ndarray:
+    if callable(shot.pose):
+        return shot.pose()
+    if shot.pose is None:
+        raise Lost("it has no pose")
+    if not np.isfinite(shot.pose).all():
+        raise Lost("its pose holds inf or NaN (tracking lost)")
+    return rigid(np.asarray(shot.pose, np.float64), f"the pose of {shot.path}")
+
+
+def _check_scale(entries: list[_Entry], capture: Capture) -> None:
+    """Metres against millimetres, by how long the way of the cameras is."""
+    centres = np.stack([entry.world_from_cam[:3, 3] for entry in entries])
+    reach = float(np.linalg.norm(np.ptp(centres, axis=0)))
+    if capture.metric and reach > LONGEST_PATH_M:
+        raise InputError(
+            f"{capture.root} has cameras {reach:,.0f} m apart: its poses look like millimetres; "
+            "give scene.unit=0.001 (metres of one unit of the poses)"
+        )
+
+
+def _with_lenses(capture: Capture, entries: list[_Entry], config: SceneConfig) -> list[_Entry]:
+    """With the photos' sizes, and lenses that hold for them."""
+    with ThreadPoolExecutor() as pool:
+        sizes = list(pool.map(lambda entry: entry.shot.source.size(), entries))
+    given = config.intrinsics
+    first: dict[int, tuple[Shot, tuple[int, int]]] = {}
+    result = []
+    for entry, size in zip(entries, sizes, strict=True):
+        shot, lens = entry.shot, entry.shot.lens
+        if given is not None:
+            lens = pinhole_lens(*given, None, "scene.intrinsics", config.pixel_centres != "integer")
+        if lens is None:
+            raise InputError(
+                f"{capture.root} brings no intrinsics; give scene.intrinsics=[fx,fy,cx,cy] in pixels of the photos "
+                f"({size[0]}x{size[1]})"
+            )
+        if lens.size is None:
+            other, known = first.setdefault(id(shot.lens), (shot, size))
+            if size != known:
+                raise InputError(
+                    f"{shot.path} has {size[0]}x{size[1]} pixels and {other.path.name} has "
+                    f"{known[0]}x{known[1]}, but they share intrinsics; give all photos one size"
+                )
+            lens = replace(lens, size=size)
+        elif lens.size != size:
+            lens = _scaled(lens, size, shot)
+        check_principal_point(lens)
+        result.append(replace(entry, lens=lens, size=size))
+    return result
+
+
+def _scaled(lens: Lens, size: tuple[int, int], shot: Shot) -> Lens:
+    """Intrinsics of a photo that was resized after they were written."""
+    sx, sy = size[0] / lens.size[0], size[1] / lens.size[1]
+    if abs(sx / sy - 1.0) > 0.02:
+        raise InputError(
+            f"{shot.path} has {size[0]}x{size[1]} pixels, but its intrinsics are for {lens.size[0]}x{lens.size[1]}; "
+            "give the intrinsics of this image size as scene.intrinsics=[fx,fy,cx,cy], or the photos that they are for"
+        )
+    return lens.scaled_to(size)
+
+
+def check_principal_point(lens: Lens) -> None:
+    """Refuse intrinsics that are not for photos of their size."""
+    K, size = lens.K, lens.size
+    off = np.abs(K[:2, 2] / np.array(size) - 0.5)
+    if not (off <= MAX_OFF_CENTRE).all():
+        raise InputError(
+            f"{lens.source} has its principal point at ({K[0, 2]:g}, {K[1, 2]:g}), which does not fit the photos of "
+            f"{size[0]}x{size[1]} pixels; {_of_this_size(K, size)}"
+        )
+
+
+def _of_this_size(K: np.ndarray, size: tuple[int, int]) -> str:
+    """What mends intrinsics whose principal point is not in the photos' middle."""
+    x, y = 2.0 * K[:2, 2] / np.array(size)
+    if not (np.isfinite([x, y]).all() and min(x, y) > 0 and abs(x / y - 1.0) < MAX_OFF_CENTRE):
+        return "give the intrinsics of this image size"
+    values = ",".join(f"{value:.6g}" for value in (K[0, 0] / x, K[1, 1] / y, K[0, 2] / x, K[1, 2] / y))
+    return f"they look like those of {size[0] * x:.0f}x{size[1] * y:.0f} pixels: give scene.intrinsics=[{values}]"
+
+
+def _check_depths(entries: list[_Entry]) -> None:
+    """Each depth map in a file of its own, registered to the photo, has the photo's shape, if it is whole."""
+    present = [entry for entry in entries if isinstance(entry.shot.depth, Path)]
+    with ThreadPoolExecutor() as pool:
+        sizes = list(pool.map(lambda entry: depth_size(entry.shot.depth), present))
+    for entry, depth in zip(present, sizes, strict=True):
+        size = entry.size
+        if depth and abs(depth[0] * size[1] / (depth[1] * size[0]) - 1.0) > MAX_DEPTH_MISMATCH:
+            raise InputError(
+                f"{entry.shot.depth} has {depth[0]}x{depth[1]} pixels, another shape than the photos "
+                f"of {size[0]}x{size[1]}; register depth to colour or delete the depth folder"
+            )
+
+
+def _frame(entry: _Entry, image_width: int | None, wide: bool) -> Frame:
+    lens, depth, shot = entry.lens, entry.shot.depth, entry.shot
+    if lens.distorts:
+        pinhole = pinhole_of(lens)
+        K, size = pinhole.K, pinhole.size
+    else:
+        K, size, lens = lens.K, lens.size, None
+    camera = resized_camera(Camera(K, *size, inverse_pose(entry.world_from_cam)), image_width, wide)
+    return Frame(
+        file_name(shot.name),
+        camera,
+        shot.path,
+        depth if isinstance(depth, Path) else (None if depth is None else Path(depth.label)),
+        index=entry.index,
+        photo=shot.photo,
+        lens=lens,
+        mask_photo=shot.mask,
+        depth_map=None if isinstance(depth, Path) else depth,
+    )
+
+
+def resized_camera(camera: Camera, image_width: int | None, wide: bool) -> Camera:
+    """The camera at the working width; photos are never enlarged: that adds work and no detail.
+
+    Args:
+        wide: there are photos that are wider than high; then those that stand upright get the width as their height.
+    """
+    if image_width is None:
+        return camera
+    if wide and camera.height > camera.width:
+        if image_width >= camera.height:
+            return camera
+        return camera.resized(max(1, round(camera.width * image_width / camera.height)), image_width)
+    return camera if image_width >= camera.width else camera.resized_to_width(image_width)
+
+
+def _check_names(frames: Sequence[Frame]) -> None:
+    seen: dict[str, Frame] = {}
+    for frame in frames:
+        other = seen.setdefault(frame.name.casefold(), frame)
+        if other is not frame:
+            raise InputError(f"{frame.color_path} and {other.color_path} are the same frame; rename one of them")
+
+
+def _split(frames: list[Frame], capture: Capture, config: SceneConfig) -> tuple[list[Frame], list[Frame]]:
+    if capture.test is not None and config.split == "capture":
+        names = {file_name(name) for name in capture.test}
+        train = [frame for frame in frames if frame.name not in names]
+        test = [frame for frame in frames if frame.name in names]
+        if len(train) < MIN_VIEWS:
+            raise InputError(
+                f"{capture.root} holds out {len(test)} of the {len(frames)} views itself, {len(train)} are left for "
+                f"training and at least {MIN_VIEWS} are needed; give scene.split=every"
+            )
+        return train, test
+    train, test = hold_out(frames, config.test_every)
+    if len(train) < MIN_VIEWS:
+        raise InputError(
+            f"scene.test_every={config.test_every} leaves {len(train)} of the {len(frames)} views in {capture.root} "
+            f"for training, at least {MIN_VIEWS} are needed; raise it, or set it to 0 to hold nothing out"
+        )
+    return train, test
+
+
+def _gt_mesh(capture: Capture, config: SceneConfig) -> Path | None:
+    if not config.gt_mesh:
+        return capture.gt_mesh
+    path = Path(config.gt_mesh)
+    if not path.is_file():
+        raise InputError(f"{path} is missing; give scene.gt_mesh the path of the ground-truth mesh")
+    return path
+
+
+def _notes(capture: Capture, config: SceneConfig, entries: list[_Entry]) -> list[str]:
+    """What a person should know of how the capture was understood."""
+    count = len(entries)
+    found = [f"layout: {capture.layout}, {capture.root}"]
+    if config.unit is not None:
+        found.append(f"scale: scene.unit={config.unit:g} metres")
+    elif capture.metric:
+        found.append(f"scale: metres ({capture.why})")
+    else:
+        found.append(
+            f"scale: unknown ({capture.why}); lengths are taken as metres, scene.unit=METRES of one unit mends it"
+        )
+    distorted = sum(entry.lens.distorts for entry in entries)
+    if distorted:
+        model = next(entry.lens.model for entry in entries if entry.lens.distorts)
+        found.append(f"undistorted on reading: {distorted} of {count} photos ({model})")
+    masks = sum(entry.shot.mask is not None for entry in entries)
+    if masks:
+        found.append(f"masks: {masks} of {count} photos; what they hide is not used")
+    depths = sum(entry.shot.depth is not None for entry in entries)
+    if depths:
+        found.append(f"sensor depth: {depths} of {count} photos")
+    doubt = focal_doubt(entries[0].shot, entries[0].lens)
+    return [*found, doubt] if doubt else found

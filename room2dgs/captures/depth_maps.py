@@ -1,0 +1,110 @@
+"""Depth that a sensor measured, as it lies on disk, and as a photo's camera sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from room2dgs.captures.lens import Lens
+from room2dgs.errors import InputError
+from room2dgs.geometry.camera import Camera
+
+
+@dataclass(frozen=True)
+class DepthMap:
+    """Depth of a sensor that looks along the photo's axis from the photo's place.
+
+    Attributes:
+        label: what messages call it.
+        read: (H, W) numbers, read anew each time.
+        unit_m: metres of one of them.
+        K: (3, 3) of the sensor at the map's own size, pixel centres at +0.5; None: the photo's, scaled to it.
+        distorted: the map has the photo's distortion; False: it is a pinhole image.
+        invalid: a number besides 0, and all that is not finite, that stands for no depth.
+    """
+
+    label: str
+    read: Callable[[], np.ndarray] = field(compare=False)
+    unit_m: float = 0.001
+    K: tuple[tuple[float, ...], ...] | None = None
+    distorted: bool = True
+    invalid: float | None = None
+
+    def metres(self) -> np.ndarray:
+        """(H, W) float32 z-depth as stored, 0 = invalid.
+
+        Raises:
+            InputError: it cannot be decoded.
+        """
+        stored = self.read()
+        if stored.ndim != 2:
+            raise InputError(f"{self.label} is not a one-channel depth map; replace it")
+        depth = stored.astype(np.float32) * np.float32(self.unit_m)
+        good = np.isfinite(depth) & (depth > 0)
+        if self.invalid is not None:
+            good &= stored != self.invalid
+        return np.where(good, depth, np.float32(0))
+
+    def seen_by(self, camera: Camera, lens: Lens | None) -> np.ndarray:
+        """(H, W) float32 metres at the camera's size, the nearest stored pixel for each; 0 = invalid.
+
+        Args:
+            camera: at the photo's place.
+            lens: of the photo as stored, if it distorts.
+        """
+        depth = self.metres()
+        height, width = depth.shape
+        rays = camera.rays()
+        if self.K is not None:
+            pixel = rays[..., :2] * np.array([self.K[0][0], self.K[1][1]]) + np.array([self.K[0][2], self.K[1][2]])
+        elif lens is not None and self.distorted:
+            pixel = lens.project(rays.reshape(-1, 3)).reshape((*rays.shape[:2], 2)) * (width, height) / lens.size
+        elif lens is not None:
+            K = lens.K
+            pixel = (rays[..., :2] * (K[0, 0], K[1, 1]) + (K[0, 2], K[1, 2])) * (width, height) / lens.size
+        else:
+            pixel = camera.pixels() * (width, height) / camera.size
+        column, row = np.moveaxis(np.floor(np.nan_to_num(pixel, nan=-1.0)).clip(-1, 1 << 20).astype(np.int64), -1, 0)
+        inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
+        return np.where(inside, depth[row.clip(0, height - 1), column.clip(0, width - 1)], np.float32(0))
+
+
+def depth_file(path: Path, unit_m: float = 0.001, **options) -> DepthMap:
+    """Depth in an image of 16 or 32 bits, or in a .npy.
+
+    Args:
+        options: other attributes of the map.
+    """
+    return DepthMap(str(path), _NpyFile(path) if path.suffix == ".npy" else _ImageFile(path), unit_m, **options)
+
+
+@dataclass(frozen=True)
+class _ImageFile:
+    path: Path
+
+    def __call__(self) -> np.ndarray:
+        try:
+            depth = cv2.imread(str(self.path), cv2.IMREAD_UNCHANGED) if self.path.is_file() else None
+        except cv2.error:  # larger than OpenCV reads
+            depth = None
+        if depth is None or depth.ndim != 2 or depth.dtype == np.uint8:
+            raise InputError(f"{self.path} cannot be decoded as a one-channel depth map of 16 bits; replace it")
+        return depth
+
+
+@dataclass(frozen=True)
+class _NpyFile:
+    path: Path
+
+    def __call__(self) -> np.ndarray:
+        try:
+            depth = np.load(self.path, allow_pickle=False, mmap_mode="r")
+            if not isinstance(depth, np.ndarray) or depth.dtype.kind not in "fui":
+                raise ValueError
+            return np.array(depth.squeeze())
+        except (OSError, ValueError, EOFError) as error:
+            raise InputError(f"{self.path} cannot be read as a depth map; replace it") from error

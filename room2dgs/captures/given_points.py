@@ -1,0 +1,69 @@
+"""Sparse points that a capture brings, as its training views see them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from room2dgs.captures.capture import Capture
+from room2dgs.captures.point_cloud import PointCloud, Tracks
+from room2dgs.captures.scene import Frame
+
+
+def given_points(capture: Capture, frames: Sequence[Frame], shots: Mapping[str, str], unit: float | None) -> PointCloud:
+    """The capture's points in its own world, metres, with the observations of some frames.
+
+    Args:
+        frames: the views whose observations count; those in masked pixels and outside the working image do not.
+        shots: frame name -> shot name.
+        unit: metres of one unit of the capture; None: 1.
+
+    Returns:
+        All points, those that no frame saw too; without tracks where the capture has none.
+    """
+    raw = capture.points()
+    xyz = np.asarray(raw.xyz, np.float64)
+    if capture.world_from_disk is not None:
+        xyz = xyz @ capture.world_from_disk[:3, :3].T + capture.world_from_disk[:3, 3]
+    if unit is not None:
+        xyz = xyz * unit
+    if raw.shot is None:
+        return PointCloud(xyz, raw.rgb)
+    number = {name: index for index, name in enumerate(raw.shots)}
+    order = np.argsort(raw.shot, kind="stable")
+    bounds = np.searchsorted(raw.shot[order], np.arange(len(raw.shots) + 1))
+    parts = []
+    for index, frame in enumerate(frames):
+        if shots[frame.name] not in number:
+            continue
+        place = number[shots[frame.name]]
+        rows = order[bounds[place] : bounds[place + 1]]
+        point, pixel = raw.point[rows], working_pixel(frame, raw.pixel[rows])
+        good = _usable(frame, pixel)
+        point, pixel = point[good], pixel[good]
+        # a track may hold two features of one photo: the first counts
+        point, first = np.unique(point, return_index=True)
+        parts.append((np.full(len(point), index, np.int32), point.astype(np.int32), pixel[first].astype(np.float32)))
+    if not parts:
+        return PointCloud(xyz, raw.rgb)
+    frame, point, pixel = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return PointCloud(xyz, raw.rgb, Tracks(tuple(frame.name for frame in frames), frame, point, pixel))
+
+
+def working_pixel(frame: Frame, pixel: np.ndarray) -> np.ndarray:
+    """(N, 2) pixels of the photo as stored -> of the frame's camera."""
+    pixel = np.asarray(pixel, np.float64).reshape(-1, 2)
+    if frame.lens is None:
+        return pixel * np.array(frame.camera.size) / frame.full_size()
+    K = frame.camera.K
+    return frame.lens.rays_at(pixel) * K[(0, 1), (0, 1)] + K[:2, 2]
+
+
+def _usable(frame: Frame, pixel: np.ndarray) -> np.ndarray:
+    good = frame.camera.inside(pixel)
+    mask = frame.mask()
+    if mask is not None:
+        column, row = np.floor(np.where(good[:, None], pixel, 0)).astype(np.int64).T
+        good &= mask[row, column]
+    return good

@@ -1,0 +1,102 @@
+"""What lies in a capture's folder; each folder is listed once, so that tens of thousands of photos cost little."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable
+from fnmatch import fnmatch
+from functools import lru_cache
+from pathlib import Path
+
+from room2dgs.errors import InputError
+
+PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
+VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".m4v", ".webm")
+_PARTS = re.compile(r"(\d+)")
+
+
+class Listing:
+    """A capture's folder, or the one file that it is.
+
+    Attributes:
+        root: its path.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._names = lru_cache(maxsize=None)(listed)
+
+    def __contains__(self, path: str) -> bool:
+        """Is there a file or folder of this name, which may have slashes?"""
+        if self.root.is_file():
+            return False
+        folder, _, name = path.rpartition("/")
+        return name in self._names(self.root / folder if folder else self.root)
+
+    def matching(self, pattern: str) -> list[str]:
+        """Names in the folder itself that match a pattern, in natural order; of a file its own."""
+        names = (self.root.name,) if self.root.is_file() else self._names(self.root)
+        return natural(name for name in names if fnmatch(name, pattern))
+
+    def with_suffix(self, suffixes: Iterable[str]) -> list[str]:
+        """Names in the folder itself with one of these endings, whatever their case, in natural order."""
+        names = (self.root.name,) if self.root.is_file() else self._names(self.root)
+        return natural(name for name in names if Path(name).suffix.lower() in suffixes)
+
+
+def listed(folder: Path) -> frozenset[str]:
+    """Names in a folder; none if there is no such folder. What hides behind a dot does not count.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        return frozenset(name for name in os.listdir(folder) if not name.startswith("."))
+    except (FileNotFoundError, NotADirectoryError):
+        return frozenset()
+    except OSError as error:
+        raise InputError(f"{folder} cannot be read ({error.strerror}); check the folder's rights") from error
+
+
+def natural(names: Iterable[str]) -> list[str]:
+    """Sorted as people count: img2 before img10."""
+    return sorted(names, key=lambda name: ([_part(text) for text in _PARTS.split(name)], name))
+
+
+def _part(text: str) -> tuple[int, int, str]:
+    return (0, int(text[:4000]), "") if text.isascii() and text.isdigit() else (1, 0, text)
+
+
+def photos_in(folder: Path) -> list[str]:
+    """Names of the photos in a folder, in natural order."""
+    return natural(name for name in listed(folder) if Path(name).suffix.lower() in PHOTO_SUFFIXES)
+
+
+def gt_mesh_in(root: Path, *patterns: str, own: bool = True) -> Path | None:
+    """The first file that a pattern finds, the patterns in their order.
+
+    Args:
+        own: gt_mesh.ply, which is ours, comes before all of them.
+    """
+    names = listed(root)
+    for pattern in (("gt_mesh.ply",) if own else ()) + patterns:
+        found = sorted(name for name in names if fnmatch(name, pattern))
+        if found:
+            return root / found[0]
+    return None
+
+
+def inside(root: Path, name: str, source: object) -> Path:
+    """A path that a capture's file names, relative to it; it may not lead out of the capture.
+
+    Raises:
+        InputError: it does.
+    """
+    if not name.strip() or not name.isprintable():
+        raise InputError(f"{source} names the file {name!r}, which cannot be; write its path relative to the capture")
+    path = root / name.replace("\\", "/")
+    plain = Path(os.path.normpath(path))
+    if not plain.is_relative_to(os.path.normpath(root)):
+        raise InputError(f"{source} names {name}, which lies outside {root}; write paths relative to the capture")
+    return plain

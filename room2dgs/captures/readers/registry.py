@@ -1,0 +1,117 @@
+"""All layouts that are read, in the order in which they are asked whether a capture is theirs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from room2dgs.captures.capture import Capture
+from room2dgs.captures.listing import PHOTO_SUFFIXES, VIDEO_SUFFIXES, Listing, listed
+from room2dgs.captures.readers import (
+    arkitscenes,
+    colmap,
+    metashape,
+    monosdf,
+    nerfstudio,
+    neuralrgbd,
+    open3d_log,
+    polycam,
+    record3d,
+    replica,
+    scannet,
+    scannetpp,
+    sdfstudio,
+    sens,
+    sevenscenes,
+    stray,
+    tum,
+)
+from room2dgs.config import SceneConfig
+from room2dgs.errors import InputError
+
+
+class Reader(NamedTuple):
+    """A layout.
+
+    Attributes:
+        name: as `scene.layout` has it.
+        is_it: whether a folder's names look like it.
+        read: the capture of a path and its settings; raises InputError.
+        needs: what is on disk, in words.
+        contains: layouts that folders of this one look like too, because they contain their files.
+    """
+
+    name: str
+    is_it: Callable[[Listing], bool]
+    read: Callable[..., Capture]
+    needs: str
+    contains: tuple[str, ...] = ()
+
+
+READERS: dict[str, Reader] = {
+    reader.name: reader
+    for reader in (
+        Reader("sens", sens.is_sens, sens.read_sens, sens.LAYOUT),
+        Reader("record3d", record3d.is_record3d, record3d.read_record3d, record3d.LAYOUT),
+        Reader(
+            "scannetpp", scannetpp.is_scannetpp, scannetpp.read_scannetpp, scannetpp.LAYOUT, ("colmap", "nerfstudio")
+        ),
+        Reader("polycam", polycam.is_polycam, polycam.read_polycam, polycam.LAYOUT, ("nerfstudio",)),
+        Reader("stray", stray.is_stray, stray.read_stray, stray.LAYOUT),
+        Reader("arkitscenes", arkitscenes.is_arkitscenes, arkitscenes.read_arkitscenes, arkitscenes.LAYOUT),
+        Reader("scannet", scannet.is_scannet, scannet.read_scannet, scannet.LAYOUT),
+        Reader("replica", replica.is_replica, replica.read_replica, replica.LAYOUT),
+        Reader("tum", tum.is_tum, tum.read_tum, tum.LAYOUT),
+        Reader("sevenscenes", sevenscenes.is_sevenscenes, sevenscenes.read_sevenscenes, sevenscenes.LAYOUT),
+        Reader("monosdf", monosdf.is_monosdf, monosdf.read_monosdf, monosdf.LAYOUT),
+        Reader("sdfstudio", sdfstudio.is_sdfstudio, sdfstudio.read_sdfstudio, sdfstudio.LAYOUT),
+        Reader("nerfstudio", nerfstudio.is_nerfstudio, nerfstudio.read_nerfstudio, nerfstudio.LAYOUT, ("colmap",)),
+        Reader("neuralrgbd", neuralrgbd.is_neuralrgbd, neuralrgbd.read_neuralrgbd, neuralrgbd.LAYOUT),
+        Reader("colmap", colmap.is_colmap, colmap.read_colmap, colmap.LAYOUT),
+        Reader("open3d", open3d_log.is_open3d, open3d_log.read_open3d, open3d_log.LAYOUT),
+        Reader("metashape", metashape.is_metashape, metashape.read_metashape, metashape.LAYOUT),
+    )
+}
+
+
+def reader_of(config: SceneConfig, files: Listing) -> Reader:
+    """The reader that the settings name, or the one that a capture's names call for.
+
+    Raises:
+        InputError: none does, or several do.
+    """
+    if config.layout != "auto":
+        return READERS[config.layout]
+    found = [reader for reader in READERS.values() if reader.is_it(files)]
+    inner = {name for reader in found for name in reader.contains}
+    found = [reader for reader in found if reader.name not in inner]
+    if len(found) > 1:
+        names = " and ".join(reader.name for reader in found)
+        raise InputError(
+            f"{files.root} looks like {names}; say which with "
+            + " or ".join(f"scene.layout={reader.name}" for reader in found)
+        )
+    if not found:
+        raise _not_known(files)
+    return found[0]
+
+
+def _not_known(files: Listing) -> InputError:
+    root = files.root
+    photos = files.with_suffix(PHOTO_SUFFIXES) or any(
+        name.lower().endswith(PHOTO_SUFFIXES) for folder in ("images", "rgb", "color") for name in listed(root / folder)
+    )
+    videos = files.with_suffix(VIDEO_SUFFIXES)
+    if videos:
+        return InputError(
+            f"{root if root.is_file() else root / videos[0]} is a video and poses are unknown: structure from motion "
+            "(COLMAP, nerfstudio) has to give them first; then scene.path=DIR of what it wrote"
+        )
+    if photos:
+        return InputError(
+            f"{root} has photos and poses are unknown: structure from motion (COLMAP, nerfstudio) has to give them "
+            "first; then scene.path=DIR of what it wrote"
+        )
+    return InputError(
+        f"{root} is in no layout that is known; docs/captures.md lists them, one of them is {scannet.LAYOUT}"
+    )

@@ -1,0 +1,68 @@
+"""Replica as iMAP and NICE-SLAM rendered it: traj.txt, results/frame<i>.jpg, results/depth<i>.png, cam_params.json.
+
+A line of traj.txt is a frame's camera-to-world: 16 numbers, OpenCV axes, metres. Pixel centres are integers.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from room2dgs.captures.capture import Capture, Shot, pinhole_lens
+from room2dgs.captures.depth_maps import depth_file
+from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
+from room2dgs.captures.text_files import floats, lines_of, number, positive, read_json_object
+from room2dgs.config import SceneConfig
+from room2dgs.errors import InputError
+
+LAYOUT = "traj.txt and results/frame000000.jpg (Replica)"
+# where cam_params.json, which lies beside the scenes' folders, is missing
+USUAL = {"w": 1200, "h": 680, "fx": 600.0, "fy": 600.0, "cx": 599.5, "cy": 339.5, "scale": 6553.5}
+
+
+def is_replica(files: Listing) -> bool:
+    return "traj.txt" in files and "results" in files
+
+
+def read_replica(root: Path, config: SceneConfig) -> Capture:
+    """Read one scene's folder.
+
+    Raises:
+        InputError: see `room2dgs.captures.read.read_scene`.
+    """
+    params, source = _params(root)
+    size = int(number(params, "w", source)), int(number(params, "h", source))
+    values = [number(params, key, source) for key in ("fx", "fy", "cx", "cy")]
+    unit = 1.0 / positive(params, "scale", source)
+    lens = pinhole_lens(*values, size, source, config.pixel_centres == "half")
+    path = root / "traj.txt"
+    poses = [np.array(floats(text, path, line, 16)).reshape(4, 4) for line, text in lines_of(path)]
+    names = listed(root / "results")
+    photos = natural(name for name in names if name.startswith("frame"))
+    if len(photos) > len(poses):
+        raise InputError(f"{path} has {len(poses)} poses for {len(photos)} photos; copy the scene again")
+    shots = []
+    for name, pose in zip(photos, poses, strict=False):
+        depth = f"depth{Path(name).stem.removeprefix('frame')}.png"
+        shots.append(
+            Shot(
+                name,
+                root / "results" / name,
+                pose,
+                lens,
+                depth=depth_file(root / "results" / depth, unit) if depth in names else None,
+            )
+        )
+    mesh = gt_mesh_in(root) or gt_mesh_in(root.parent, f"{root.name}_mesh.ply", own=False)
+    return Capture(root, "replica", shots, gt_mesh=mesh, why="Replica is rendered in metres")
+
+
+def _params(root: Path) -> tuple[dict, Path]:
+    for path in (root / "cam_params.json", root.parent / "cam_params.json"):
+        if path.is_file():
+            camera = read_json_object(path).get("camera")
+            if not isinstance(camera, dict):
+                raise InputError(f"{path} has no object camera; copy it again")
+            return camera, path
+    return USUAL, root / "cam_params.json"

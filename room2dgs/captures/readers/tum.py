@@ -1,0 +1,132 @@
+"""TUM RGB-D: rgb.txt, depth.txt, groundtruth.txt with times, photos and depth named by them.
+
+Poses are camera-to-world of the colour camera with OpenCV axes, interpolated at the photos' times. No file has the
+intrinsics: they are those of the folder's freiburg1, 2 or 3, with their distortion; depth is 1/5000 m and has none.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from room2dgs.captures.capture import Capture, Lost, Shot
+from room2dgs.captures.depth_maps import DepthMap, depth_file
+from room2dgs.captures.lens import Lens
+from room2dgs.captures.listing import Listing, gt_mesh_in, inside
+from room2dgs.captures.text_files import floats, lines_of, quaternion_pose
+from room2dgs.config import SceneConfig
+from room2dgs.errors import InputError
+
+LAYOUT = "rgb.txt, groundtruth.txt and rgb/ (TUM RGB-D)"
+SIZE = (640, 480)
+# fx fy cx cy (pixel centres at integers), k1 k2 p1 p2 k3
+CAMERAS = {
+    "freiburg1": (517.3, 516.5, 318.6, 255.3, 0.2624, -0.9531, -0.0054, 0.0026, 1.1633),
+    "freiburg2": (520.9, 521.0, 325.1, 249.7, 0.2312, -0.7849, -0.0033, -0.0001, 0.9172),
+    "freiburg3": (535.4, 539.2, 320.1, 247.6, 0.0, 0.0, 0.0, 0.0, 0.0),
+}
+DEPTH_UNIT_M = 1 / 5000
+MAX_APART_S = 0.02  # of a photo and its depth
+MAX_GAP_S = 0.2  # of the poses around a photo
+
+
+def is_tum(files: Listing) -> bool:
+    return "groundtruth.txt" in files and "rgb.txt" in files
+
+
+def read_tum(root: Path, config: SceneConfig) -> Capture:
+    """Read a sequence.
+
+    Raises:
+        InputError: see `room2dgs.captures.read.read_scene`.
+    """
+    lens = _lens(root, config)
+    photos, depths = _stamped(root / "rgb.txt"), _stamped(root / "depth.txt") if (root / "depth.txt").is_file() else []
+    stamps, poses = trajectory(root / "groundtruth.txt")
+    depth_stamps = np.array([stamp for stamp, _ in depths])
+    shots = []
+    for stamp, name in photos:
+        depth: DepthMap | None = None
+        if depths:
+            nearest = int(np.argmin(np.abs(depth_stamps - stamp)))
+            if abs(depth_stamps[nearest] - stamp) <= MAX_APART_S:
+                depth = depth_file(inside(root, depths[nearest][1], root / "depth.txt"), DEPTH_UNIT_M, distorted=False)
+        pose = pose_at_time(stamp, stamps, poses)
+        shots.append(Shot(name, inside(root, name, root / "rgb.txt"), pose, lens, depth=depth))
+    return Capture(root, "tum", shots, gt_mesh=gt_mesh_in(root), why="the motion capture's poses are metres")
+
+
+def _lens(root: Path, config: SceneConfig) -> Lens | None:
+    for name, (fx, fy, cx, cy, *k) in CAMERAS.items():
+        if name in root.resolve().name.lower():
+            shift = 0.0 if config.pixel_centres == "half" else 0.5
+            params = (fx, fy, cx + shift, cy + shift)
+            if any(k):
+                return Lens("FULL_OPENCV", (*params, *k, 0.0, 0.0, 0.0), SIZE, f"{root} ({name})")
+            return Lens("PINHOLE", params, SIZE, f"{root} ({name})")
+    return None
+
+
+def _stamped(path: Path) -> list[tuple[float, str]]:
+    """(seconds, file) a line, in order of time."""
+    found = []
+    for line, text in lines_of(path):
+        stamp, _, name = text.partition(" ")
+        name = name.strip()
+        if not name:
+            raise InputError(f"{path} line {line} has no time and file; copy the sequence again")
+        found.append((floats(stamp, path, line, 1)[0], name))
+    if not found or not np.isfinite([stamp for stamp, _ in found]).all():
+        raise InputError(f"{path} lists no files with times; copy the sequence again")
+    return sorted(found)
+
+
+def trajectory(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Times and poses of a text file of lines `time tx ty tz qx qy qz qw`, in order of time.
+
+    Returns:
+        (N,) seconds, (N, 4, 4) camera-to-world; poses that are not finite are left out.
+
+    Raises:
+        InputError: a line is damaged, or there is none.
+    """
+    stamps, poses = [], []
+    for line, text in lines_of(path):
+        stamp, *t, x, y, z, w = floats(text, path, line, 8)
+        pose = quaternion_pose(x, y, z, w, t, f"{path} line {line}")
+        if np.isfinite(pose).all() and np.isfinite(stamp):
+            stamps.append(stamp)
+            poses.append(pose)
+    if not poses:
+        raise InputError(f"{path} has no poses; copy it again")
+    order = np.argsort(stamps, kind="stable")
+    return np.array(stamps)[order], np.stack(poses)[order]
+
+
+def pose_at_time(stamp: float, stamps: np.ndarray, poses: np.ndarray, max_gap_s: float = MAX_GAP_S):
+    """(4, 4) at a time: the poses around it blended, the rotation along the shortest arc; None if they are far."""
+    after = int(np.searchsorted(stamps, stamp))
+    if after < len(stamps) and stamps[after] == stamp:
+        return poses[after]
+    if after == 0 or after == len(stamps):
+        nearest = min(max(after - 1, 0), len(stamps) - 1)
+        return poses[nearest] if abs(stamps[nearest] - stamp) <= MAX_APART_S else _lost(stamp)
+    gap = stamps[after] - stamps[after - 1]
+    if gap > max_gap_s:
+        return _lost(stamp)
+    from scipy.spatial.transform import Rotation, Slerp
+
+    pair = Rotation.from_matrix(poses[after - 1 : after + 1, :3, :3])
+    share = (stamp - stamps[after - 1]) / gap
+    pose = np.eye(4)
+    pose[:3, :3] = Slerp([0.0, 1.0], pair)(share).as_matrix()
+    pose[:3, 3] = (1 - share) * poses[after - 1, :3, 3] + share * poses[after, :3, 3]
+    return pose
+
+
+def _lost(stamp: float):
+    def lost():
+        raise Lost(f"no pose near its time {stamp:.6f}")
+
+    return lost

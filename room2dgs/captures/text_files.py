@@ -1,0 +1,171 @@
+"""Small text files of captures: numbers in lines, keys with values, JSON; each number checked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from room2dgs.errors import InputError
+
+MAX_TEXT_BYTES = 2 << 30
+
+
+def text_of(path: Path) -> str:
+    """A text file's content.
+
+    Raises:
+        InputError: missing, unreadable or no text.
+    """
+    try:
+        if path.stat().st_size > MAX_TEXT_BYTES:
+            raise InputError(f"{path} is too large for what it should hold; replace the file")
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise InputError(f"{path} is missing; copy the capture again") from error
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); check the file") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is no text; replace the file") from error
+
+
+def lines_of(path: Path) -> list[tuple[int, str]]:
+    """(number from 1, text) of the lines that are neither empty nor a comment (#)."""
+    lines = enumerate(text_of(path).splitlines(), start=1)
+    return [(number, line.strip()) for number, line in lines if line.strip() and not line.lstrip().startswith("#")]
+
+
+def floats(text: str, path: object, line: int | None = None, count: int | None = None) -> list[float]:
+    """The numbers of a line, apart by white space or commas.
+
+    Raises:
+        InputError: something is no number, or there are not `count` of them.
+    """
+    where = f"{path} line {line}" if line else str(path)
+    try:
+        found = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError as error:
+        raise InputError(f"{where} holds something that is no number; replace the file") from error
+    if count is not None and len(found) != count:
+        raise InputError(f"{where} holds {len(found)} numbers where {count} belong; replace the file")
+    return found
+
+
+def key_values(path: Path) -> dict[str, str]:
+    """Lines `key = value`."""
+    pairs = (line.partition("=") for _, line in lines_of(path))
+    return {key.strip(): value.strip() for key, equals, value in pairs if equals}
+
+
+def number(known: Mapping[str, Any], key: str, path: object, default: float | None = None) -> float:
+    """A finite number under a key.
+
+    Raises:
+        InputError: it is not there or none.
+    """
+    value = known.get(key, default)
+    try:
+        if isinstance(value, bool) or value is None:
+            raise ValueError
+        result = float(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{path} has no number as {key}; add it") from error
+    if not np.isfinite(result):
+        raise InputError(f"{path} has {key}={result}, which is not finite; write the number again")
+    return result
+
+
+def positive(known: Mapping[str, Any], key: str, path: object, default: float | None = None) -> float:
+    """A finite number above 0 under a key.
+
+    Raises:
+        InputError: it is not there, none, or not above 0.
+    """
+    result = number(known, key, path, default)
+    if not result > 0:
+        raise InputError(f"{path} has {key}={result:g}, which should be above 0; correct it")
+    return result
+
+
+def numbers(known: Mapping[str, Any], key: str, count: int, path: object) -> np.ndarray:
+    """(count,) float64 under a key: a list, nested or not, or text; they may be infinite or NaN.
+
+    Raises:
+        InputError: there are not as many.
+    """
+    value = known.get(key)
+    if isinstance(value, str):
+        return np.array(floats(value, f"{path} ({key})", None, count))
+    flat = list(_flat(value)) if value is not None else []
+    if len(flat) != count or not all(_is_number(item) for item in flat):
+        raise InputError(f"{path} has no {count} numbers as {key}; write them again")
+    return np.array([float(item) for item in flat])
+
+
+def _is_number(item: Any) -> bool:
+    if isinstance(item, float):
+        return True
+    return isinstance(item, int) and not isinstance(item, bool) and abs(item) < 10**300
+
+
+def _flat(value: Any, depth: int = 0) -> Iterable[Any]:
+    if isinstance(value, list) and depth < 4:
+        for item in value:
+            yield from _flat(item, depth + 1)
+    else:
+        yield value
+
+
+def read_json(path: Path, data: bytes | None = None) -> Any:
+    """The content of a JSON file.
+
+    Args:
+        data: its bytes, where it is no file of its own.
+
+    Raises:
+        InputError: missing or no JSON.
+    """
+    text = text_of(path) if data is None else data
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} is no JSON ({str(error)[:80]}); write the file again") from error
+
+
+def read_json_object(path: Path, data: bytes | None = None) -> dict[str, Any]:
+    """The same for a file that holds an object.
+
+    Raises:
+        InputError: also if it holds something else.
+    """
+    found = read_json(path, data)
+    if not isinstance(found, dict):
+        raise InputError(f"{path} holds no JSON object; write the file again")
+    return found
+
+
+def quaternion_pose(x: float, y: float, z: float, w: float, t: Iterable[float], label: object) -> np.ndarray:
+    """(4, 4) of a quaternion (any length) and a translation; what is not finite stays so.
+
+    Raises:
+        InputError: the quaternion is no rotation.
+    """
+    pose = np.eye(4)
+    pose[:3, 3] = list(t)
+    q = np.array([w, x, y, z], np.float64)
+    if not np.isfinite(q).all():
+        pose[:3, :3] = np.nan
+        return pose
+    length = np.linalg.norm(q)
+    if not 0.5 < length < 2.0:
+        raise InputError(f"{label} has a quaternion of length {length:.3g}, which is no rotation; write the pose again")
+    w, x, y, z = q / length
+    pose[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return pose
