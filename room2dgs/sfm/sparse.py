@@ -1,29 +1,31 @@
-"""The sparse points of a scene: triangulated once and cached, or from a file."""
+"""The sparse points of a scene: the capture's own, triangulated once and cached, or from a file."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.point_files import load_points, read_ply, save_points
-from room2dgs.captures.scene import Scene
+from room2dgs.captures.scene import Frame, Scene
+from room2dgs.colmap import pycolmap
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
-from room2dgs.sfm.colmap import pycolmap
+from room2dgs.sfm.capture_points import MIN_POINTS, capture_points
 
 # Raised when triangulation, pairs or the cache give something else for the same input. 2: with tracks.
 RECIPE = 2
-# Fewer have no neighbourhood to take normals from.
-MIN_POINTS = 16
 
 
 def sparse_points(scene: Scene, config: PointsConfig, cache: Path, log: Log = print) -> PointCloud:
     """The scene's sparse points.
 
+    `source=auto` takes the capture's own where it brings enough with tracks, and otherwise does as `sfm`.
     `source=sfm` triangulates them from the training views alone, so that nothing of a held-out view is
     used; the result is kept in `cache` under a hash of photos, poses, intrinsics and settings, and a second
     call with the same ones loads it. `source=file` reads `config.file`.
@@ -46,7 +48,11 @@ def sparse_points(scene: Scene, config: PointsConfig, cache: Path, log: Log = pr
             )
         log(f"points: {len(points)} from {config.file}")
         return points
-    path = cache / f"points-{_key(scene, config)}.safetensors"
+    if config.source == "auto" and scene.given_points is not None:
+        points = capture_points(scene, config, log)
+        if points is not None:
+            return points
+    path = _path(scene, config, cache)
     points = load_points(path)
     if points is not None:
         log(f"points: {len(points)} from {path.name}")
@@ -63,17 +69,30 @@ def sparse_points(scene: Scene, config: PointsConfig, cache: Path, log: Log = pr
             "points.source=file points.file=PATH"
         )
     log(f"points: {len(points)} triangulated, seen by {points.track_length.mean():.1f} views on average")
-    save_points(path, points)
+    keep_points(scene, config, cache, points)
     return points
 
 
-def _key(scene: Scene, config: PointsConfig) -> str:
-    """Hash of everything that the points depend on."""
+def keep_points(scene: Scene, config: PointsConfig, cache: Path, points: PointCloud) -> None:
+    """Points that were triangulated with the scene's poses: the next `sparse_points` loads them."""
+    if len(points) >= MIN_POINTS:
+        save_points(_path(scene, config, cache), points)
+
+
+def digest_of_views(frames: Sequence[Frame | None], config: PointsConfig, others: list[Any]) -> str:
+    """Hash of photos, cameras, settings of the points, and others; None separates kinds of frames."""
     settings = {name: value for name, value in vars(config).items() if name not in ("source", "file", "cache")}
-    digest = hashlib.sha256(json.dumps([RECIPE, pycolmap.__version__, settings], sort_keys=True).encode())
-    for frame in scene.train:
+    digest = hashlib.sha256(json.dumps([*others, pycolmap.__version__, settings], sort_keys=True).encode())
+    for frame in frames:
+        if frame is None:
+            digest.update(b"|")
+            continue
         camera = frame.camera
         digest.update(f"{frame.name} {camera.width}x{camera.height}".encode())
         digest.update(camera.K.tobytes() + camera.cam_from_world.tobytes())
-        digest.update(hashlib.sha256(frame.color_path.read_bytes()).digest())
+        digest.update(frame.digest())
     return digest.hexdigest()[:16]
+
+
+def _path(scene: Scene, config: PointsConfig, cache: Path) -> Path:
+    return cache / f"points-{digest_of_views(scene.train, config, [RECIPE])}.safetensors"

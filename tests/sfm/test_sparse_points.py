@@ -11,13 +11,14 @@ import pytest
 import trimesh
 from safetensors.numpy import save_file
 
+from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.point_files import load_points, save_points
 from room2dgs.captures.read import read_scene
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from room2dgs.sfm.matching import epipolar_error
 from room2dgs.sfm.sparse import sparse_points
-from room2dgs.sfm.triangulation import epipolar_error
 
 
 def quiet(line: str) -> None:
@@ -163,13 +164,50 @@ def test_points_come_from_photos_at_the_working_size(scene_config, points_config
     assert len(points) > 100 and np.median(distance) < 0.005
 
 
-@pytest.mark.parametrize("wrong", [np.linalg.inv, lambda pose: pose @ np.diag([1.0, -1.0, -1.0, 1.0])])
-def test_poses_of_another_convention_stop_the_run(capture, scene_config, points_config, tmp_path, wrong):
+GL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("meant", "wrong"),
+    [
+        ("world_to_camera_opencv", np.linalg.inv),
+        ("camera_to_world_opengl", lambda pose: pose @ GL),
+        ("world_to_camera_opengl", lambda pose: GL @ np.linalg.inv(pose)),
+    ],
+)
+def test_poses_of_another_convention_stop_the_run_and_are_named(
+    capture, scene_config, points_config, tmp_path, meant, wrong
+):
     for path in (capture / "pose").iterdir():
         np.savetxt(path, wrong(np.loadtxt(path)))
-    with pytest.raises(InputError, match=r"color and its poses do not belong together.*camera-to-world"):
+    with pytest.raises(InputError, match=rf"color and its poses do not belong together.*give scene.poses={meant}$"):
         sparse_points(read_scene(scene_config()), points_config, tmp_path / "cache", quiet)
     assert list((tmp_path / "cache").iterdir()) == []
+    read_as_meant = read_scene(scene_config(poses=meant))
+    points = sparse_points(read_as_meant, points_config, tmp_path / "cache", quiet)
+    assert np.median(np.abs(points.xyz).min(axis=1)) < 0.005
+
+
+def test_what_a_mask_hides_gives_no_points_and_upright_photos_do(scene_config, points_config, tmp_path):
+    """The left third of one photo is masked; another one is turned by a quarter, with its camera."""
+    scene = read_scene(scene_config())
+    white = np.full((240, 320), 255, np.uint8)
+    white[:, :107] = 0
+    cv2.imwrite(str(tmp_path / "mask.png"), white)
+    path = tmp_path / "upright.png"
+    frames = list(scene.train)
+    cv2.imwrite(str(path), cv2.rotate(frames[2].color()[..., ::-1], cv2.ROTATE_90_CLOCKWISE))
+    camera, quarter = frames[2].camera, np.eye(4)
+    quarter[:2, :2] = [[0, -1], [1, 0]]
+    K = np.array([[camera.K[1, 1], 0, 240 - camera.K[1, 2]], [0, camera.K[0, 0], camera.K[0, 2]], [0, 0, 1]])
+    frames[1] = replace(frames[1], mask_photo=PhotoFile(tmp_path / "mask.png"))
+    frames[2] = replace(frames[2], color_path=path, camera=Camera(K, 240, 320, quarter @ camera.cam_from_world))
+    points = sparse_points(replace(scene, train=tuple(frames)), points_config, tmp_path / "cache", quiet)
+    assert np.median(np.abs(points.xyz).min(axis=1)) < 0.003
+    assert points.tracks.of_frame(frames[1].name)[1][:, 0].min() >= 107
+    index, pixel = points.tracks.of_frame(frames[2].name)
+    assert len(index) > 100 and pixel[:, 1].max() > 240
+    assert np.median(np.linalg.norm(frames[2].camera.project(points.xyz[index])[0] - pixel, axis=1)) < 1.0
 
 
 def test_a_camera_that_only_turned_gives_no_points_and_a_sentence(capture, scene_config, points_config, tmp_path):

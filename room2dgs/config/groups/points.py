@@ -14,7 +14,9 @@ from room2dgs.config.fields import GROUP, Float, Int, PathText
 class PointsConfig:
     """Sparse points from SfM with the known poses, or from a file."""
 
-    source: Literal["sfm", "file"] = Field(description="sfm | file")
+    source: Literal["auto", "sfm", "file"] = Field(
+        description="auto: the capture's own points where it has enough, else sfm | sfm: triangulated here | file"
+    )
     file: PathText | None = Field(description="point file (.ply) for source=file")
     cache: PathText | None = Field(description="keeps triangulated points (null: points in the run's folder)")
     max_features: Int = Field(ge=16, description="SIFT features an image")

@@ -1,0 +1,104 @@
+"""Rounds of triangulation and bundle adjustment: from poses that are a little off to ones that fit the tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from room2dgs.captures.point_cloud import Tracks
+from room2dgs.geometry.camera import Camera
+from room2dgs.sfm.bundle import aligned, bundle_adjusted, moves
+from room2dgs.sfm.chains import MIN_TRACK, covering, some
+from room2dgs.sfm.structure import parallax_deg, reprojection_errors, triangulated
+
+ROUNDS = 5
+FINE_ROUNDS = 2
+SEEN = 300  # observations of a photo that are enough; more cost time
+LEAST_SEEN = 20  # photos with fewer keep their pose
+LEAST_TOGETHER = 4  # and so do smaller groups of photos that no track joins to the others
+LOSS_PX = 1.0
+CUT = 5.0  # times the loss's scale: observations beyond it are not of this point
+MIN_PARALLAX_DEG = 1.0
+# Standard deviation of a coordinate of a given centre: at first, and at least. Too wide, and photos that share little
+# go astray in the first round; then it follows from how far the centres went.
+WIDE_M, NARROW_M = 0.01, 0.005
+MEDIAN_LENGTH = 1.538  # of a vector of three coordinates with unit deviation
+
+
+def adjusted(
+    given: Sequence[Camera], tracks: Tracks, start: Sequence[Camera] | None = None, rounds: int = ROUNDS
+) -> tuple[list[Camera], np.ndarray]:
+    """Poses that fit the tracks, in the frame and scale of the given ones.
+
+    Each round triangulates with the poses of the one before, drops the observations that are far off by then, adjusts,
+    and puts the result back into the given frame. The more the centres have moved the less they are held.
+
+    Args:
+        given: cameras, a little off: degrees and centimetres.
+        tracks: of all of them, sorted by point.
+        start: cameras of an earlier round; None: the given ones.
+        rounds: at most; the last two have errors of a pixel or less.
+
+    Returns:
+        The cameras, and (V,) bool: which of them the tracks could tell anything of; the others are as given.
+    """
+    cameras, known = list(start or given), np.zeros(len(given), bool)
+    if len(tracks):
+        tracks = some(tracks, covering(tracks, SEEN))
+    sigma_m, fine = WIDE_M, 0
+    for _ in range(rounds):
+        fitting, xyz, loss_px = consistent(cameras, tracks)
+        groups = _groups(fitting, len(given))
+        known = groups >= 0
+        if not known.any():
+            break
+        moved = bundle_adjusted(cameras, given, fitting, xyz, loss_px, sigma_m)
+        for group in range(groups.max() + 1):
+            moved = aligned(moved, given, groups == group)
+        cameras = [one if seen else other for one, other, seen in zip(moved, given, known, strict=True)]
+        sigma_m = max(NARROW_M, float(np.median(moves(cameras, given)[0][known])) / MEDIAN_LENGTH)
+        fine += loss_px == LOSS_PX
+        if fine == FINE_ROUNDS:
+            break
+    return cameras, known
+
+
+def consistent(cameras: Sequence[Camera], tracks: Tracks) -> tuple[Tracks, np.ndarray, float]:
+    """The observations that agree with the cameras, of points with parallax.
+
+    Returns:
+        The tracks, (M, 3) their points, and the scale of errors in pixels, at least `LOSS_PX`.
+    """
+    xyz = triangulated(cameras, tracks)
+    error = reprojection_errors(cameras, xyz, tracks)
+    middle = float(np.median(error)) if len(error) else LOSS_PX
+    scale = max(LOSS_PX, middle) if np.isfinite(middle) else LOSS_PX
+    near = error <= CUT * scale
+    tracks = Tracks(tracks.frames, tracks.frame[near], tracks.point[near], tracks.pixel[near])
+    long = np.bincount(tracks.point, minlength=len(xyz)) >= MIN_TRACK
+    tracks, xyz = some(tracks, long), xyz[long]
+    if len(tracks):
+        wide = parallax_deg(cameras, xyz, tracks) >= MIN_PARALLAX_DEG
+        tracks, xyz = some(tracks, wide), xyz[wide]
+    return tracks, xyz, scale
+
+
+def _groups(tracks: Tracks, count: int) -> np.ndarray:
+    """(V,) number of the group of photos that tracks join, -1 for photos and groups that are too few."""
+    points = int(tracks.point.max()) + 1 if len(tracks) else 0
+    seen = np.bincount(tracks.frame, minlength=count)
+    graph = coo_array(
+        (np.ones(len(tracks), np.int8), (tracks.frame, count + tracks.point)), shape=(count + points, count + points)
+    )
+    _, component = connected_components(graph, directed=False)
+    component = np.where(seen >= LEAST_SEEN, component[:count], -1)
+    groups = np.full(count, -1)
+    found = 0
+    for number in np.unique(component[component >= 0]):
+        if np.count_nonzero(component == number) >= LEAST_TOGETHER:
+            groups[component == number] = found
+            found += 1
+    return groups

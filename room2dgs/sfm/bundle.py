@@ -1,0 +1,173 @@
+"""Bundle adjustment by pycolmap, held at the given poses, and the frame that these define."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from room2dgs.captures.point_cloud import Tracks
+from room2dgs.colmap import pycolmap
+from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.poses import pose_at
+from room2dgs.sfm.matching import pinhole, quiet
+
+ITERATIONS = 50
+FAR_M = 1e4
+ALIGNMENT_ROUNDS = 4
+
+
+def bundle_adjusted(
+    cameras: Sequence[Camera], given: Sequence[Camera], tracks: Tracks, xyz: np.ndarray, loss_px: float, sigma_m: float
+) -> list[Camera]:
+    """Poses and points that lower the reprojection errors; centres and rotations are drawn to the given ones.
+
+    Least is the sum of Cauchy's loss of the errors over `loss_px`, those of the far points that hold each rotation
+    included, and of the squared way of each centre over `sigma_m`. Intrinsics stay. One thread, since the order of
+    Ceres' sums depends on their number.
+
+    Args:
+        cameras: with poses to start from.
+        given: the same with the given poses.
+        tracks: of all of these cameras; photos without an observation keep their pose.
+        xyz: (M, 3) points to start from, metres.
+        sigma_m: standard deviation of each coordinate of a given centre.
+    """
+    rebuilt = pycolmap.Reconstruction()
+    observed = [np.flatnonzero(tracks.frame == index) for index in range(len(cameras))]
+    used = [index for index, rows in enumerate(observed) if len(rows)]
+    row_in_image = np.zeros(len(tracks), np.int64)
+    priors = []
+    for index in used:
+        camera, rows = cameras[index], observed[index]
+        row_in_image[rows] = np.arange(len(rows))
+        model = pinhole(camera)
+        model.camera_id = index + 1
+        rebuilt.add_camera_with_trivial_rig(model)
+        image = pycolmap.Image(
+            name=str(index),
+            keypoints=np.concatenate(
+                [tracks.pixel[rows].astype(np.float64), np.repeat(_far_pixels(camera), 2, axis=0)]
+            ),
+            camera_id=index + 1,
+            image_id=index + 1,
+        )
+        rebuilt.add_image_with_trivial_frame(image, pycolmap.Rigid3d(camera.cam_from_world[:3]))
+        priors.append(_prior(rebuilt.image(index + 1), given[index].centre, sigma_m))
+    start = np.searchsorted(tracks.point, np.arange(len(xyz) + 1))
+    for point, place in enumerate(xyz):
+        track = pycolmap.Track()
+        for row in range(start[point], start[point + 1]):
+            track.add_element(int(tracks.frame[row]) + 1, int(row_in_image[row]))
+        rebuilt.add_point3D(place, track)
+    config = pycolmap.BundleAdjustmentConfig()
+    for index in used:
+        config.add_image(index + 1)
+        for number, place in enumerate(far_points(given[index])):
+            track = pycolmap.Track()
+            for twice in range(2):  # pycolmap wants two observations of a point
+                track.add_element(index + 1, len(observed[index]) + 2 * number + twice)
+            config.add_constant_point(rebuilt.add_point3D(place, track))
+    alignment = pycolmap.PosePriorBundleAdjustmentOptions()
+    alignment.alignment_ransac.random_seed = 0
+    with quiet():
+        pycolmap.create_pose_prior_bundle_adjuster(_options(loss_px), alignment, config, priors, rebuilt).solve()
+    found = list(cameras)
+    for index in used:
+        pose = np.eye(4)
+        pose[:3] = rebuilt.image(index + 1).cam_from_world().matrix()
+        found[index] = replace(cameras[index], cam_from_world=pose)
+    return found
+
+
+def far_points(given: Camera) -> np.ndarray:
+    """(2, 3) fixed points so far away that only the camera's rotation decides where it sees them, metres.
+
+    A camera at the given pose sees them in the middle of the left and of the right half of its image. Without them
+    rotations are free to take up what the photos hardly tell apart from a shift of the centre.
+    """
+    return given.unproject(_far_pixels(given), np.full(2, FAR_M))
+
+
+def _far_pixels(camera: Camera) -> np.ndarray:
+    return np.array([(0.25, 0.5), (0.75, 0.5)]) * camera.size
+
+
+def aligned(cameras: Sequence[Camera], given: Sequence[Camera], which: np.ndarray) -> list[Camera]:
+    """The cameras in the frame of the given ones: turned, shifted and scaled as a whole.
+
+    Centres and rotations decide together, each weighed by its own scatter, and those that moved much more than
+    others not at all.
+
+    Args:
+        which: (V,) bool, the cameras that belong together and are moved; the others stay.
+    """
+    index = np.flatnonzero(which)
+    to, have = (np.stack([some[i].centre for i in index]) for some in (given, cameras))
+    turned = np.stack([given[i].rotation.T @ cameras[i].rotation for i in index])
+    weight = np.ones(len(index))
+    scale, rotation, shift = 1.0, np.eye(3), np.zeros(3)
+    for _ in range(ALIGNMENT_ROUNDS):
+        moved = np.linalg.norm(to - (scale * have @ rotation.T + shift), axis=1)
+        angle = np.radians(angles_deg(turned, rotation))
+        sigma_m, sigma_rad = (max(_middle(values, weight), 1e-6) for values in (moved, angle))
+        weight = ((moved < 4 * sigma_m) & (angle < 4 * sigma_rad)).astype(np.float64)
+        mean_to, mean_have = (np.average(points, axis=0, weights=weight) for points in (to, have))
+        centres = ((to - mean_to) * weight[:, None]).T @ (have - mean_have) / sigma_m**2
+        rotation = _nearest_rotation(centres + (turned * weight[:, None, None]).sum(axis=0) / (2 * sigma_rad**2))
+        straight = (have - mean_have) @ rotation.T
+        spread = np.sum(weight[:, None] * straight**2)
+        # cameras that only turned have no scale
+        if spread > 100 * weight.sum() * sigma_m**2:
+            scale = float(np.sum(weight[:, None] * (to - mean_to) * straight) / spread)
+        shift = mean_to - scale * rotation @ mean_have
+    found = list(cameras)
+    for i in index:
+        centre = scale * rotation @ cameras[i].centre + shift
+        found[i] = replace(cameras[i], cam_from_world=pose_at(cameras[i].rotation @ rotation.T, centre))
+    return found
+
+
+def moves(cameras: Sequence[Camera], given: Sequence[Camera]) -> tuple[np.ndarray, np.ndarray]:
+    """How far each camera is from the given one: (V,) metres between centres and (V,) degrees."""
+    metres = np.array([np.linalg.norm(one.centre - other.centre) for one, other in zip(cameras, given, strict=True)])
+    turned = np.stack([one.rotation.T @ other.rotation for one, other in zip(cameras, given, strict=True)])
+    return metres, angles_deg(turned, np.eye(3))
+
+
+def angles_deg(rotations: np.ndarray, about: np.ndarray) -> np.ndarray:
+    """(N,) degrees between rotations (N, 3, 3) and one (3, 3); exact for small ones, too."""
+    off = np.linalg.norm(rotations - about, axis=(1, 2))
+    return np.degrees(2 * np.arcsin((off / np.sqrt(8)).clip(0.0, 1.0)))
+
+
+def _middle(values: np.ndarray, weight: np.ndarray) -> float:
+    return float(np.median(values[weight > 0]))
+
+
+def _nearest_rotation(matrix: np.ndarray) -> np.ndarray:
+    u, _, vt = np.linalg.svd(matrix)
+    return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+
+
+def _prior(image: pycolmap.Image, centre: np.ndarray, sigma_m: float) -> pycolmap.PosePrior:
+    prior = pycolmap.PosePrior()
+    prior.pose_prior_id = image.image_id
+    prior.corr_data_id = image.data_id
+    prior.position = centre
+    prior.position_covariance = sigma_m**2 * np.eye(3)
+    prior.coordinate_system = pycolmap.PosePriorCoordinateSystem.CARTESIAN
+    return prior
+
+
+def _options(loss_px: float) -> pycolmap.BundleAdjustmentOptions:
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_focal_length = options.refine_principal_point = options.refine_extra_params = False
+    options.print_summary = False
+    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+    options.ceres.loss_function_scale = loss_px
+    options.ceres.solver_options.num_threads = 1
+    options.ceres.solver_options.max_num_iterations = ITERATIONS
+    options.ceres.solver_options.function_tolerance = 1e-6
+    return options

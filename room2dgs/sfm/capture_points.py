@@ -1,0 +1,76 @@
+"""Sparse points that the capture brings, where they are good enough to spare matching its photos."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from room2dgs.captures.point_cloud import PointCloud, Tracks
+from room2dgs.captures.scene import Frame, Scene
+from room2dgs.config import PointsConfig
+from room2dgs.errors import InputError
+from room2dgs.logs import Log
+
+# Fewer have no neighbourhood to take normals from.
+MIN_POINTS = 16
+# Photos with fewer points than this, on average, are matched anew.
+LEAST_A_VIEW = 20
+# Of the observations; poses and points of one model agree in nearly all.
+LEAST_AGREEING = 0.5
+MAX_ERROR = 2 / 640  # of the photo's longer side
+
+
+def capture_points(scene: Scene, config: PointsConfig, log: Log) -> PointCloud | None:
+    """The capture's points that `config.min_track` training views saw close to where they project.
+
+    Held-out views helped to place them when the capture was made; their observations are not used.
+
+    Returns:
+        With tracks; None if the capture has none, or too few points.
+
+    Raises:
+        InputError: poses and points do not belong together.
+    """
+    points = scene.given_points()
+    if points.tracks is None:
+        log(f"points: the capture's {len(points)} have no tracks, so photos are matched")
+        return None
+    agreeing, error = reprojected(points, scene.train)
+    count, share = len(agreeing), float(agreeing.mean()) if len(agreeing) else 0.0
+    if count >= 1000 and share < LEAST_AGREEING:
+        raise InputError(
+            f"{scene.path} has sparse points that do not lie where its photos saw them ({100 * share:.0f} % of "
+            f"{count} observations agree); export poses and points together, or give points.source=sfm"
+        )
+    tracks = points.tracks
+    tracks = Tracks(tracks.frames, tracks.frame[agreeing], tracks.point[agreeing], tracks.pixel[agreeing])
+    points = PointCloud(points.xyz, points.rgb, tracks)
+    points = points.chosen((points.track_length >= config.min_track) & np.isfinite(points.xyz).all(axis=1))
+    if len(points) < max(MIN_POINTS, LEAST_A_VIEW * len(scene.train)):
+        log(f"points: the capture has {len(points)} that {config.min_track} views saw, so photos are matched")
+        return None
+    log(
+        f"points: {len(points)} of the capture, seen by {points.track_length.mean():.1f} training views on average, "
+        f"median error {np.median(error[agreeing]):.2f} px"
+    )
+    return points
+
+
+def reprojected(points: PointCloud, frames: Sequence[Frame]) -> tuple[np.ndarray, np.ndarray]:
+    """Whether observations lie where the camera sees the point.
+
+    Returns:
+        (O,) bool: in front of the camera and within `MAX_ERROR`, at least a pixel; (O,) float64 distance in pixels.
+    """
+    cameras = {frame.name: frame.camera for frame in frames}
+    tracks = points.tracks
+    error = np.full(len(tracks), np.inf)
+    limit = np.zeros(len(tracks))
+    for index, name in enumerate(tracks.frames):
+        rows = np.flatnonzero(tracks.frame == index)
+        pixel, _ = cameras[name].project(points.xyz[tracks.point[rows]])
+        distance = np.linalg.norm(pixel - tracks.pixel[rows], axis=1)
+        error[rows] = np.where(np.isfinite(distance), distance, np.inf)
+        limit[rows] = max(1.0, MAX_ERROR * max(cameras[name].size))
+    return error <= limit, error

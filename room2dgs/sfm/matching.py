@@ -1,0 +1,189 @@
+"""Features of photos and their matches by pycolmap, before any pose is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from room2dgs.captures.scene import Frame
+from room2dgs.colmap import pycolmap
+from room2dgs.config import PointsConfig
+from room2dgs.geometry.camera import Camera
+
+# Looser than COLMAP's 0.8: the known poses sort out wrong matches. A tenth more points, no less exact.
+MAX_RATIO = 0.9
+
+IndexPairs = Sequence[tuple[int, int]]
+
+
+@dataclass(frozen=True)
+class Matches:
+    """SIFT features of photos and their matches, in pycolmap's database.
+
+    Attributes:
+        frames: the photos.
+        image_ids: of each in the database.
+        images, database: where they lie.
+        keypoints: of each photo, (F, 2) float64 pixels with centres at +0.5.
+        of_pair: (i, j) of the matched photos -> (M, 2) uint32, a feature of each; pairs without a match are missing.
+    """
+
+    frames: tuple[Frame, ...]
+    image_ids: tuple[int, ...]
+    images: Path
+    database: Path
+    keypoints: tuple[np.ndarray, ...]
+    of_pair: dict[tuple[int, int], np.ndarray]
+
+    @property
+    def photos(self) -> Path:
+        """The capture's folder of photos, for what is said about them."""
+        return self.frames[0].color_path.parent
+
+    def pixels(self, pair: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """(M, 2) matched pixels in each of both photos."""
+        matches = self.of_pair[pair]
+        return self.keypoints[pair[0]][matches[:, 0]], self.keypoints[pair[1]][matches[:, 1]]
+
+
+def match(frames: Sequence[Frame], pairs: IndexPairs, config: PointsConfig, work: Path) -> Matches:
+    """Extract and match, on the CPU. The result does not depend on the number of threads.
+
+    Args:
+        frames: at their working size.
+        pairs: (i, j) of the frames to match.
+        work: a folder for images and database; the caller removes it.
+    """
+    images, database = work / "images", work / "database.db"
+    with quiet():
+        image_ids = _register(frames, images, database)
+        _extract(images, database, _written_masks(frames, work / "masks"), config)
+        _match(frames, pairs, database, work / "pairs.txt")
+    with pycolmap.Database.open(database) as db:
+        keypoints = tuple(db.read_keypoints(image_id)[:, :2].astype(np.float64) for image_id in image_ids)
+        found = {(i, j): db.read_matches(image_ids[i], image_ids[j]) for i, j in pairs}
+    of_pair = {pair: matches for pair, matches in found.items() if len(matches)}
+    return Matches(tuple(frames), tuple(image_ids), images, database, keypoints, of_pair)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Only pycolmap's errors reach the terminal."""
+    level = pycolmap.logging.minloglevel
+    pycolmap.logging.minloglevel = int(pycolmap.logging.Level.ERROR)
+    try:
+        yield
+    finally:
+        pycolmap.logging.minloglevel = level
+
+
+def image_name(frame: Frame) -> str:
+    """Of the frame in the database."""
+    return f"{frame.name}.png"
+
+
+def pinhole(camera: Camera) -> pycolmap.Camera:
+    """Size and intrinsics as pycolmap has them."""
+    K = camera.K
+    return pycolmap.Camera(
+        model="PINHOLE", width=camera.width, height=camera.height, params=[K[0, 0], K[1, 1], K[0, 2], K[1, 2]]
+    )
+
+
+def epipolar_error(first: Camera, second: Camera, first_px: np.ndarray, second_px: np.ndarray) -> np.ndarray:
+    """Sampson distance of matched pixels from the epipolar geometry of two posed cameras.
+
+    Args:
+        first_px, second_px: (M, 2) matched pixels.
+
+    Returns:
+        (M,) float64, pixels.
+    """
+    second_from_first = second.cam_from_world @ first.world_from_cam
+    essential = pycolmap.essential_matrix_from_pose(pycolmap.Rigid3d(second_from_first[:3]))
+    fundamental = np.linalg.inv(second.K).T @ essential @ np.linalg.inv(first.K)
+    return np.sqrt(pycolmap.compute_squared_sampson_error(first_px, second_px, fundamental))
+
+
+def agreement(matches: Matches, cameras: Sequence[Camera], pairs: Iterable[tuple[int, int]], max_px: float) -> float:
+    """Share of the pairs' matches within `max_px` of the epipolar lines of posed cameras; 0 without any."""
+    total = near = 0
+    for i, j in pairs:
+        if (i, j) in matches.of_pair:
+            error = epipolar_error(cameras[i], cameras[j], *matches.pixels((i, j)))
+            total, near = total + len(error), near + int(np.count_nonzero(error <= max_px))
+    return near / max(total, 1)
+
+
+def _register(frames: Sequence[Frame], images: Path, database: Path) -> list[int]:
+    """Write the working-size photos and enter them in order, so that ids do not depend on threads.
+
+    Returns:
+        The database's image id of each frame.
+    """
+    images.mkdir(parents=True)
+    camera_ids: dict[bytes, int] = {}
+    image_ids = []
+    with pycolmap.Database.open(database) as db:
+        for frame in frames:
+            bgr = cv2.cvtColor(frame.color(), cv2.COLOR_RGB2BGR)
+            path = images / image_name(frame)
+            if not cv2.imwrite(str(path), bgr, [cv2.IMWRITE_PNG_COMPRESSION, 1]):
+                raise OSError(f"{path} cannot be written; is the disk full?")
+            camera = pinhole(frame.camera)
+            key = camera.params.tobytes() + bytes(f"{camera.width}x{camera.height}", "ascii")
+            if key not in camera_ids:
+                camera_ids[key] = db.write_camera(camera)
+                rig = pycolmap.Rig()
+                rig.add_ref_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera_ids[key]))
+                db.write_rig(rig)
+            image_ids.append(db.write_image(pycolmap.Image(name=path.name, camera_id=camera_ids[key])))
+    return image_ids
+
+
+def _written_masks(frames: Sequence[Frame], folder: Path) -> Path | None:
+    """The folder with a mask for each photo, under the names that COLMAP looks for; None: no photo has one.
+
+    Where there is a folder, COLMAP passes over photos without a mask: they get one that hides nothing.
+    """
+    if all(frame.mask() is None for frame in frames):
+        return None
+    folder.mkdir()
+    for frame in frames:
+        mask = frame.mask()
+        white = np.full((frame.camera.height, frame.camera.width), 255, np.uint8)
+        path = folder / f"{image_name(frame)}.png"
+        if not cv2.imwrite(str(path), white if mask is None else mask.astype(np.uint8) * 255):
+            raise OSError(f"{path} cannot be written; is the disk full?")
+    return folder
+
+
+def _extract(images: Path, database: Path, masks: Path | None, config: PointsConfig) -> None:
+    options = pycolmap.FeatureExtractionOptions()
+    options.sift.max_num_features = config.max_features
+    options.sift.peak_threshold = config.peak_threshold
+    reader = pycolmap.ImageReaderOptions()
+    if masks is not None:
+        reader.mask_path = masks
+    pycolmap.extract_features(
+        database, images, reader_options=reader, extraction_options=options, device=pycolmap.Device.cpu
+    )
+
+
+def _match(frames: Sequence[Frame], pairs: IndexPairs, database: Path, list_path: Path) -> None:
+    lines = [f"{image_name(frames[i])} {image_name(frames[j])}" for i, j in pairs]
+    list_path.write_text("\n".join(lines), encoding="utf-8")
+    options = pycolmap.FeatureMatchingOptions()
+    options.sift.max_ratio = MAX_RATIO
+    options.skip_geometric_verification = True
+    pycolmap.match_image_pairs(
+        database,
+        matching_options=options,
+        pairing_options=pycolmap.ImportedPairingOptions(match_list_path=list_path),
+        device=pycolmap.Device.cpu,
+    )

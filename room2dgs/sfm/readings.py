@@ -1,0 +1,57 @@
+"""Poses that do not fit their photos: would they, if they meant something else?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from room2dgs.captures.capture import Poses, disk_pose, world_from_cam
+from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.poses import inverse_pose
+from room2dgs.sfm.matching import IndexPairs, Matches, agreement
+
+# What is asked: pairs with most matches, enough to tell 90 % from 10 %.
+ASKED_PAIRS = 12
+LEAST_SHARE = 0.5  # of the matches; true poses reach 0.7
+WORDS = {
+    "camera_to_world_opencv": "camera-to-world with OpenCV axes (x right, y down, z forward)",
+    "camera_to_world_opengl": "camera-to-world with OpenGL axes (x right, y up, z back)",
+    "world_to_camera_opencv": "world-to-camera with OpenCV axes (x right, y down, z forward)",
+    "world_to_camera_opengl": "world-to-camera with OpenGL axes (x right, y up, z back)",
+}
+
+
+def better_reading(
+    matches: Matches, cameras: Sequence[Camera], pairs: IndexPairs, max_px: float
+) -> tuple[Poses, float] | None:
+    """What the poses on disk mean instead, by how many matches then lie on their epipolar lines.
+
+    Asked are the four readings: camera-to-world or world-to-camera, OpenCV's axes or OpenGL's.
+
+    Args:
+        cameras: as they were read.
+
+    Returns:
+        `scene.poses` and its share of the matches; None if no reading fits.
+    """
+    asked = sorted((pair for pair in pairs if pair in matches.of_pair), key=lambda pair: -len(matches.of_pair[pair]))
+    asked = asked[:ASKED_PAIRS]
+    read_as = [frame.poses for frame in matches.frames]
+    shares = {}
+    for poses in WORDS:
+        # a camera that stands as another does has no epipolar lines
+        other = [read_again(camera, was, poses) for camera, was in zip(cameras, read_as, strict=False)]
+        apart = [(i, j) for i, j in asked if np.linalg.norm(other[i].centre - other[j].centre) > 1e-6]
+        shares[poses] = agreement(matches, other, apart, max_px)
+    best = max(shares, key=lambda poses: shares[poses])
+    if shares[best] < LEAST_SHARE or best == read_as[0]:
+        return None
+    return best, shares[best]
+
+
+def read_again(camera: Camera, was: Poses, poses: Poses) -> Camera:
+    """A camera whose pose on disk was read as one thing, read as another."""
+    pose = world_from_cam(disk_pose(camera.world_from_cam, was), poses)
+    return replace(camera, cam_from_world=inverse_pose(pose))

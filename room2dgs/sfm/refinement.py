@@ -1,0 +1,228 @@
+"""Poses that are a little off, adjusted to the photos where that clearly lowers reprojection errors."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from room2dgs.captures.point_cloud import Tracks
+from room2dgs.captures.poses_file import read_poses, with_cameras, write_poses
+from room2dgs.captures.scene import Scene
+from room2dgs.config import PointsConfig, SfmConfig
+from room2dgs.errors import InputError
+from room2dgs.geometry.camera import Camera
+from room2dgs.logs import Log
+from room2dgs.sfm.adjust import adjusted
+from room2dgs.sfm.bundle import moves
+from room2dgs.sfm.capture_points import capture_points
+from room2dgs.sfm.chains import Chains, chains, some
+from room2dgs.sfm.matching import IndexPairs, Matches, agreement, match
+from room2dgs.sfm.pairs import match_pairs, shared_view
+from room2dgs.sfm.resection import known_points, resected
+from room2dgs.sfm.sparse import digest_of_views, keep_points
+from room2dgs.sfm.structure import reprojection_errors, triangulated
+from room2dgs.sfm.triangulation import MAX_EPIPOLAR_PX, triangulate_matches
+
+# Raised when the same input gives other poses.
+RECIPE = 1
+HELD_OUT = 5  # every so manieth track judges and takes no part
+LEAST_TRACKS = 100
+# "auto" takes poses that lower the held-out error to this share of it and by this much
+SHARE, LEAST_PX = 0.8, 0.05
+PROMISING = 0.95  # after the first round; else there is no second one
+# A camera that moved this many times as far as the middle one, and farther than this, is left where it was.
+JUMP, JUMP_M, JUMP_DEG = 5.0, 0.03, 1.5
+
+
+@dataclass(frozen=True)
+class PoseReport:
+    """What was found about the poses.
+
+    Attributes:
+        refined: whether other poses than the given ones count from now on.
+        why: one sentence for the log.
+        before_px, after_px: median reprojection error of held-out tracks, with the given and the adjusted poses.
+        agree_before, agree_after: share of the matches within 2 px of their epipolar lines.
+        moved_m, turned_deg: medians over the training views.
+        left: views that kept their given poses, by name.
+    """
+
+    refined: bool
+    why: str
+    before_px: float | None = None
+    after_px: float | None = None
+    agree_before: float | None = None
+    agree_after: float | None = None
+    moved_m: float | None = None
+    turned_deg: float | None = None
+    left: tuple[str, ...] = ()
+
+
+def refined_poses(
+    scene: Scene, config: SfmConfig, points: PointsConfig, cache: Path, log: Log = print
+) -> tuple[Scene, dict[str, Any]]:
+    """The scene with poses that fit its photos, in the frame and scale of the given poses.
+
+    Poses of training views come from training photos alone. Held-out views are then placed among the points that
+    training views give, one by one. The result is kept in `cache` under a hash of photos, poses and settings, with the
+    sparse points that it gives, so that photos are matched once.
+
+    Args:
+        config: `refine_poses` false: nothing is done; true: the adjusted poses count even where they gain little;
+            auto: only where they clearly do, and not if points are given, by a file or by the capture with tracks.
+        log: takes one line at a time.
+
+    Returns:
+        The scene, and `PoseReport` as plain values.
+
+    Raises:
+        InputError: the photos match, but not where the poses say.
+    """
+    if config.refine_poses is False:
+        return scene, asdict(PoseReport(False, "sfm.refine_poses=false"))
+    if config.refine_poses == "auto" and _points_are_given(scene, points):
+        return scene, asdict(PoseReport(False, "points are given"))
+    path = cache / f"poses-{_key(scene, config, points)}.json"
+    if path.exists():
+        try:
+            known, report = read_poses(path, scene)
+        except InputError:  # damaged: made again
+            path.unlink()
+        else:
+            log(f"{_line(PoseReport(**report))} ({path.name})")
+            return known, report
+    cache.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".sfm-", dir=cache) as work:
+        refined, found = _refined(scene, config, points, Path(work), cache, log)
+    log(_line(found))
+    if found.left and found.refined:
+        log(f"views left at their given poses: {', '.join(found.left)}")
+    report = json.loads(json.dumps(asdict(found)))
+    write_poses(path, scene, refined, report)
+    return refined, report
+
+
+def _points_are_given(scene: Scene, config: PointsConfig) -> bool:
+    """Then no photo is matched, unless somebody asks for it; the capture's own points are tracks of its poses."""
+    if config.source == "auto" and scene.given_points is not None:
+        return capture_points(scene, config, lambda line: None) is not None
+    return config.source == "file"
+
+
+def _refined(
+    scene: Scene, config: SfmConfig, settings: PointsConfig, work: Path, cache: Path, log: Log
+) -> tuple[Scene, PoseReport]:
+    given = [frame.camera for frame in scene.train]
+    pairs = match_pairs(given, settings.overlap)
+    log(f"poses: matching {len(pairs)} pairs of {len(given)} photos, and {len(scene.test)} held-out ones")
+    others = _held_out_pairs(given, [frame.camera for frame in scene.test], settings.overlap)
+    matches = match((*scene.train, *scene.test), [*pairs, *others], settings, work)
+    joined = chains(matches, given, pairs)
+    cameras, found = judged(given, joined.tracks, matches, pairs, forced=config.refine_poses is True)
+    refined = scene
+    if found.refined:
+        placed, left = _placed(scene, matches, joined, cameras, found)
+        refined = with_cameras(scene, placed)
+        found = replace(found, left=(*found.left, *left))
+    if settings.source != "file":
+        cloud = triangulate_matches(matches, refined.train, pairs, settings, work / "model")
+        keep_points(refined, settings, cache, cloud)
+    return refined, found
+
+
+def judged(
+    given: Sequence[Camera], tracks: Tracks, matches: Matches, pairs: IndexPairs, forced: bool
+) -> tuple[list[Camera], PoseReport]:
+    """Adjusted poses if they are better, else the given ones, and why.
+
+    Better are they by tracks that took no part in the adjustment; cameras that jumped stay where they were.
+    """
+    count = int(tracks.point.max()) + 1 if len(tracks) else 0
+    if count < LEAST_TRACKS:
+        return list(given), PoseReport(False, f"only {count} tracks through 3 photos or more")
+    held_out = np.arange(count) % HELD_OUT == 0
+    judges, used = some(tracks, held_out), some(tracks, ~held_out)
+    before = float(np.median(errors(given, judges)))
+    cameras, known = adjusted(given, used, rounds=1)
+    if not known.any():
+        return list(given), PoseReport(False, "no group of photos has tracks enough")
+    if forced or float(np.median(errors(cameras, judges))) <= PROMISING * before:
+        cameras, known = adjusted(given, used, start=cameras)
+    metres, degrees = moves(cameras, given)
+    jumped = metres > max(JUMP_M, JUMP * float(np.median(metres[known])))
+    jumped |= degrees > max(JUMP_DEG, JUMP * float(np.median(degrees[known])))
+    left = jumped | ~known
+    cameras = [old if stays else new for new, old, stays in zip(cameras, given, left, strict=True)]
+    after = float(np.median(errors(cameras, judges)))
+    agree_before, agree_after = (agreement(matches, one, pairs, MAX_EPIPOLAR_PX) for one in (given, cameras))
+    figures = {
+        "before_px": before if np.isfinite(before) else None,
+        "after_px": after if np.isfinite(after) else None,
+        "agree_before": agree_before,
+        "agree_after": agree_after,
+        "moved_m": float(np.median(metres[known])),
+        "turned_deg": float(np.median(degrees[known])),
+        "left": tuple(name for name, stays in zip(tracks.frames, left, strict=True) if stays),
+    }
+    clearly = after <= SHARE * before and before - after >= LEAST_PX and agree_after >= agree_before
+    if clearly or (forced and after < before):
+        return cameras, PoseReport(True, "they fit the photos better", **figures)
+    return list(given), PoseReport(False, "they fit the photos", **figures)
+
+
+def errors(cameras: Sequence[Camera], tracks: Tracks) -> np.ndarray:
+    """(O,) pixels between observations and the points that they give together."""
+    return reprojection_errors(cameras, triangulated(cameras, tracks), tracks)
+
+
+def _placed(
+    scene: Scene, matches: Matches, joined: Chains, cameras: Sequence[Camera], found: PoseReport
+) -> tuple[dict[str, Camera], list[str]]:
+    """Cameras of all frames by name, and the held-out views that kept their poses."""
+    placed = {frame.name: camera for frame, camera in zip(scene.train, cameras, strict=True)}
+    xyz = known_points(joined, cameras)
+    left = []
+    for photo, frame in enumerate(scene.test, start=len(cameras)):
+        camera = resected(photo, frame.camera, matches, joined, xyz, cameras, max(found.moved_m or 0, 0.001))
+        if camera is not None:
+            (metres,), (degrees,) = moves([camera], [frame.camera])
+            far = metres > max(JUMP_M, JUMP * found.moved_m) or degrees > max(JUMP_DEG, JUMP * found.turned_deg)
+            if not far:
+                placed[frame.name] = camera
+                continue
+        left.append(frame.name)
+    return placed, left
+
+
+def _held_out_pairs(given: Sequence[Camera], others: Sequence[Camera], overlap: int) -> list[tuple[int, int]]:
+    """(training view, held-out view): for each of the latter the training views that share most with it."""
+    if not others:
+        return []
+    count = len(given)
+    score = shared_view([*given, *others])[count:, :count]
+    best = np.argsort(-score, axis=1, kind="stable")[:, :overlap]
+    return [(int(i), count + j) for j in range(len(others)) for i in sorted(best[j]) if score[j, i] > 0]
+
+
+def _line(found: PoseReport) -> str:
+    """For the log."""
+    if found.before_px is None or found.after_px is None:
+        return f"poses kept: {found.why}"
+    if not found.refined:
+        return f"poses kept: reprojection error {found.before_px:.2f} px, {found.after_px:.2f} px if refined"
+    return (
+        f"poses refined: reprojection error {found.before_px:.2f} -> {found.after_px:.2f} px, "
+        f"{found.agree_before:.0%} -> {found.agree_after:.0%} of the matches agree, cameras moved "
+        f"{100 * found.moved_m:.1f} cm, {found.turned_deg:.2f} deg (median)"
+    )
+
+
+def _key(scene: Scene, config: SfmConfig, points: PointsConfig) -> str:
+    settings = [RECIPE, str(config.refine_poses), points.source]
+    return digest_of_views((*scene.train, None, *scene.test), points, settings)

@@ -1,0 +1,86 @@
+"""Makes a capture whose poses are a little off, to see what comes of that.
+
+    python -m room2dgs.tools.shake_poses CAPTURE OUT --degrees 0.5 --cm 1
+
+Every camera is turned about a random axis and shifted, each independently of the others; photos, depth, intrinsics
+and the ground truth are links to those of the capture (ScanNet layout).
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from room2dgs.captures.matrix_files import NonFinitePose, read_world_from_cam
+from room2dgs.errors import InputError
+from room2dgs.files import whole_folder
+
+
+def shake_poses(capture: Path, out: Path, degrees: float, cm: float, seed: int = 0) -> None:
+    """Writes the folder `out`, whole or not at all.
+
+    Args:
+        degrees, cm: root mean square of the angles and of the ways of the centres.
+
+    Raises:
+        InputError: no capture, a taken folder, a pose that cannot be read, or errors that are no sizes.
+    """
+    if not all(math.isfinite(value) and value >= 0 for value in (degrees, cm)):
+        raise InputError(f"--degrees {degrees} --cm {cm} is impossible; give numbers of 0 or more")
+    paths = sorted((capture / "pose").glob("*.txt"), key=lambda path: (len(path.name), path.name))
+    if not paths:
+        raise InputError(f"{capture} has no pose/*.txt; name the folder of a capture in the ScanNet layout")
+    if out.exists():
+        raise InputError(f"{out} is there already; choose another folder")
+    random = np.random.default_rng(seed)
+    with whole_folder(out) as folder:
+        (folder / "pose").mkdir()
+        for other in sorted(capture.iterdir()):
+            if other.name != "pose":
+                (folder / other.name).symlink_to(other.resolve(), target_is_directory=other.is_dir())
+        for path in paths:
+            try:
+                world_from_cam = read_world_from_cam(path)
+            except NonFinitePose:
+                (folder / "pose" / path.name).write_text(path.read_text())
+                continue
+            np.savetxt(folder / "pose" / path.name, shaken(world_from_cam, degrees, cm, random), fmt="%.12f")
+
+
+def shaken(world_from_cam: np.ndarray, degrees: float, cm: float, random: np.random.Generator) -> np.ndarray:
+    """(4, 4) pose turned about a random axis and shifted; the root mean squares over many are `degrees` and `cm`."""
+    turn, shift = random.normal(size=(2, 3)) / math.sqrt(3)
+    wrong = world_from_cam.copy()
+    wrong[:3, :3] = Rotation.from_rotvec(math.radians(degrees) * turn).as_matrix() @ wrong[:3, :3]
+    wrong[:3, 3] += 0.01 * cm * shift
+    return wrong
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code (0 done, 2 bad input)."""
+    parser = argparse.ArgumentParser(
+        prog="shake_poses",
+        description="Make a capture whose poses are a little off.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    parser.add_argument("capture", type=Path, help="folder in the ScanNet layout")
+    parser.add_argument("out", type=Path, help="new folder")
+    parser.add_argument("--degrees", type=float, default=0.5, help="root mean square of the rotations")
+    parser.add_argument("--cm", type=float, default=1.0, help="root mean square of the shifts")
+    parser.add_argument("--seed", type=int, default=0, help="fixes everything")
+    options = parser.parse_args(arguments)
+    try:
+        shake_poses(options.capture, options.out, options.degrees, options.cm, options.seed)
+    except InputError as error:
+        print(f"shake_poses: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
