@@ -71,6 +71,6 @@ def _carried(
     matrix: np.ndarray, x: np.ndarray, y: np.ndarray, w: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pixel in the other view, and z relative to the first view's."""
-    p, q, z = (row[0] * x + row[1] * y + row[2] + row[3] * w for row in matrix)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # pixels beside the other camera's plane
+        p, q, z = (row[0] * x + row[1] * y + row[2] + row[3] * w for row in matrix)
         return p / z, q / z, z

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import cv2
@@ -77,8 +77,8 @@ def dense_views(
     options: Options,
     matching: Matching,
     progress: Progress = lambda *_: None,
-) -> list[DenseView]:
-    """Stereo of posed photos.
+) -> Iterator[DenseView]:
+    """Stereo of posed photos, one view after the other: all of them at once would take most of the memory.
 
     The same photos give the same bits on any number of threads.
 
@@ -89,7 +89,7 @@ def dense_views(
         xyz: (M, 3) sparse points, metres.
         progress: gets the stage, how many views are done, and of how many.
 
-    Returns:
+    Yields:
         V results; a view without a neighbour has no depth at all.
     """
     near_views = choose_neighbours(
@@ -100,7 +100,7 @@ def dense_views(
         everywhere = np.array([0.5, 5.0])  # a room, if no point says otherwise
     ranges = [depth_range(sight.depth, everywhere) for sight in sights]
     planes: list[np.ndarray] = []
-    results: list[DenseView] = []
+    coarse: list[DenseView] = []
     for level in reversed(range(options.levels)):
         views = [_at_level(photo, camera, level) for photo, camera in zip(photos, cameras, strict=True)]
         first = not planes
@@ -114,10 +114,10 @@ def dense_views(
             planes = [resized_planes(old, *view.camera.size) for old, view in zip(planes, views, strict=True)]
         for search in range((0 if first else 1), options.rounds + 1):
             planes = _searched(views, planes, near_views, ranges, options, matching, search, level, progress)
-        if level <= 1:
-            kept = _filtered(views, planes, near_views, options, matching, progress)
-            results = [_completed(*pair) for pair in zip(kept, results, strict=True)] if results else kept
-    return results
+        if level == 1:
+            coarse = list(_filtered(views, planes, near_views, options, matching, progress))
+    for index, view in enumerate(_filtered(views, planes, near_views, options, matching, progress)):
+        yield _completed(view, coarse[index]) if coarse else view
 
 
 def _completed(fine: DenseView, coarse: DenseView) -> DenseView:
@@ -188,16 +188,13 @@ def _filtered(
     options: Options,
     matching: Matching,
     progress: Progress,
-) -> list[DenseView]:
-    results = []
+) -> Iterator[DenseView]:
     for index, view in enumerate(views):
         camera, near = view.camera, near_views[index]
         if not len(near):
             nothing = np.zeros(planes[index].shape[1:], np.float32)
-            results.append(
-                DenseView(
-                    nothing, np.zeros((*nothing.shape, 3), np.float32), nothing.astype(np.uint8), nothing, planes[index]
-                )
+            yield DenseView(
+                nothing, np.zeros((*nothing.shape, 3), np.float32), nothing.astype(np.uint8), nothing, planes[index]
             )
             continue
         others = [views[other] for other in near[: options.neighbours]]
@@ -216,16 +213,12 @@ def _filtered(
         # a match is off by a part of a pixel; views that are averaged differ by what they are off
         by_disparity = DISPARITY_ERROR_PX * depth / (camera.K[0, 0] * max(float(baseline), 1e-6))
         error = depth * np.hypot(by_disparity, agreed.spread)
-        results.append(
-            DenseView(
-                depth.astype(np.float32),
-                np.where(kept[..., None], normal, 0).astype(np.float32),
-                np.where(kept, agreed.count, 0).astype(np.uint8),
-                np.where(kept, error, 0).astype(np.float32),
-                np.stack([np.where(kept, agreed.inverse_depth, planes[index][0]), *planes[index][1:]]).astype(
-                    np.float32
-                ),
-            )
+        planes_kept = np.stack([np.where(kept, agreed.inverse_depth, planes[index][0]), *planes[index][1:]])
+        yield DenseView(
+            depth.astype(np.float32),
+            np.where(kept[..., None], normal, 0).astype(np.float32),
+            np.where(kept, agreed.count, 0).astype(np.uint8),
+            np.where(kept, error, 0).astype(np.float32),
+            planes_kept.astype(np.float32),
         )
         progress("stereo, filter", index + 1, len(views))
-    return results

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import cv2
 import numpy as np
@@ -22,7 +22,7 @@ LOG_SECONDS = 10.0
 
 def scene_stereo(
     frames: Sequence[Frame], points: PointCloud, settings: StereoConfig, log: Log = print
-) -> tuple[list[Camera], list[DenseView]]:
+) -> tuple[list[Camera], Iterator[DenseView]]:
     """Depth and normals of each view where several views agree.
 
     Args:
@@ -31,13 +31,14 @@ def scene_stereo(
         log: takes one line at a time.
 
     Returns:
-        The views' cameras at stereo's image size, and what was found in each, in the frames' order.
+        The views' cameras at stereo's image size, and what was found in each, in the frames' order; the work is done as
+        it is asked for.
 
     Raises:
         InputError: a photo cannot be decoded.
     """
     cameras = [_camera(frame.camera, settings.width) for frame in frames]
-    photos = [_grey(frame, camera) for frame, camera in zip(frames, cameras, strict=True)]
+    photos = [grey(frame, camera) for frame, camera in zip(frames, cameras, strict=True)]
     sights = [_sight(frame, camera, points) for frame, camera in zip(frames, cameras, strict=True)]
     options = Options(
         neighbours=settings.neighbours,
@@ -52,7 +53,8 @@ def scene_stereo(
         max_cost=settings.max_cost,
     )
     matching = Matching(radius=settings.radius, step=settings.step, best=settings.best)
-    return cameras, dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log))
+    views = dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log))
+    return cameras, (_unmasked(view, frame) for view, frame in zip(views, frames, strict=True))
 
 
 def coverage(views: Sequence[DenseView]) -> np.ndarray:
@@ -69,9 +71,24 @@ def _camera(camera: Camera, width: int | None) -> Camera:
     return camera if width is None or width >= camera.width else camera.resized_to_width(width)
 
 
-def _grey(frame: Frame, camera: Camera) -> np.ndarray:
-    grey = cv2.cvtColor(frame.color(), cv2.COLOR_RGB2GRAY)
-    return grey if camera == frame.camera else cv2.resize(grey, camera.size, interpolation=cv2.INTER_AREA)
+def _unmasked(view: DenseView, frame: Frame) -> DenseView:
+    """Without what the photo's mask hides."""
+    mask = frame.mask()
+    if mask is None:
+        return view
+    usable = cv2.resize(mask.astype(np.float32), view.depth.shape[::-1], interpolation=cv2.INTER_AREA) >= 1
+    return view._replace(
+        depth=np.where(usable, view.depth, np.float32(0)),
+        normal=np.where(usable[..., None], view.normal, np.float32(0)),
+        agreeing=np.where(usable, view.agreeing, np.uint8(0)),
+        error=np.where(usable, view.error, np.float32(0)),
+    )
+
+
+def grey(frame: Frame, camera: Camera) -> np.ndarray:
+    """(H, W) uint8 photo at a camera's size."""
+    photo = cv2.cvtColor(frame.color(), cv2.COLOR_RGB2GRAY)
+    return photo if camera is frame.camera else cv2.resize(photo, camera.size, interpolation=cv2.INTER_AREA)
 
 
 def _sight(frame: Frame, camera: Camera, points: PointCloud) -> Sight:

@@ -35,7 +35,7 @@ def sparse(corner, count=60):
 def run(corner, options=Options(min_agreeing=2)):  # noqa: B008
     xyz, sights = sparse(corner)
     photos, cameras = [photo for _, photo, _, _ in corner], [camera for camera, *_ in corner]
-    return dense_views(photos, cameras, sights, xyz, options, Matching())
+    return list(dense_views(photos, cameras, sights, xyz, options, Matching()))
 
 
 def test_most_of_what_several_views_see_is_found_and_right(corner):
@@ -85,7 +85,7 @@ def test_no_sparse_points_at_all_is_no_obstacle(corner):
     nothing = Sight(np.zeros(0, int), np.zeros((0, 2)), np.zeros(0))
     photos, cameras = [photo for _, photo, _, _ in corner], [camera for camera, *_ in corner]
     options = Options(iterations=5)
-    view = dense_views(photos, cameras, [nothing] * 5, np.zeros((0, 3)), options, Matching())[0]
+    view = next(dense_views(photos, cameras, [nothing] * 5, np.zeros((0, 3)), options, Matching()))
     kept = view.depth > 0
     assert kept.mean() > 0.4
     assert np.median(np.abs(view.depth - corner[0][2])[kept] / corner[0][2][kept]) < 0.005

@@ -12,6 +12,7 @@ from room2dgs.config.fields import GROUP, Float, Int
 class StereoConfig:
     """PatchMatch stereo and the agreement of views that keeps a pixel."""
 
+    enabled: bool = Field(description="compare the photos, and hold the depth prior to what they say")
     width: Int | None = Field(ge=16, description="of the photos that are compared (null: the working size)")
     neighbours: Int = Field(ge=1, le=32, description="views that a view is compared with")
     best: Int = Field(ge=1, le=8, description="the cost of a plane is its mean over this many views that like it most")
