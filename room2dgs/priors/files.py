@@ -40,11 +40,17 @@ def find_map(folder: Path, frame: Frame) -> Path | None:
 
 
 def read_depth(path: Path, settings: DepthPriorConfig, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """A depth map at the camera's size.
+    """A depth map at the camera's size; otherwise as `decoded_depth`."""
+    return resize_depth(*decoded_depth(path, settings, camera), camera)
+
+
+def decoded_depth(path: Path, settings: DepthPriorConfig, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """A depth map at its own size.
 
     Args:
         path: 16-bit one-channel PNG or .npy of (H, W), also with one axis of length 1, or what `write_map` writes.
         settings: `unit_m` is multiplied in; null means 0.001 for PNG and 1 for .npy.
+        camera: of the photo, whose shape the map must have.
 
     Returns:
         (H, W) float32 values, in metres if `meaning` is metric_depth, and (H, W) bool where they are valid.
@@ -67,7 +73,7 @@ def read_depth(path: Path, settings: DepthPriorConfig, camera: Camera) -> tuple[
     valid = values > 0 if settings.meaning == "metric_depth" else values != 0
     if not valid.any():
         raise InputError(f"{path} has no valid depth (0 = invalid); replace it or delete it")
-    return resize_depth(np.where(valid, values, 0.0).astype(np.float32), valid, camera)
+    return np.where(valid, values, 0.0).astype(np.float32), valid
 
 
 def read_normal(path: Path, settings: NormalPriorConfig, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -20,17 +21,21 @@ from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.priors.align.depths import aligned_depths
 from room2dgs.priors.align.scale_shift import Fit
+from room2dgs.priors.completion.views import complete_views
 from room2dgs.priors.confidence import has_confidence, read_confidence
 from room2dgs.priors.files import find_map, read_normal
-from room2dgs.priors.joint.depths import checked_joint_depths
+from room2dgs.priors.joint.depths import logged_joint_depths
 from room2dgs.priors.network.maps import predicted_maps, read_models
 from room2dgs.priors.network.model_file import ModelFile
 from room2dgs.priors.normals.check import usable
 from room2dgs.priors.normals.convention import camera_normals
 from room2dgs.priors.normals.samples import sample
+from room2dgs.priors.sensor.depths import sensor_depths
 from room2dgs.priors.simulated import simulated
+from room2dgs.stereo.anchors import StereoPoints
 
 CHECKED_FRAMES = 24
+HALF_WORTH = 0.1  # median relative residual at the points that halves the confidence in a map
 
 
 class Priors(NamedTuple):
@@ -39,17 +44,25 @@ class Priors(NamedTuple):
     Attributes:
         by_frame: frame name -> maps, for the frames that have one; in the frames' cache.
         fits: frame name -> its depth's alignment, for every frame with a depth map, left out or not.
-        label: "simulated" if any map says so, else the sources: "room_prior", "files", "files+onnx", or "none".
+        label: "simulated" if any map says so, else the sources: "room_prior", "room_prior+sensor", "files", or "none".
         networks: "depth" and "normal" -> digest of the model that made the maps (`ModelFile.digest`).
+        depth_source: where depth comes from, "auto" decided: "sensor", "room_prior", "files", "onnx" or "none".
     """
 
     by_frame: StoredMaps
     fits: dict[str, Fit]
     label: str
     networks: dict[str, str]
+    depth_source: str
 
 
-def load_priors(frames: Sequence[Frame], points: PointCloud, config: PriorConfig, log: Log = print) -> Priors:
+def load_priors(
+    frames: Sequence[Frame],
+    points: PointCloud,
+    config: PriorConfig,
+    log: Log = print,
+    compare: Callable[[], StereoPoints] | None = None,
+) -> Priors:
     """Read and align the priors of some frames.
 
     Args:
@@ -57,19 +70,27 @@ def load_priors(frames: Sequence[Frame], points: PointCloud, config: PriorConfig
         points: the scene's sparse points, metres.
         config: sources and conventions.
         log: takes one line at a time.
+        compare: finds stereo's points; called if there are depth maps that they could hold in place.
 
     Raises:
         InputError: no map for any frame, an unusable map, or normals in another convention than configured.
     """
+    depth_settings, sensor = sensor_depths(frames, points, config.depth, log)
+    config = replace(config, depth=depth_settings)
     models = read_models(config)
     label = _label(config)
     if label == "simulated":
         log("simulated priors: made from ground truth, for studies only")
+    fine: Mapping[str, tuple[np.ndarray, np.ndarray]] = {}
     stored = StoredMaps(next((frame.cache for frame in frames if frame.cache), None))
     depths: LazyMaps[np.ndarray] = LazyMaps()
     confidences: LazyMaps[np.ndarray] = LazyMaps()
     fits: dict[str, Fit] = {}
-    if config.depth.source != "none":
+    if sensor:
+        depths, confidences, fits = sensor
+    elif config.depth.source != "none":
+        if compare and config.depth.joint:
+            points, fine = compare()
         files = _maps(frames, config, "depth", models, log)
         depths, fits = aligned_depths(frames, files, points, config.depth, log)
         confidences = _confidences({name: files[name] for name in depths}, config.depth.onnx)
@@ -77,19 +98,23 @@ def load_priors(frames: Sequence[Frame], points: PointCloud, config: PriorConfig
         for name, normal, confidence in _normals(frames, depths, points, config, models, log):
             stored.put(name, ViewMaps(normal=normal, normal_confidence=confidence, source=label))
 
-    def take(name: str, depth: np.ndarray) -> None:
-        confidence = _where(depth > 0, confidences.get(name))
+    def take(name: str, depth: np.ndarray, confidence: np.ndarray | None = None) -> None:
+        confidence = _where(depth > 0, confidences.get(name) if confidence is None else confidence)
         maps = stored.get(name, ViewMaps(source=label))
         stored.put(name, maps._replace(depth=depth, depth_confidence=confidence))
 
     if config.depth.joint and depths:
         normals, normal_confidences = _stored_normals(stored)
         both = (confidences, normal_confidences)
-        checked_joint_depths(frames, depths, normals, points, config.depth, log, both, take)
-    else:
-        for name, depth in depths.items():
-            take(name, depth)
-    return Priors(stored, fits, label, {kind: model.digest for kind, model in models.items()})
+        depths = logged_joint_depths(frames, depths, normals, points, config.depth.manhattan, log, both)
+        if config.depth.completion:
+            given = (depths, confidences, normals, normal_confidences)
+            complete_views(frames, *given, points, fine, log, take)
+            depths = {}
+    for name, depth in depths.items():
+        take(name, depth, _by_fit(depth, confidences.get(name), fits.get(name)))
+    networks = {kind: model.digest for kind, model in models.items()}
+    return Priors(stored, fits, label, networks, config.depth.source)
 
 
 def _label(config: PriorConfig) -> str:
@@ -143,6 +168,14 @@ def _confidences(files: Mapping[str, Path], settings: OnnxConfig) -> LazyMaps[np
         if has_confidence(path):
             found.add(name, partial(read_confidence, path, settings))
     return found
+
+
+def _by_fit(depth: np.ndarray, confidence: np.ndarray | None, fit: Fit | None) -> np.ndarray | None:
+    """A map that is off the points that its own photo sees is worth less."""
+    if fit is None or not np.isfinite(fit.residual):
+        return confidence
+    worth = np.float32(1 / (1 + (fit.residual / HALF_WORTH) ** 2))
+    return worth * (np.ones(depth.shape, np.float32) if confidence is None else confidence)
 
 
 def _where(valid: np.ndarray, confidence: np.ndarray | None) -> np.ndarray | None:

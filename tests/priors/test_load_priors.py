@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 
+import cv2
 import numpy as np
 import pytest
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
+from room2dgs.stereo.anchors import StereoPoints
 
 
 def load(room, prior_config, folder, points=None, frames=None, **changes):
@@ -112,19 +115,17 @@ def test_noise_is_left_out_or_warned_about(room, prior_config, map_files):
 
     folder = map_files(depth=lambda depth, i: rng.uniform(0.5, 6.0, depth.shape), normal=noise)
     priors, said = load(room, prior_config, folder)
-    assert not priors.by_frame
-    assert said.count("depth prior of") == len(room.frames)
     assert "WARNING: the normals carry no information" in said
-    assert "training goes on without depth" in said
+    assert max(float(maps.depth_confidence.mean()) for maps in priors.by_frame.values()) < 0.15
 
 
-def test_one_bad_map_is_left_out_and_said(room, prior_config, map_files):
+def test_one_bad_map_has_next_to_no_weight(room, prior_config, map_files):
     rng = np.random.default_rng(1)
     folder = map_files(depth=lambda depth, i: depth if i != 3 else rng.uniform(0.3, 6.0, depth.shape))
-    priors, said = load(room, prior_config, folder)
-    without = [name for name, prior in priors.by_frame.items() if prior.depth is None]
-    assert without == [room.frames[3].name]
-    assert f"depth prior of {room.frames[3].name} left out" in said
+    priors, _ = load(room, prior_config, folder)
+    weight = {name: float(maps.depth_confidence.mean()) for name, maps in priors.by_frame.items()}
+    bad = weight.pop(room.frames[3].name)
+    assert bad < 0.15 and min(weight.values()) > 3 * bad
     assert priors.fits[room.frames[3].name].residual > 0.15
 
 
@@ -191,3 +192,43 @@ def test_a_view_without_points_is_aligned_to_the_views_beside_it(room, prior_con
     assert priors.fits[lonely.name].scale == pytest.approx(0.9, rel=0.03)
     assert np.abs(priors.by_frame[lonely.name].depth / room.depths[2] - 1.0).max() < 0.03
     assert f"depth prior of {lonely.name} aligned to" in said
+
+
+def photographed(room, folder):
+    """The frames, with grey photos on disk."""
+    frames = [replace(frame, color_path=folder / frame.color_path.name) for frame in room.frames]
+    for frame in frames:
+        cv2.imwrite(str(frame.color_path), np.full((60, 80, 3), 128, np.uint8))
+    return frames
+
+
+@pytest.mark.parametrize(("settings", "times"), [({}, 1), ({"depth__joint": False}, 0), ({"depth__source": "none"}, 0)])
+def test_stereo_is_asked_once_and_only_for_maps_that_it_can_hold(
+    room, prior_config, map_files, tmp_path, settings, times
+):
+    frames = photographed(room, tmp_path)
+    folder = map_files()
+    paths = {"depth__path": folder / "depth", "normal__path": folder / "normal"}
+    asked = []
+
+    def compare() -> StereoPoints:
+        asked.append(1)
+        return StereoPoints(room.points, {})
+
+    load_priors(frames, room.points, prior_config("prior=files", **paths, **settings), lambda line: None, compare)
+    assert len(asked) == times
+
+
+def test_what_stereo_finds_holds_the_depth(room, prior_config, map_files, tmp_path):
+    """Maps that are 5 % too far, without any sparse point, are drawn to where stereo has the walls."""
+    frames = photographed(room, tmp_path)
+    folder = map_files(depth=lambda depth, i: 1.05 * depth)
+    config = prior_config("prior=files", depth__path=folder / "depth", normal__path=folder / "normal")
+    nothing = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+    found = []
+    for points in (nothing, room.points):
+        compare = partial(StereoPoints, points, {})
+        priors = load_priors(frames, nothing, config, lambda line: None, compare)
+        off = [priors.by_frame[f.name].depth / d - 1 for f, d in zip(frames, room.depths, strict=True)]
+        found.append(float(np.median(np.abs(off))))
+    assert found[0] == pytest.approx(0.05, abs=0.01) and found[1] < 0.01

@@ -9,17 +9,20 @@ from pydantic.dataclasses import dataclass
 
 from room2dgs.config.fields import GROUP, Float, Int, PathText
 from room2dgs.config.groups.network import NETWORK_SOURCES, OnnxConfig
+from room2dgs.config.groups.sensor import SensorConfig
 
 Source = Literal["none", "files", "onnx", "room_prior"]
+DepthSource = Literal["none", "files", "onnx", "room_prior", "sensor", "auto"]
 Axes = Literal["opencv", "opengl", "rdf", "rub", "rdb", "ruf", "ldf", "lub", "ldb", "luf"]
 SOURCES = "none | files | onnx | room_prior (the network that comes with room2dgs)"
+DEPTH_SOURCES = f"{SOURCES} | sensor (the capture's depth files) | auto (sensor if it has them, else room_prior)"
 
 
 @dataclass(config=GROUP)
 class DepthPriorConfig:
     """Depth maps of the photos, from a network or a sensor."""
 
-    source: Source = Field(description=SOURCES)
+    source: DepthSource = Field(description=DEPTH_SOURCES)
     path: PathText | None = Field(description="folder of <photo's name>.png (16-bit) or .npy")
     unit_m: Float | None = Field(
         ge=1e-9, le=1e6, description="metres of one stored unit (null: 0.001 for PNG, 1 for .npy)"
@@ -27,22 +30,31 @@ class DepthPriorConfig:
     meaning: Literal["metric_depth", "relative_depth", "relative_inverse_depth"] = Field(
         description="metric_depth | relative_depth | relative_inverse_depth"
     )
-    align: bool = Field(description="robust scale and shift of each map to the sparse points")
+    align: bool = Field(description="robust scale and shift of each map to the sparse points (never a sensor's)")
     joint: bool = Field(
-        description="joint depth optimisation: smooth log-scale grids make views, points and normals agree"
+        description="joint depth optimisation: smooth log-scale grids make views, points and normals agree (likewise)"
     )
     manhattan: bool = Field(
         description="and textureless walls and floors that nearly face one of the room's axes face it"
     )
-    max_outlier_ratio: Float = Field(
-        ge=0, le=1, description="leave all maps out if more of the points, as a share, are 5 % off them"
+    completion: bool = Field(
+        description="and each is drawn to what stereo found, and trusted by what the views then say of each other"
     )
-    max_residual: Float = Field(ge=1e-3, le=10, description="maps with a larger median relative residual are left out")
+    sensor: SensorConfig = Field()
     onnx: OnnxConfig = Field()
 
     @model_validator(mode="after")
     def _fits_together(self) -> DepthPriorConfig:
         _has_what_its_source_needs("depth", self)
+        if self.source in ("sensor", "auto") and self.meaning != "metric_depth":
+            raise ValueError(
+                f"prior.depth.source={self.source} means metres, not prior.depth.meaning={self.meaning}; leave that out"
+            )
+        if self.source == "sensor" and (self.align or self.joint):
+            raise ValueError(
+                "prior.depth.source=sensor uses depth as it is; write prior/depth=sensor, without "
+                "prior.depth.align=true and prior.depth.joint=true"
+            )
         if self.source != "none" and not self.align and self.meaning != "metric_depth":
             raise ValueError(f"prior.depth.align=false needs metres, not {self.meaning}; align the maps")
         return self
@@ -100,5 +112,5 @@ def _has_what_its_source_needs(name: str, prior: DepthPriorConfig | NormalPriorC
         raise ValueError(f"prior.{name}.source=files needs prior.{name}.path=DIR with a map for each photo")
     if prior.source == "onnx" and not prior.onnx.model:
         raise ValueError(f"prior.{name}.onnx.model=FILE is not given; get {prior.onnx.get}")
-    if prior.source == "room_prior" and not prior.onnx.output:
-        raise ValueError(f"prior.{name}.source=room_prior lacks its settings; write prior/{name}=room_prior")
+    if prior.source in ("room_prior", "auto") and not prior.onnx.output:
+        raise ValueError(f"prior.{name}.source={prior.source} lacks its settings; write prior/{name}={prior.source}")

@@ -31,8 +31,8 @@ def aligned_depths(
         files: frame name -> map; frames may have none.
 
     Returns:
-        Frame name -> (H, W) float32 metres, 0 = invalid, for the maps that fit, read when asked for; frame name -> fit
-        for those that could be aligned at all.
+        Frame name -> (H, W) float32 metres, 0 = invalid, read when asked for; frame name -> fit; of the maps that
+        could be aligned.
 
     Raises:
         InputError: an unusable map.
@@ -49,7 +49,7 @@ def aligned_depths(
             log(f"depth prior of {frame.name} left out: it has too few points, and no view beside it has a map")
     with_points = [fits[name] for name in depths if np.isfinite(fits[name].residual)]
     if not depths:
-        log(f"depth prior: none of {len(frames)} maps fits the sparse points; training goes on without depth")
+        log(f"depth prior: none of {len(frames)} maps could be aligned; training goes on without depth")
     elif with_points:
         off = [fit.residual for fit in with_points]
         log(
@@ -80,5 +80,5 @@ def _align_to_points(
             continue
         if fit:
             fits[frame.name] = fit
-            add_aligned(frame, raw, fit, settings, depths, log)
+            add_aligned(frame, raw, fit, settings, depths)
     return depths, fits

@@ -55,8 +55,8 @@ def align_to_neighbours(
         fit = fit_scale_shift(x, y, shift_sigma=shift_sigma(settings)) or _common_fit(fits, own, settings)
         if fit:
             fits[frame.name] = fit._replace(points=own)
-            if add_aligned(frame, raw, fit, settings, depths, log):
-                log(f"depth prior of {frame.name} aligned to {len(beside)} views beside it: it has {own} points")
+            add_aligned(frame, raw, fit, settings, depths)
+            log(f"depth prior of {frame.name} aligned to {len(beside)} views beside it: it has {own} points")
 
 
 def _align_by_one_scale(
@@ -78,7 +78,7 @@ def _align_by_one_scale(
     for frame, (x, y) in zip(frames, seen, strict=True):
         fit = fit_scale_shift(x, y, shift_sigma=METRIC_SHIFT_M) or common
         fits[frame.name] = fit._replace(points=len(x))
-        add_aligned(frame, raw, fits[frame.name], settings, depths, log)
+        add_aligned(frame, raw, fits[frame.name], settings, depths)
     if frames:
         scale = f"a scale of {common.scale:.3g}"
         log(f"depth prior: no view has {FEW_POINTS} sparse points; its metres are taken with {scale}")
@@ -92,7 +92,7 @@ def _sampled_points(frame: Frame, depth: np.ndarray) -> np.ndarray:
 
 def _common_fit(fits: Mapping[str, Fit], own: int, settings: DepthPriorConfig) -> Fit | None:
     """The other views' median scale and shift; relative maps have no common one."""
-    good = [fit for fit in fits.values() if fit.residual <= settings.max_residual]
+    good = [fit for fit in fits.values() if np.isfinite(fit.residual)]
     if settings.meaning != "metric_depth" or not good or own >= MIN_POINTS:
         return None
     scale, shift = (float(np.median([getattr(fit, name) for fit in good])) for name in ("scale", "shift"))

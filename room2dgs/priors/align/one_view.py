@@ -11,7 +11,6 @@ from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import SeenPoints
 from room2dgs.config import DepthPriorConfig
-from room2dgs.logs import Log
 from room2dgs.priors.align.scale_shift import Fit, aligned_depth
 
 MAX_DEPTH_M = 100.0
@@ -37,15 +36,9 @@ def pairs_at_points(raw: RawMap, seen: SeenPoints, settings: DepthPriorConfig) -
     return x, 1.0 / z if is_disparity(settings) else z
 
 
-def add_aligned(
-    frame: Frame, raw: RawMaps, fit: Fit, settings: DepthPriorConfig, depths: LazyMaps[np.ndarray], log: Log
-) -> bool:
-    """Apply a view's fit and add the result to `depths`; False, with a log line, if the residual is too large."""
-    if fit.residual > settings.max_residual:
-        log(f"depth prior of {frame.name} left out: {fit.residual:.1%} off its {fit.points} points")
-        return False
+def add_aligned(frame: Frame, raw: RawMaps, fit: Fit, settings: DepthPriorConfig, depths: LazyMaps[np.ndarray]) -> None:
+    """Apply a view's fit and add the result to `depths`."""
     depths.add(frame.name, lambda: aligned_depth(*raw[frame.name], fit, is_disparity(settings), MAX_DEPTH_M))
-    return True
 
 
 def is_disparity(settings: DepthPriorConfig) -> bool:

@@ -25,6 +25,7 @@ from room2dgs.priors.joint.overlap import Overlap, overlap
 from room2dgs.priors.joint.room_axes import room_axes
 from room2dgs.priors.joint.terms import (
     axis_residuals,
+    known_point_residuals,
     normal_residuals,
     planarity_residuals,
     point_residuals,
@@ -67,7 +68,7 @@ POINT_WIDTH = 0.03  # relative depth error of a sparse point
 OUTLIER_ERROR = 0.05  # relative depth error beyond which a sparse point counts as an outlier
 SLOPE_WIDTH = 0.3  # sine between the surface and the normal prior's plane
 AXIS_WIDTH = 0.1  # sine
-POINT_WEIGHT, VIEW_WEIGHT, SLOPE_WEIGHT, PLANE_WEIGHT, AXIS_WEIGHT = 3.0, 15.0, 4.0, 1.0, 1.0
+POINT_WEIGHT, VIEW_WEIGHT, SLOPE_WEIGHT, PLANE_WEIGHT, AXIS_WEIGHT = 6.0, 15.0, 4.0, 1.0, 1.0
 # Chosen with the maps of a network (docs/results.md): its normals and what its views share are better than its depth.
 # Smoothness acts on second differences of the grid, magnitude on the log-scale itself.
 SMOOTHNESS_WEIGHT, MAGNITUDE_WEIGHT = 8.0, 0.3
@@ -173,6 +174,6 @@ def _differences(views: Overlap, grid: Tensor) -> tuple[float, float, float]:
     more than `OUTLIER_ERROR`; NaN without any."""
     generator = torch.Generator().manual_seed(1)
     between = view_residuals(views, grid, SAMPLES[1], generator)[0].abs()
-    points = point_residuals(views, grid, SAMPLES[1], generator, tracked=True).abs()
+    points = known_point_residuals(views, grid, SAMPLES[1], generator).abs()
     medians = [float(part.median()) if len(part) else float("nan") for part in (between, points)]
     return *medians, float((points > OUTLIER_ERROR).float().mean()) if len(points) else float("nan")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -61,6 +62,12 @@ class Overlap:
 
     def __len__(self) -> int:
         return len(self.depth)
+
+    @cached_property
+    def points_of_view(self) -> tuple[Tensor, Tensor]:
+        """(V,) first of each view's points, and (V,) how many it has; they lie in the views' order."""
+        number = torch.bincount(self.point_view, minlength=len(self))
+        return torch.cumsum(number, 0) - number, number
 
     def pixel(self, row: Tensor, column: Tensor) -> Tensor:
         """(N, 2) pixel of the whole image, centre at +0.5, of samples at these rows and columns."""
@@ -170,7 +177,7 @@ def _pairs(frames: Sequence[Frame]) -> Tensor:
     return torch.tensor(found, dtype=torch.int64).reshape(-1, 2)
 
 
-def _points(frames: Sequence[Frame], points: PointCloud | None) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def _points(frames: Sequence[Frame], points: PointCloud | None) -> tuple[Tensor, ...]:
     views, pixels, depths = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 2))], [np.zeros(0)]
     tracked = [np.zeros(0, dtype=bool)]
     for index, frame in enumerate(frames if points is not None else ()):

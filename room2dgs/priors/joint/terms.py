@@ -5,8 +5,6 @@ Each function draws its samples from the generator and is differentiable with re
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import torch
 from torch import Tensor
 
@@ -28,17 +26,29 @@ def robust(residual: Tensor, width: float, weight: Tensor | None = None) -> Tens
     return (cost if weight is None else weight * cost).sum() / max(1, len(residual))
 
 
-def point_residuals(
-    views: Overlap, grid: Tensor, count: int, generator: torch.Generator, tracked: bool = False
-) -> Tensor:
-    """(N,) log of optimised depth over point depth, at random sparse points; or at those known to be seen alone."""
-    if tracked and views.point_tracked.any():
-        sure = views.point_tracked
-        parts = ("point_view", "point_px", "point_depth", "point_tracked", "point_prior")
-        views = replace(views, **{name: getattr(views, name)[sure] for name in parts})
-    if not len(views.point_view):
+def point_residuals(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> Tensor:
+    """(N,) log of optimised depth over point depth, at random points: all views have the same say.
+
+    Stereo finds thousands of points in a view of clutter and few in one of a blank wall, which needs them more.
+    """
+    first, number = views.points_of_view
+    if not number.any():
         return grid.new_zeros(0)
-    some = torch.randint(len(views.point_view), (count,), generator=generator)
+    view = number.nonzero()[:, 0]
+    view = view[torch.randint(len(view), (count,), generator=generator)]
+    share = torch.rand(count, generator=generator, dtype=torch.float64)
+    return _at_points(views, grid, first[view] + (share * number[view]).long())
+
+
+def known_point_residuals(views: Overlap, grid: Tensor, count: int, generator: torch.Generator) -> Tensor:
+    """(N,) likewise at random points of all that the photos are known to have seen; of all where nobody knows."""
+    known = views.point_tracked.nonzero()[:, 0] if views.point_tracked.any() else torch.arange(len(views.point_view))
+    if not len(known):
+        return grid.new_zeros(0)
+    return _at_points(views, grid, known[torch.randint(len(known), (count,), generator=generator)])
+
+
+def _at_points(views: Overlap, grid: Tensor, some: Tensor) -> Tensor:
     view, pixel = views.point_view[some], views.point_px[some]
     log_scale = log_scale_grid.at(grid, view, pixel / views.cameras.size[view])
     return torch.log(views.point_prior[some] / views.point_depth[some]) + log_scale

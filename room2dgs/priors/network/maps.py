@@ -13,7 +13,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from room2dgs.captures.image_files import color_size
 from room2dgs.captures.scene import Frame
 from room2dgs.config import NETWORK_SOURCES, OnnxConfig, PriorConfig
 from room2dgs.errors import InputError
@@ -152,7 +151,7 @@ def at_camera(found: Prediction, camera: Camera) -> Prediction:
 
 def _photo(frame: Frame) -> tuple[np.ndarray, Camera]:
     """The photo at its full size, whatever size the run works at, and its camera."""
-    size = color_size(frame.color_path)
+    size = frame.full_size()
     if size == (frame.camera.width, frame.camera.height):
         return frame.color(), frame.camera
     camera = frame.camera.resized(*size)
@@ -174,6 +173,6 @@ def _key(frame: Frame, kind: str, model: ModelFile, settings: OnnxConfig) -> str
     matters = {name: value for name, value in dataclasses.asdict(settings).items() if name not in _OUTSIDE}
     sees_focal = settings.intrinsics or settings.canonical_focal_px is not None
     K = frame.camera.K.tolist() if sees_focal else None
-    photo = hashlib.sha256(frame.color_path.read_bytes()).hexdigest()
+    photo = frame.digest().hex()
     known = [FORMAT, kind, model.digest, matters, photo, _shape(frame, kind), K]
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:16]

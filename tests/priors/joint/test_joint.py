@@ -18,7 +18,7 @@ from room2dgs.priors.joint import optimise as joint
 from room2dgs.priors.joint.optimise import joint_depths
 from room2dgs.priors.joint.overlap import overlap, textureless_regions
 from room2dgs.priors.joint.room_axes import room_axes
-from room2dgs.priors.joint.terms import axis_residuals, planarity_residuals
+from room2dgs.priors.joint.terms import axis_residuals, planarity_residuals, point_residuals
 
 NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
 
@@ -286,17 +286,36 @@ def test_maps_are_judged_by_points_that_photos_are_known_to_have_seen(ring):
     assert guessed.outlier_ratio > 0.12
 
 
-def test_maps_on_which_all_views_agree_but_the_points_do_not_are_left_out(ring, prior_config, tmp_path):
+def test_maps_on_which_all_views_agree_but_the_points_do_not_are_trusted_less(ring, prior_config, tmp_path):
     frames, depths, _, points = ring
-    # what lies far is drawn nearer, from everywhere, and by more than a grid can mend at single points
+    # by more, and more unevenly, than a smooth grid can mend
     rng = np.random.default_rng(5)
-    off = points.xyz + rng.uniform(-0.4, 0.4, points.xyz.shape)
-    wrong = PointCloud(off, points.rgb)
+    wrong = PointCloud(points.xyz + rng.uniform(-0.4, 0.4, points.xyz.shape), points.rgb)
     for name, depth in depths.items():
         np.save(tmp_path / f"{name}.npy", depth)
-    lines: list[str] = []
-    folder = {"depth__path": tmp_path, "depth__max_residual": 1.0}
-    assert not load_priors(frames, wrong, prior_config("prior/depth=files", **folder), lines.append).by_frame
-    assert any("depth prior left out" in line and "prior.depth.max_outlier_ratio" in line for line in lines)
-    trusted = prior_config("prior/depth=files", **folder, depth__max_outlier_ratio=1.0)
-    assert len(load_priors(frames, wrong, trusted, lines.append).by_frame) == len(frames)
+    config = prior_config("prior/depth=files", depth__path=tmp_path)
+    sure = []
+    for cloud in (points, wrong):
+        found = load_priors(frames, cloud, config, lambda line: None).by_frame
+        assert len(found) == len(frames)
+        sure.append(np.mean([maps.depth_confidence.mean() for maps in found.values()]))
+    assert sure[1] < 0.8 * sure[0]
+
+
+def test_a_view_with_few_points_has_the_same_say_as_one_with_many(ring):
+    frames, depths, normals, points = ring
+    views = overlap(frames[:2], depths, normals, points)
+    number = torch.tensor([1000, 10])
+    view = torch.repeat_interleave(torch.arange(2), number)
+    ones = torch.ones(len(view))
+    views = replace(
+        views,
+        point_view=view,
+        point_px=torch.full((len(view), 2), 20.0),
+        point_depth=ones,
+        point_tracked=ones.bool(),
+        point_prior=torch.where(view == 0, 1.0, np.e),
+    )
+    found = point_residuals(views, torch.zeros(2, 3, 4), 4000, torch.Generator().manual_seed(0))
+    assert set(found.unique().round().tolist()) == {0.0, 1.0}
+    assert float(found.mean()) == pytest.approx(0.5, abs=0.05)

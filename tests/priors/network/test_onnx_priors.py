@@ -67,7 +67,7 @@ def test_a_networks_disparity_becomes_metres(room, photos, grey, depth_config, s
 def test_a_second_run_opens_no_model_and_gives_the_same_bits(room, photos, grey, depth_config, sessions):
     frames = photos(grey)
     first, _ = maps(frames, depth_config())
-    again, said = maps(frames, depth_config(onnx__get="elsewhere", max_residual=0.3))
+    again, said = maps(frames, depth_config(onnx__get="elsewhere", manhattan=False))
     assert len(sessions) == 1 and "all 6 maps of mean.onnx are in" in said
     assert {name: values.tobytes() for name, values in first.items()} == {n: v.tobytes() for n, v in again.items()}
 
@@ -203,7 +203,8 @@ CHOICES = [(kind, name) for kind in ("depth", "normal") for name in group_choice
 
 
 @pytest.mark.parametrize(
-    ("kind", "name"), [choice for choice in CHOICES if choice[1] not in ("none", "files", "room_prior")]
+    ("kind", "name"),
+    [choice for choice in CHOICES if choice[1] not in ("none", "files", "room_prior", "sensor", "auto")],
 )
 def test_every_ready_configuration_wants_a_model_and_says_which(kind, name):
     given = ["scene.path=a", "out=b", f"prior/{kind}={name}"]
@@ -216,7 +217,7 @@ def test_every_ready_configuration_wants_a_model_and_says_which(kind, name):
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ("prior/depth=dsine", "prior/depth=dsine is not known; choose from depth_anything_v2"),
+        ("prior/depth=dsine", "prior/depth=dsine is not known; choose from auto, depth_anything_v2"),
         ("prior/depth=_base", "prior/depth=_base is not known"),
         ("prior.normal=dsine", "write prior/normal=dsine"),
         ("prior/dept=dsine", "did you mean prior/depth"),

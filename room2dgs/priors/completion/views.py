@@ -1,0 +1,158 @@
+"""Completion of all views, and what they say of each other afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from room2dgs import _C
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
+from room2dgs.captures.seen_points import seen_points
+from room2dgs.geometry.camera import Camera
+from room2dgs.logs import Log
+from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
+from room2dgs.priors.completion.solve import completed, normal_slopes, prior_slopes
+from room2dgs.priors.files import resize_depth
+from room2dgs.stereo.agreement import agreement
+from room2dgs.stereo.neighbours import choose_neighbours
+
+COLUMNS = 160  # of the small images that are solved
+ASKED = 10  # views that are asked whether they agree
+MAX_PX, MAX_RELATIVE = 2.0, 0.03
+LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
+
+
+class Completed(NamedTuple):
+    """One view's small images.
+
+    Attributes:
+        camera: of their size.
+        anchor, trust: (h, w) metres, 0 = none; and the trust in it, 0..1.
+        log_scale: (h, w) float32, ln of completed over joint depth.
+        depth: (h, w) float32 metres, 0 = invalid.
+    """
+
+    camera: Camera
+    anchor: np.ndarray
+    trust: np.ndarray
+    log_scale: np.ndarray
+    depth: np.ndarray
+
+
+def complete_views(
+    frames: Sequence[Frame],
+    depths: Mapping[str, np.ndarray],
+    confidences: Mapping[str, np.ndarray],
+    normals: Mapping[str, np.ndarray],
+    normal_confidences: Mapping[str, np.ndarray],
+    points: PointCloud,
+    stereo: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    log: Log,
+    take: Callable[[str, np.ndarray, np.ndarray], None],
+) -> None:
+    """Depth of every view that has a map, and the confidence in each pixel.
+
+    Args:
+        frames: training views; those without a map in `depths` are passed over.
+        depths: frame name -> (H, W) float32 metres, after the joint optimisation; 0 = invalid.
+        confidences: frame name -> (H, W) what the network expects of its depth; 1 for the others.
+        normals, normal_confidences: frame name -> (H, W, 3) unit, world frame, and (H, W).
+        points: sparse points and stereo's (`with_stereo`).
+        stereo: frame name -> depth and agreeing views of stereo, of any size; may be empty.
+        take: gets each frame's name, its (H, W) depth in metres, 0 = invalid, and (H, W) confidence.
+    """
+    frames = [frame for frame in frames if frame.name in depths]
+    with ThreadPoolExecutor(_C.threads()) as pool:
+        solving = []
+        for frame in frames:
+            name = frame.name
+            maps = (depths[name], confidences.get(name), normals.get(name), normal_confidences.get(name))
+            solving.append(pool.submit(_completed, _small_maps(frame, *maps, points)))
+        small = [one.result() for one in solving]
+    tracked = points if points.tracks is None else points.chosen(points.track_length > 1)
+    cameras = [frame.camera for frame in frames]
+    near = choose_neighbours(cameras, [seen_points(tracked, frame).index for frame in frames], tracked.xyz, ASKED)
+    inverse = [np.divide(1, part.depth, out=np.zeros_like(part.depth), where=part.depth > 0) for part in small]
+    errors = []
+    for frame, part, own, others in zip(frames, small, inverse, near, strict=True):
+        beside = [(small[other].camera, inverse[other]) for other in others]
+        count = agreement(part.camera, own, beside, MAX_PX, MAX_RELATIVE).count
+        error = expected_relative_error(part.depth, part.anchor, part.trust, count)
+        errors.append(float(np.median(error[part.depth > 0])) if (part.depth > 0).any() else float("nan"))
+        depth = depths[frame.name]
+        sure = cv2.resize(confidence(error), depth.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        scale = np.exp(cv2.resize(part.log_scale, depth.shape[::-1], interpolation=cv2.INTER_LINEAR))
+        full = (depth * scale).astype(np.float32)
+        if frame.name in stereo:
+            full = _with_fine(full, *stereo[frame.name], frame.camera)
+        take(frame.name, full, np.where(full > 0, sure, 0).astype(np.float32))
+    if frames:
+        log(f"completion: depth of {len(frames)} views, expected error {np.nanmedian(errors):.1%} (median)")
+
+
+class _SmallMaps(NamedTuple):
+    """What `completed` is given, and the camera of that size."""
+
+    camera: Camera
+    anchor: np.ndarray
+    trust: np.ndarray
+    prior: np.ndarray
+    prior_weight: np.ndarray
+    slopes: tuple[np.ndarray, np.ndarray]
+    tie: np.ndarray
+
+
+def _small_maps(
+    frame: Frame,
+    depth: np.ndarray,
+    sure: np.ndarray | None,
+    normal: np.ndarray | None,
+    normal_sure: np.ndarray | None,
+    points: PointCloud,
+) -> _SmallMaps:
+    camera = frame.camera.resized_to_width(min(COLUMNS, frame.camera.width))
+    anchor, trust = _anchors(frame, points, camera)
+    prior = cv2.resize(depth, camera.size, interpolation=cv2.INTER_NEAREST_EXACT)
+    weight = np.ones(prior.shape, np.float32) if sure is None else _small(sure, camera)
+    slopes, tie = prior_slopes(prior), np.ones(prior.shape)
+    if normal is not None:
+        in_cam = camera.turned_to_camera(_small(normal, camera))
+        length = np.linalg.norm(in_cam, axis=-1, keepdims=True)
+        in_cam = np.where(length > 0.5, in_cam / np.maximum(length, 1e-6), 0)
+        slopes = normal_slopes(in_cam, camera.rays(), (camera.K[0, 0], camera.K[1, 1]))
+        tie = tie if normal_sure is None else _small(normal_sure, camera)
+    return _SmallMaps(camera, anchor, trust, prior, weight, slopes, tie)
+
+
+def _completed(maps: _SmallMaps) -> Completed:
+    scale = completed(*maps[1:]).astype(np.float32)
+    return Completed(maps.camera, maps.anchor, maps.trust, scale, (maps.prior * np.exp(scale)).astype(np.float32))
+
+
+def _anchors(frame: Frame, points: PointCloud, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """(h, w) depth of the most trusted point in each pixel, of several the nearest, and (h, w) the trust."""
+    seen = seen_points(points, frame)
+    weight = points.weight_of(seen.index)
+    anchor, trust = np.zeros((camera.height, camera.width)), np.zeros((camera.height, camera.width))
+    column, row = np.floor(seen.pixel * (np.array(camera.size) / frame.camera.size)).astype(np.int64).T
+    row, column = row.clip(0, camera.height - 1), column.clip(0, camera.width - 1)
+    order = np.lexsort((-seen.depth, weight))  # the last one stays
+    anchor[row[order], column[order]] = seen.depth[order]
+    trust[row[order], column[order]] = weight[order]
+    return anchor, trust
+
+
+def _with_fine(depth: np.ndarray, stereo: np.ndarray, agreeing: np.ndarray, camera: Camera) -> np.ndarray:
+    """Stereo's own pixels where completion does not contradict them: they have the fine detail."""
+    kept = np.where(agreeing >= LEAST_STEREO, stereo, 0)
+    fine, there = resize_depth(kept, kept > 0, camera)
+    return np.where(there & (np.abs(fine - depth) < MAX_RELATIVE * depth), fine, depth).astype(np.float32)
+
+
+def _small(values: np.ndarray, camera: Camera) -> np.ndarray:
+    return cv2.resize(values, camera.size, interpolation=cv2.INTER_AREA)

@@ -1,0 +1,162 @@
+"""Completion: a view's depth drawn to what stereo found, and how far it is to be trusted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from room2dgs.captures.point_cloud import PointCloud, Tracks
+from room2dgs.captures.scene import Frame
+from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
+from room2dgs.priors.completion.solve import completed, normal_slopes, prior_slopes
+from room2dgs.priors.completion.views import complete_views
+
+
+def solved(anchor, trust, prior, weight=0.0, tie=1.0):
+    shape = prior.shape
+    return completed(
+        anchor, np.full(shape, trust), prior, np.full(shape, weight), prior_slopes(prior), np.full(shape, tie)
+    )
+
+
+def test_a_few_anchors_correct_the_scale_everywhere():
+    prior = np.full((30, 40), 2.0)
+    anchor = np.zeros_like(prior)
+    anchor[::7, ::7] = 2.1
+    assert np.abs(np.exp(solved(anchor, 1.0, prior)) * prior - 2.1).max() < 1e-3
+
+
+def test_a_wrong_anchor_among_right_ones_is_overruled():
+    prior = np.full((30, 40), 2.0)
+    anchor = np.zeros_like(prior)
+    anchor[::5, ::5] = 2.0
+    anchor[15, 20] = 3.0
+    assert np.abs(np.exp(solved(anchor, 1.0, prior, weight=0.2)) - 1).max() < 0.01
+
+
+def test_what_one_surface_says_does_not_cross_an_edge():
+    """Two walls at 2 and 4 m; anchors on the near one say that it is 5 % farther, and nothing of the other."""
+    prior = np.full((30, 40), 2.0)
+    prior[:, 20:] = 4.0
+    anchor = np.zeros_like(prior)
+    anchor[:, :18] = 2.1
+    r = solved(anchor, 1.0, prior, weight=0.3)
+    assert abs(np.exp(r[:, :18]).mean() - 1.05) < 0.01
+    assert abs(np.exp(r[:, 24:]).mean() - 1) < 0.01
+
+
+def test_nothing_is_made_where_the_prior_has_nothing():
+    prior = np.full((30, 40), 2.0)
+    prior[5:9] = 0
+    anchor = np.full_like(prior, 2.2)
+    r = solved(anchor, 1.0, prior)
+    assert (r[5:9] == 0).all() and np.isfinite(r).all()
+    assert np.abs(r[:5] - np.log(1.1)).max() < 1e-3
+
+
+def test_slopes_are_those_of_the_plane():
+    rng = np.random.default_rng(0)
+    focal = (60.0, 62.0)
+    y, x = np.mgrid[0:30, 0:40]
+    rays = np.stack([(x + 0.5 - 20) / focal[0], (y + 0.5 - 15) / focal[1], np.ones(x.shape)], axis=-1)
+    for _ in range(5):
+        normal = np.array([*rng.uniform(-0.6, 0.6, 2), -1.0])
+        normal /= np.linalg.norm(normal)
+        depth = -3.0 / (rays @ normal)
+        across, down = normal_slopes(np.broadcast_to(normal, rays.shape), rays, focal)
+        np.testing.assert_allclose(0.5 * (across[:, :-1] + across[:, 1:]), np.diff(np.log(depth), axis=1), atol=1e-4)
+        np.testing.assert_allclose(0.5 * (down[:-1] + down[1:]), np.diff(np.log(depth), axis=0), atol=1e-4)
+
+
+def test_more_agreeing_views_and_no_contradiction_are_trusted_more():
+    depth, none = np.full((20, 20), 2.0), np.zeros((20, 20))
+    by_count = [
+        confidence(expected_relative_error(depth, none, none, np.full(depth.shape, n))).mean() for n in (0, 2, 7)
+    ]
+    assert all(np.diff(by_count) > 0) and by_count[0] < 0.1 and by_count[-1] > 0.7
+    count, sure = np.full(depth.shape, 5), np.ones(depth.shape)
+    with_anchors = [
+        confidence(expected_relative_error(depth, depth * factor, sure, count)).mean() for factor in (1.0, 1.2)
+    ]
+    assert with_anchors[0] > 0.9 and with_anchors[1] < 0.35
+
+
+@pytest.fixture
+def views(box_room):
+    room = box_room(count=12, turn=0.3)
+    frames: list[Frame] = room.frames
+    depths = {frame.name: depth.astype(np.float32) for frame, depth in zip(frames, room.depths, strict=True)}
+    return frames, depths
+
+
+def everything(frames, depths, points, stereo=None):
+    found = {}
+    complete_views(
+        frames,
+        depths,
+        {},
+        {},
+        {},
+        points,
+        stereo or {},
+        lambda line: None,
+        lambda *one: found.update({one[0]: one[1:]}),
+    )
+    return found
+
+
+def anchors_at(frames, depths, step=4) -> PointCloud:
+    """Every few pixels of the depth maps as points that one photo sees."""
+    xyz, frame_of, pixels = [], [], []
+    for index, frame in enumerate(frames):
+        y, x = (part.ravel() for part in np.mgrid[step // 2 : 60 : step, step // 2 : 80 : step])
+        pixel = np.stack([x, y], axis=1) + 0.5
+        xyz.append(frame.camera.unproject(pixel, depths[frame.name][y, x]))
+        pixels.append(pixel)
+        frame_of.append(np.full(len(pixel), index))
+    names, count = tuple(frame.name for frame in frames), sum(map(len, xyz))
+    tracks = Tracks(names, np.concatenate(frame_of), np.arange(count), np.concatenate(pixels).astype(np.float32))
+    return PointCloud(np.concatenate(xyz), np.zeros((count, 3), np.uint8), tracks)
+
+
+def test_anchors_mend_what_the_maps_have_wrong(views):
+    frames, depths = views
+    wrong = {name: (depth * 1.04).astype(np.float32) for name, depth in depths.items()}
+    found = everything(frames, wrong, anchors_at(frames, depths, step=1))
+    off = [np.abs(found[name][0] / depth - 1).mean() for name, depth in depths.items()]
+    assert max(off) < 0.01
+
+
+def test_a_map_of_noise_has_next_to_no_confidence_and_the_others_keep_theirs(views):
+    frames, depths = views
+    bad = frames[2].name
+    noise = np.random.default_rng(0).uniform(0.5, 6.0, depths[bad].shape).astype(np.float32)
+    found = everything(frames, {**depths, bad: noise}, anchors_at(frames, {**depths, bad: noise}, step=90))
+    mean = {name: float(sure.mean()) for name, (_, sure) in found.items()}
+    assert mean[bad] < 0.15
+    assert np.median([value for name, value in mean.items() if name != bad]) > 3 * mean[bad]
+
+
+def test_fine_stereo_stands_where_it_is_not_contradicted(views):
+    frames, depths = views
+    name = frames[0].name
+    fine = depths[name] * 1.01
+    fine[:, :40] = depths[name][:, :40] * 1.5
+    stereo = {name: (fine, np.full(fine.shape, 5, np.uint8))}
+    depth, _ = everything(frames, depths, anchors_at(frames, depths), stereo)[name]
+    inner = (slice(None), slice(45, None))
+    assert np.abs(depth[inner] / fine[inner] - 1).max() < 1e-5
+    assert np.abs(depth[:, :35] / depths[name][:, :35] - 1).max() < 0.02
+
+
+def test_the_same_bits_on_one_thread_and_on_two(views):
+    from room2dgs.splat import set_threads
+
+    frames, depths = views
+    points = anchors_at(frames, depths)
+    bits = []
+    for count in (1, 2):
+        set_threads(count)
+        bits.append([b"".join(part.tobytes() for part in one) for one in everything(frames, depths, points).values()])
+    set_threads(None)
+    assert bits[0] == bits[1]
