@@ -17,9 +17,9 @@ from room2dgs.train.prior_maps import priors_digest
 from room2dgs.train.schedule import has_shares
 
 # `train.iterations` is not among them, unless times are shares of it: a run may be prolonged.
-SECTIONS = ("scene", "points", "seeds", "render", "loss", "strategy")
-TRAIN_KEYS = ("seed", "rates", "resolutions")
-FREE = ("scene.gt_mesh", "scene.test_every", "render.threads")
+SECTIONS = ("scene", "sfm", "points", "seeds", "render", "loss", "strategy")
+TRAIN_KEYS = ("seed", "rates", "refine_poses", "exposure", "resolutions")
+FREE = ("scene.gt_mesh", "scene.split", "scene.test_every", "render.threads")
 VIEWS = "training views"
 PRIORS = "prior maps"
 
@@ -56,7 +56,9 @@ def check_same(before: dict[str, Any], now: dict[str, Any], where: Path) -> None
     """
     # what comes over JSON has lists where there may be tuples
     now = json.loads(json.dumps(now))
-    for key in sorted(before.keys() | now.keys(), key=lambda key: (key in (VIEWS, PRIORS), key)):
+    # a key that only one has follows from another one that differs
+    both = before.keys() & now.keys()
+    for key in sorted(before.keys() | now.keys(), key=lambda key: (key in (VIEWS, PRIORS), key not in both, key)):
         if json.dumps(before.get(key)) == json.dumps(now.get(key)):  # 1, an iteration, is not 1.0, all of them
             continue
         if key == VIEWS:

@@ -24,17 +24,20 @@ class GreyPhoto(NamedTuple):
     textured: Tensor
 
 
-def grey_photo(image: Tensor, patch: int, min_std: float) -> GreyPhoto:
+def grey_photo(image: Tensor, patch: int, min_std: float, mask: Tensor | None = None) -> GreyPhoto:
     """Brightness of a photo, and the pixels whose patches have a standard deviation of `min_std` or more.
 
     Args:
         image: (H, W, 3) uint8 RGB.
         patch: side of a patch, pixels.
         min_std: in grey levels of 0..1.
+        mask: (H, W) bool; patches with a pixel that it hides count as flat.
     """
     grey = image.numpy() @ LUMA
     mean, square = (cv2.blur(values, (patch, patch)) for values in (grey, grey * grey))
     textured = np.zeros(grey.shape, bool)
     inner = (slice(patch // 2, -(patch // 2)),) * 2
     textured[inner] = (square - mean * mean)[inner] >= min_std**2
+    if mask is not None:
+        textured &= cv2.erode(mask.numpy().astype(np.uint8), np.ones((patch, patch), np.uint8)) > 0
     return GreyPhoto(torch.from_numpy(grey), torch.from_numpy(textured))

@@ -98,7 +98,8 @@ class NeighbourViews:
         settings = self._config.loss.multiview
 
         def made() -> Arrays:
-            photo = grey_photo(self.views.photo(index, fraction), settings.patch, settings.min_std)
+            mask = self.views.mask(index, fraction)
+            photo = grey_photo(self.views.photo(index, fraction), settings.patch, settings.min_std, mask)
             return tuple(values.numpy() for values in photo)
 
         # made again when the cache needs room: that is faster than a disk

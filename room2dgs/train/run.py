@@ -12,6 +12,7 @@ from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.logs import Log, run_log
 from room2dgs.torch_threads import one_torch_thread
+from room2dgs.train.corrections import ExposureCorrections, PoseCorrections
 from room2dgs.train.fingerprint import digest
 from room2dgs.train.finite_checks import FiniteCheck
 from room2dgs.train.hooks import Checkpoints, Densification, HeldOut, Neighbours
@@ -74,7 +75,7 @@ def train(
         RuntimeError: a loss or gradient that is not finite (our fault).
     """
     out, report = Path(out), Report()
-    first = (Neighbours(), Densification(new_strategy(config, scene)))
+    first = (Neighbours(), Densification(new_strategy(config, scene)), *_corrections(config))
     last = (FiniteCheck(), HeldOut(), report, Checkpoints())
     trainer = Trainer(scene, points, config, out, log or run_log(out), priors, (*first, *hooks, *last))
     trainer.run()
@@ -99,3 +100,8 @@ def train(
         losses=report.losses,
         test_psnr_db=report.test_psnr_db,
     )
+
+
+def _corrections(config: Config) -> list[Hook]:
+    chosen = ((config.train.refine_poses, PoseCorrections), (config.train.exposure, ExposureCorrections))
+    return [hook() for wanted, hook in chosen if wanted]

@@ -9,6 +9,7 @@ import numpy as np
 from room2dgs.config import Config, NormalReweightingConfig, RatesConfig, RenderConfig, ResolutionConfig, TermConfig
 
 REST_SHARE = 1 / 20  # of the colour's rate, for SH above degree 0 (2DGS)
+CORRECTIONS_START = 0.1  # of the run
 EXTENT_MIN_M = 0.1  # cameras that only turn have no extent, and nothing would move
 
 
@@ -37,6 +38,12 @@ def learning_rates(iteration: int, iterations: int, rates: RatesConfig, extent_m
         "out_weight": network,
         "out_bias": network,
     }
+
+
+def correction_share(iteration: int, iterations: int) -> float:
+    """Of the rates of poses' and exposures' corrections: 0 until surfels have some shape, then 1, falling to 0.01."""
+    start = round(CORRECTIONS_START * iterations)
+    return 0.0 if iteration < start else _decayed(iteration - start, iterations - start, 1.0, 0.01)
 
 
 def _decayed(iteration: int, iterations: int, first: float, final: float) -> float:
@@ -91,12 +98,13 @@ def reweighting_deg(iteration: int, settings: NormalReweightingConfig, iteration
 
 
 def has_shares(config: Config) -> bool:
-    """Is a time that matters to this run a share of `train.iterations`? Reweighting narrows until the last of them."""
+    """Is a time that matters to this run a share of `train.iterations`? Reweighting and corrections use all of them."""
     terms = [term for term in vars(config.loss).values() if isinstance(term, TermConfig) and term.enabled]
     times = [time for term in terms for time in (term.start, term.end, term.ramp)]
     if config.strategy.name != "fixed":
         times += [config.strategy.start, config.strategy.stop, config.strategy.reset_every]
-    return config.loss.normal_reweighting.enabled or any(isinstance(time, float) for time in times)
+    corrected = config.train.refine_poses or config.train.exposure
+    return corrected or config.loss.normal_reweighting.enabled or any(isinstance(time, float) for time in times)
 
 
 def multiview_acts(iteration: int, config: Config) -> bool:

@@ -26,7 +26,7 @@ class Step(NamedTuple):
     Attributes:
         losses: unweighted value of each active term, and "loss", their weighted sum.
         color: (H, W, 3) the rendering.
-        target: (H, W, 3) the photo.
+        target: (H, W, 3) the photo; where a mask hides it, the rendering.
         depth, alpha: (H, W) of the rendering.
         terms_again: renders and computes the loss terms anew, differentiable, as long as the model is unchanged.
         opacities: (N,) of the surfels rendered, center_gradients: (N, 2) of their projected centres, 1/pixel;
@@ -70,8 +70,11 @@ def forward_backward(
         maps = needed_maps(view, config, iteration, pair)
         return surfels, render_view(surfels, view, config.render, center_px=center_px, **maps)
 
+    # a pose that wants a gradient gets that of the rendering; the terms themselves take it as it is
+    compared = view._replace(cam_from_world=view.cam_from_world.detach())
+
     def terms_of(rendering: Rendering) -> dict[str, Term]:
-        return loss_terms(rendering, target, view, config, iteration, pair, clock)
+        return loss_terms(rendering, target, compared, config, iteration, pair, clock)
 
     surfels, rendering = rendered()
     clock.lap("render")
@@ -84,7 +87,7 @@ def forward_backward(
     clock.lap("backward")
     seen = (surfels.opacities.detach(), center_px.grad) if screen_gradients else ()
     color, depth, alpha = (values.detach() for values in (rendering.color, rendering.depth, rendering.alpha))
-    return Step(losses, color, target, depth, alpha, lambda: terms_of(rendered()[1]), *seen)
+    return Step(losses, color, shown(target, view, color), depth, alpha, lambda: terms_of(rendered()[1]), *seen)
 
 
 def descend(model: Model, config: Config, extent_m: float) -> None:
@@ -136,10 +139,20 @@ def psnr_db(image: Tensor, target: Tensor) -> float:
     return -10.0 * math.log10(max(error, 1e-12)) if math.isfinite(error) else math.nan
 
 
+def shown(target: Tensor, view: View, color: Tensor) -> Tensor:
+    """(H, W, 3) in 0..1: the photo `target`; where the view's mask hides it, the rendering, so that both agree."""
+    return target if view.mask is None else torch.where(view.mask[..., None], target, color)
+
+
+def _psnr_of(surfels: Surfels, view: View, render: RenderConfig) -> float:
+    color = render_view(surfels, view, render).color
+    return psnr_db(color, shown(view.target(), view, color))
+
+
 def mean_psnr_db(model: Model, views: Views, render: RenderConfig) -> float:
     """Mean PSNR of the model's renderings over all of `views` at full size, decibels."""
     surfels = current_surfels(model, render)
     with torch.no_grad():
         seen = (views.at(index) for index in range(len(views)))
-        values = [psnr_db(render_view(surfels, view, render).color, view.target()) for view in seen]
+        values = [_psnr_of(surfels, view, render) for view in seen]
     return sum(values) / len(values)

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from room2dgs.captures.cache import Cache
 from room2dgs.captures.packed_maps import pack
-from room2dgs.captures.scene import Frame
+from room2dgs.captures.scene import MASK_WHOLE, Frame
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.camera_tensors import view_matrices
@@ -30,6 +30,8 @@ class View(NamedTuple):
         cam_from_world: (4, 4) float32, metres.
         width, height: pixels.
         maps: the priors at the pixels that losses compare (`compared_maps`).
+        exposure: (2, 3) logarithms of gains, and offsets, from a rendering's colours to the photo's; None: as it is.
+        mask: (H, W) bool, pixels of the photo that may be compared; None: all.
     """
 
     name: str
@@ -39,10 +41,16 @@ class View(NamedTuple):
     width: int
     height: int
     maps: ViewMaps[Tensor] = ViewMaps()
+    exposure: Tensor | None = None
+    mask: Tensor | None = None
 
     def target(self) -> Tensor:
         """(H, W, 3) float32 in 0..1."""
         return torch.div(self.image, 255)
+
+    def exposed(self, color: Tensor) -> Tensor:
+        """(H, W, 3) rendered colours as this photo was exposed; differentiable."""
+        return color if self.exposure is None else color * self.exposure[0].exp() + self.exposure[1]
 
 
 class Views:
@@ -85,6 +93,7 @@ class Views:
             camera.width,
             camera.height,
             self._maps(frame.name, camera),
+            mask=self.mask(index, fraction),
         )
 
     def photo(self, index: int, fraction: float = 1.0) -> Tensor:
@@ -101,6 +110,14 @@ class Views:
         key = ("smaller photo", frame.color_path, size)
         made = self.cache.get_or(key, lambda: (cv2.resize(frame.color(), size, interpolation=cv2.INTER_AREA),))
         return torch.from_numpy(made[0])
+
+    def mask(self, index: int, fraction: float = 1.0) -> Tensor | None:
+        """(H, W) bool: pixels of the photo that may be used; None: all."""
+        usable = self.frames[index].mask()
+        if usable is None or fraction == 1.0:
+            return None if usable is None else torch.from_numpy(usable)
+        size = _resized(self.frames[index].camera, fraction).size
+        return torch.from_numpy(cv2.resize(usable.astype(np.float32), size, interpolation=cv2.INTER_AREA) > MASK_WHOLE)
 
     def _maps(self, name: str, camera: Camera) -> ViewMaps[Tensor]:
         if name not in self._priors:

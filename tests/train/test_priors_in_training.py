@@ -115,14 +115,19 @@ def test_normals_turn_towards_the_prior(capture, configure, log, tmp_path, size)
     assert values[-1] < 0.5 * values[0]
 
 
-def test_depth_follows_the_prior(capture, configure, log, tmp_path):
+@pytest.mark.parametrize(
+    ("depth", "refit"), [(10 * slanted_depth(), "true"), (np.full((24, 32), 1.45, np.float32), "false")]
+)
+def test_depth_follows_the_prior(capture, configure, log, tmp_path, depth, refit):
+    """Maps in any unit if scale and shift are fitted, else metres; no confidence is given."""
     scene, points = capture
-    prior = ViewMaps(depth=10 * slanted_depth())  # relative: neither unit nor confidence is given
+    prior = ViewMaps(depth=depth)
     settings = [
         *START,
+        f"loss.depth_refit={refit}",
         "loss.depth_prior.weight=10",
         "train.rates.center=0.02",
-        "train.iterations=40",
+        "train.iterations=80",
         "seeds.opacity=0.9",
     ]
     priors = {frame.name: prior for frame in scene.train}

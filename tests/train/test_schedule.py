@@ -27,6 +27,9 @@ RATES = RatesConfig(
     feature=7.5e-3,
     network=2e-3,
     network_final=2e-4,
+    pose_rotation=3e-4,
+    pose_center=3e-4,
+    exposure=5e-3,
 )
 
 

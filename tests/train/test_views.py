@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from room2dgs.captures import scene
+from room2dgs.captures import photos
 from room2dgs.captures.cache import Cache
 from room2dgs.captures.image_files import read_photo
 from room2dgs.errors import InputError
@@ -33,7 +33,7 @@ def test_a_smaller_view_sees_the_same_rays(capture):
 def test_a_photo_is_decoded_once_for_all_sizes_whatever_the_budget(capture, monkeypatch, budget_mb):
     views = Views(capture[0].train, cache=Cache(budget_mb))
     reads = []
-    monkeypatch.setattr(scene, "read_photo", lambda *args: reads.append(args) or read_photo(*args))
+    monkeypatch.setattr(photos, "read_photo", lambda *args: reads.append(args) or read_photo(*args))
     for fraction in (0.5, 0.5, 1.0, 1.0):
         for index in range(len(views)):
             views.at(index, fraction)

@@ -25,6 +25,9 @@ class RatesConfig:
     feature: Rate = Field(description="shared decoder: each seed's feature")
     network: Rate = Field(description="shared decoder: its network")
     network_final: Rate = Field(description="reached exponentially at the last iteration")
+    pose_rotation: Rate = Field(description="train.refine_poses: radians; falls to a hundredth")
+    pose_center: Rate = Field(description="train.refine_poses: metres; falls to a hundredth")
+    exposure: Rate = Field(description="train.exposure: of gains and offsets; falls to a hundredth")
 
     @model_validator(mode="after")
     def _finals_can_be_reached(self) -> RatesConfig:
@@ -49,6 +52,8 @@ class TrainConfig:
     iterations: Int = Field(ge=1, description="steps of the optimiser, one view each")
     seed: Int = Field(description="of all that is random")
     rates: RatesConfig = Field()
+    refine_poses: bool = Field(description="learn a small correction of each training view's pose")
+    exposure: bool = Field(description="learn gains and offsets of each training photo's colours")
     resolutions: list[ResolutionConfig] = Field(description="coarse to fine; after the last: full size")
     log_every: Int = Field(ge=1, description="iterations between two log lines")
     test_every: Int = Field(ge=0, description="iterations between two evaluations of the held-out views (0: none)")

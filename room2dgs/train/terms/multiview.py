@@ -26,6 +26,7 @@ from room2dgs.train.views import View
 
 GEOMETRIC, PHOTOMETRIC = "multiview_geometric", "multiview_photometric"
 TRIES = 4  # pixels tried for each that is wanted
+WHOLE_SHARE = 1 - 1e-4  # of usable pixels around each sample of a patch; interpolation rounds
 TINY = 1e-3  # rendered normals that cancel have no direction; their gradient stays below 1 / TINY
 
 
@@ -55,6 +56,11 @@ def multiview_terms(
             normal = normal * torch.rsqrt(normal.square().sum(-1, keepdim=True) + TINY**2)
             image = pair.neighbour_photo.grey
             patches, whole = neighbour_patches(image, pixels, depth, normal, pose, K, other_K, config.patch)
+            if pair.neighbour.mask is not None:
+                with torch.no_grad():
+                    usable = pair.neighbour.mask.float()
+                    shares, _ = neighbour_patches(usable, pixels, depth, normal, pose, K, other_K, config.patch)
+                    whole &= (shares > WHOLE_SHARE).all(-1)
             found[PHOTOMETRIC] = multiview_photometric(reference, patches, agreement(error, seen & whole))
         return [found[name] for name in names]
 

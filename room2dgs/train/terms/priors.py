@@ -16,7 +16,9 @@ from room2dgs.train.views import View
 def _depth_prior(rendering: Rendering, view: View, context: TermContext) -> Tensor:
     depth, alpha = rendering.depth[COMPARED], rendering.alpha[COMPARED]
     confidence = view.maps.depth_confidence
-    return depth_prior_loss(depth, alpha, view.maps.depth, confidence > 0, confidence=confidence)
+    return depth_prior_loss(
+        depth, alpha, view.maps.depth, confidence > 0, align=context.config.loss.depth_refit, confidence=confidence
+    )
 
 
 def _normal_prior(rendering: Rendering, view: View, context: TermContext) -> Tensor:

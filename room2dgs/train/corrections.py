@@ -1,0 +1,125 @@
+"""Small corrections of each view that are learnt beside the surfels: of its pose, of its exposure."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from room2dgs.train.rows import Rows
+from room2dgs.train.schedule import correction_share
+from room2dgs.train.trainer import Hook, Iteration, Trainer
+from room2dgs.train.views import View
+
+
+class PoseCorrections(Hook):
+    """Turns each training camera about its centre and shifts it, by the rasterizer's pose gradients.
+
+    A correction is (omega, t), in the world frame: world_from_cam becomes exp([omega]) R with centre c + t. Over all
+    views their means and the part of t that swells the whole path are taken out, so that the world stays where it is.
+    The neighbours of the multi-view terms are corrected, too; held-out views are not, nor those that are meshed.
+    """
+
+    name = "pose_corrections"
+
+    def on_start(self, trainer: Trainer) -> None:
+        cameras = [frame.camera for frame in trainer.views.frames]
+        centre = torch.stack([torch.from_numpy(camera.centre) for camera in cameras])
+        self._from_mean = centre - centre.mean(dim=0)
+        self._number = {frame.name: index for index, frame in enumerate(trainer.views.frames)}
+        rates = trainer.config.train.rates
+        self._rates = torch.tensor([rates.pose_rotation] * 3 + [rates.pose_center] * 3, dtype=torch.float64)
+        self._rows = Rows(len(cameras), 6)
+        self._leaf: Tensor | None = None
+
+    def before_iteration(self, trainer: Trainer, iteration: Iteration) -> None:
+        self._leaf = self._rows.values[iteration.view_index].clone().requires_grad_()
+        iteration.view = corrected(iteration.view, self._leaf)
+        if iteration.pair:
+            other = iteration.pair.neighbour
+            row = self._rows.values[self._number[other.name]]
+            iteration.pair = iteration.pair._replace(neighbour=corrected(other, row))
+
+    def after_backward(self, trainer: Trainer, iteration: Iteration) -> None:
+        share = correction_share(iteration.number, trainer.config.train.iterations)
+        if self._leaf is None or self._leaf.grad is None or share == 0:
+            return
+        self._rows.step(iteration.view_index, self._leaf.grad, share * self._rates)
+        self._rows.values = anchored(self._rows.values, self._from_mean)
+
+    def state(self) -> dict[str, Tensor]:
+        return self._rows.state()
+
+    def load(self, trainer: Trainer, state: dict[str, Tensor]) -> None:
+        self._rows.load(state)
+
+    def on_end(self, trainer: Trainer) -> None:
+        turned, moved = self._rows.values[:, :3].norm(dim=1), self._rows.values[:, 3:].norm(dim=1)
+        trainer.log(
+            f"pose corrections: {100 * moved.median().item():.2f} cm, "
+            f"{turned.rad2deg().median().item():.3f} deg (median), {100 * moved.max().item():.2f} cm, "
+            f"{turned.rad2deg().max().item():.3f} deg (largest)"
+        )
+
+
+class ExposureCorrections(Hook):
+    """A gain and an offset of each colour of each training photo; the mean photo has none.
+
+    The rendering is changed before it is compared: exp(g) colour + b. Held-out views have no exposure of their own, and
+    their PSNR knows of none.
+    """
+
+    name = "exposure_corrections"
+
+    def on_start(self, trainer: Trainer) -> None:
+        self._rows = Rows(len(trainer.views), 6)
+        self._rate = trainer.config.train.rates.exposure
+        self._leaf: Tensor | None = None
+
+    def before_iteration(self, trainer: Trainer, iteration: Iteration) -> None:
+        self._leaf = self._rows.values[iteration.view_index].clone().requires_grad_()
+        iteration.view = iteration.view._replace(exposure=self._leaf.float().reshape(2, 3))
+
+    def after_backward(self, trainer: Trainer, iteration: Iteration) -> None:
+        share = correction_share(iteration.number, trainer.config.train.iterations)
+        if share == 0 or self._leaf is None or self._leaf.grad is None:
+            return
+        rates = torch.full((6,), share * self._rate, dtype=torch.float64)
+        self._rows.step(iteration.view_index, self._leaf.grad, rates)
+        self._rows.values = self._rows.values - self._rows.values.mean(dim=0)
+
+    def state(self) -> dict[str, Tensor]:
+        return self._rows.state()
+
+    def load(self, trainer: Trainer, state: dict[str, Tensor]) -> None:
+        self._rows.load(state)
+
+
+def corrected(view: View, correction: Tensor) -> View:
+    """The view with its camera turned about its centre and shifted; differentiable in the correction.
+
+    Args:
+        correction: (6,) float64: rotation vector and shift, radians and metres, world frame.
+    """
+    given = view.cam_from_world.double()
+    x, y, z = correction[:3]
+    none = torch.zeros_like(x)
+    skew = torch.stack([none, -z, y, z, none, -x, -y, x, none]).reshape(3, 3)
+    rotation = given[:3, :3] @ torch.linalg.matrix_exp(skew).T
+    centre = correction[3:] - given[:3, :3].T @ given[:3, 3]
+    pose = torch.cat([torch.cat([rotation, -(rotation @ centre)[:, None]], dim=1), given[3:]])
+    return view._replace(cam_from_world=pose.to(view.cam_from_world.dtype))
+
+
+def anchored(corrections: Tensor, from_mean: Tensor) -> Tensor:
+    """The corrections without what moves the world as a whole: mean turn, mean shift, and change of scale.
+
+    Args:
+        corrections: (V, 6) as `corrected` takes them.
+        from_mean: (V, 3) centres less their mean, metres.
+    """
+    corrections = corrections - corrections.mean(dim=0)
+    turn, shift = corrections[:, :3], corrections[:, 3:]
+    spread = from_mean.square().sum()
+    if spread > 0:
+        shift = shift - (shift * from_mean).sum() / spread * from_mean
+    return torch.cat([turn, shift], dim=1)

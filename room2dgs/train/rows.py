@@ -1,0 +1,50 @@
+"""A few numbers for each view, learnt when the view's turn comes."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+BETAS = 0.9, 0.999
+EPSILON = 1e-15  # as the surfels' Adam: gradients of a mean over pixels are tiny
+
+
+class Rows:
+    """(V, P) float64 numbers, zeros at first, and Adam whose moments and step counts are each row's own.
+
+    A row is changed only by its own gradients: with one view an iteration, a common Adam would go on moving the rows of
+    all others.
+    """
+
+    def __init__(self, views: int, numbers: int) -> None:
+        self.values, self._mean, self._square = (torch.zeros(views, numbers, dtype=torch.float64) for _ in range(3))
+        self._steps = torch.zeros(views, dtype=torch.int64)
+
+    def step(self, row: int, gradient: Tensor, rates: Tensor) -> None:
+        """One step of Adam for one row.
+
+        Args:
+            gradient, rates: (P,) float64.
+        """
+        first, second = BETAS
+        self._steps[row] += 1
+        self._mean[row] = first * self._mean[row] + (1 - first) * gradient
+        self._square[row] = second * self._square[row] + (1 - second) * gradient**2
+        count = int(self._steps[row])
+        mean, square = self._mean[row] / (1 - first**count), self._square[row] / (1 - second**count)
+        self.values[row] -= rates * mean / (square.sqrt() + EPSILON)
+
+    def state(self) -> dict[str, Tensor]:
+        """For a checkpoint."""
+        return {
+            "values": self.values,
+            "mean": self._mean,
+            "square": self._square,
+            "steps": self._steps,
+        }
+
+    def load(self, state: dict[str, Tensor]) -> None:
+        """The way back from `state`."""
+        self.values, self._mean, self._square, self._steps = (
+            state[name].clone() for name in ("values", "mean", "square", "steps")
+        )
