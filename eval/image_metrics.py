@@ -10,12 +10,12 @@ import numpy as np
 SMALLEST_MSE = 1e-10  # equal images score 100 dB, not infinity
 
 
-def image_scores(pairs: Iterable[tuple[str, np.ndarray, np.ndarray]]) -> dict[str, Any]:
+def image_scores(pairs: Iterable[tuple]) -> dict[str, Any]:
     """Means over views, and each view's own.
 
     Args:
         pairs: (name, rendering, photo), each (H, W, 3), uint8 0..255 or float 0..1 (clipped to it);
-            taken one at a time.
+            taken one at a time; a fourth is a mask (H, W) bool of the pixels that count, None: all.
 
     Returns:
         {"psnr_db", "ssim": means, None without views; "views": {name: {"psnr_db", "ssim"}}}.
@@ -24,30 +24,39 @@ def image_scores(pairs: Iterable[tuple[str, np.ndarray, np.ndarray]]) -> dict[st
         ValueError: a pair's shapes differ.
     """
     views = {}
-    for name, rendering, photo in pairs:
+    for name, rendering, photo, *rest in pairs:
+        mask = rest[0] if rest else None
         if rendering.shape != photo.shape:
             raise ValueError(f"view {name}: rendering {rendering.shape} and photo {photo.shape} differ in shape")
-        views[name] = {"psnr_db": psnr(rendering, photo), "ssim": ssim(rendering, photo)}
+        views[name] = {"psnr_db": psnr(rendering, photo, mask), "ssim": ssim(rendering, photo, mask)}
     means = {
         key: float(np.mean([view[key] for view in views.values()])) if views else None for key in ("psnr_db", "ssim")
     }
     return {**means, "views": views}
 
 
-def psnr(rendering: np.ndarray, photo: np.ndarray) -> float:
-    """Peak signal-to-noise ratio in dB, peak 1, over all pixels and channels; at most 100."""
-    error = float(np.mean((_unit(rendering) - _unit(photo)) ** 2))
+def psnr(rendering: np.ndarray, photo: np.ndarray, mask: np.ndarray | None = None) -> float:
+    """Peak signal-to-noise ratio in dB, peak 1, over all pixels (or those of a mask) and channels; at most 100."""
+    squares = (_unit(rendering) - _unit(photo)) ** 2
+    error = float(np.mean(squares if mask is None or not mask.any() else squares[mask]))
     return float(-10 * np.log10(max(error, SMALLEST_MSE)))
 
 
-def ssim(rendering: np.ndarray, photo: np.ndarray) -> float:
-    """Mean structural similarity over channels and the pixels whose whole window lies in the image."""
+def ssim(rendering: np.ndarray, photo: np.ndarray, mask: np.ndarray | None = None) -> float:
+    """Mean structural similarity over channels and the pixels whose whole window lies in the image (and a mask)."""
+    import cv2
     import torch
 
     from room2dgs.geometry import similarity
 
     a, b = (torch.from_numpy(_unit(image)) for image in (rendering, photo))
-    return float(similarity.ssim(a, b, border="inside").mean())
+    values = similarity.ssim(a, b, border="inside")
+    if mask is not None:
+        reach, window = similarity.WINDOW // 2, np.ones((similarity.WINDOW,) * 2, np.uint8)
+        whole = cv2.erode(mask.astype(np.uint8), window)[reach:-reach, reach:-reach] > 0
+        if whole.any():
+            values = values[torch.from_numpy(whole)]
+    return float(values.mean())
 
 
 def _unit(image: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from room2dgs.config import Config, DepthPriorConfig
 from room2dgs.logs import Log
 from room2dgs.priors import load_priors
 from room2dgs.sfm.sparse import sparse_points
+from room2dgs.stereo.anchors import stereo_points
 
 CLOSE_M = 0.05
 
@@ -57,7 +59,8 @@ def depth_in_run(config: Config, log: Log) -> dict[str, DepthInRun]:
         cache = config.prior.cache or str(Path(scratch) / "maps")
         for name, depth in _steps(config.prior.depth).items():
             prior = replace(config.prior, cache=cache, depth=depth)
-            found[name] = _score(frames, load_priors(scene.train, points, prior, log).by_frame)
+            compare = partial(stereo_points, scene.train, points, config.stereo, log) if config.stereo.enabled else None
+            found[name] = _score(frames, load_priors(scene.train, points, prior, log, compare).by_frame)
     return found
 
 

@@ -64,10 +64,16 @@ def open_networks(config: PriorConfig) -> list[list[Network]]:
     """The configured networks, those together that one run of a model serves; each session is a `TimedSession`.
 
     Raises:
-        InputError: neither depth nor normals are configured, or as `read_models` and `open_network`.
+        InputError: neither depth nor normals are configured, depth is the truth itself, or as `read_models` and
+            `open_network`.
     """
     if all(getattr(config, kind).source == "none" for kind in KINDS):
         raise InputError("no prior is configured, there is nothing to measure; give for example prior=room_prior")
+    if config.depth.source in ("sensor", "auto"):
+        raise InputError(
+            f"prior.depth.source={config.depth.source} would be measured against itself: the truth is the capture's "
+            "own depth; give another prior/depth"
+        )
     groups: list[list[Network]] = []
     digests = []
     for kind, model in read_models(config).items():

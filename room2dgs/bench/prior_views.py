@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from room2dgs.bench.prior_truth import Truth, frame_truth, truth_source
-from room2dgs.captures.image_files import color_size
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.selection import evenly_spaced
@@ -81,7 +80,7 @@ def _captured(path: Path, config: SceneConfig) -> Views:
 
 def _frames(frames: Sequence[Frame], surface: Surface | None, source: str) -> Iterator[View]:
     for frame in frames:
-        full = frame.camera.resized(*color_size(frame.color_path))
+        full = frame.camera.resized(*frame.full_size())
         photo = replace(frame, camera=full).color()
         yield View(frame.name, photo, full, frame.camera, frame_truth(frame, surface, source), frame)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from torch import Tensor
 
 from room2dgs import _C, splat
 from room2dgs.bench.raster_scene import box_surfels, inside_view
+from room2dgs.bench.timing import best_seconds
 from room2dgs.cores import available_cores
 from room2dgs.losses.photometric import rgb_loss
 from room2dgs.losses.surface import normal_consistency
@@ -29,17 +29,6 @@ SIZES = ((320, 240), (640, 480))
 COUNTS = (20_000, 100_000, 500_000)
 REFERENCE = ((320, 240), 20_000)  # the torch reference takes seconds there, and minutes at the largest
 TILE_STEP = 8  # the bare loop runs every n-th tile
-
-
-def best_seconds(run: Callable[[], Any], repeats: int) -> float:
-    """The fastest of `repeats` runs after one that is not counted: what is slower is other people's work."""
-    run()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        run()
-        times.append(time.perf_counter() - start)
-    return min(times)
 
 
 class Case:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from room2dgs.bench.stereo_speed import speed
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame
 from room2dgs.config import Config
@@ -22,6 +23,9 @@ from room2dgs.stereo.scene import scene_stereo
 def measured(config: Config, width: int | None) -> dict[str, object]:
     """One row: a capture's photos compared at a width.
 
+    "scaling" is seconds on one thread by those on all threads, for some of the photos; "sweep / bare" is a sweep's time
+    by that of the bare loop, see `stereo_speed`.
+
     Raises:
         InputError: the capture has no depth, or cannot be read.
     """
@@ -29,11 +33,13 @@ def measured(config: Config, width: int | None) -> dict[str, object]:
     if not any(frame.depth_path for frame in scene.train):
         raise InputError(f"{scene.path} has no depth to measure against; add a depth folder")
     points = sparse_points(scene, config.points, Path(config.out) / "points", lambda line: None)
-    set_threads(config.render.threads)
+    threads = set_threads(config.render.threads)
     config.stereo.width = width
     wall, cpu = time.perf_counter(), time.process_time()
-    cameras, views = scene_stereo(scene.train, points, config.stereo, lambda line: None)
+    cameras, found = scene_stereo(scene.train, points, config.stereo, lambda line: None)
+    views = list(found)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    gained = speed(scene.train, points, config.stereo, cameras, views, threads)
     name = f"{scene.path.name} {cameras[0].width}x{cameras[0].height}"
     return {
         "scene": name,
@@ -41,6 +47,9 @@ def measured(config: Config, width: int | None) -> dict[str, object]:
         **scores(scene.train, cameras, views, config.mesh.max_depth_m),
         "seconds a photo": round(wall / len(views), 2),
         "CPU seconds": round(cpu / len(views), 2),
+        "threads": threads,
+        "scaling": round(gained.scaling, 2),
+        "sweep / bare": round(gained.over_bare, 2),
     }
 
 

@@ -23,6 +23,7 @@ USAGE = (
 DEFAULTS = (
     "train.seed=0,1,2",  # slowest: every row has one run before any has two
     "experiment=full,no_seed,no_depth,no_normal,no_mv,no_distortion",
+    "prior=room_prior",  # papers compare what photos alone give; a capture's own depth, if asked for: prior=auto
 )
 OURS = ("out", "resume")
 JSON = "ablation.json"

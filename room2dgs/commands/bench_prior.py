@@ -92,4 +92,5 @@ def scene_config(scene: str, overrides: Sequence[str]) -> Config:
     """
 
     rest = [f"scene.path={scene}", "scene.test_every=0"]
-    return absolute(load_config([*overrides, *rest, *([] if last_value(list(overrides), "out") else ["out=unused"])]))
+    given = ["prior=room_prior", *overrides] if not any(text.startswith("prior=") for text in overrides) else overrides
+    return absolute(load_config([*given, *rest, *([] if last_value(list(overrides), "out") else ["out=unused"])]))

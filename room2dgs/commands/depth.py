@@ -11,7 +11,7 @@ import numpy as np
 
 from room2dgs.captures.scene import Frame
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import cached, read, use_threads
+from room2dgs.commands.stages import cached, read, refined, use_threads
 from room2dgs.files import whole_file
 from room2dgs.logs import run_log
 from room2dgs.runs.folder import MESH, POINTS, claimed, new_run
@@ -49,10 +49,12 @@ def main(argv: list[str]) -> int:
 
         log = run_log(out)
         use_threads(config)
+        scene = refined(scene, config, out, log, seconds)
         with timed(seconds, "points"):
             points = sparse_points(scene, config.points, Path(config.points.cache or out / POINTS), log)
         with timed(seconds, "stereo"):
-            cameras, views = scene_stereo(scene.train, points, config.stereo, log)
+            cameras, found = scene_stereo(scene.train, points, config.stereo, log)
+            views = list(found)
         share = coverage(views)
         log(
             f"stereo: {share.mean():.0%} of the pixels of {len(views)} views have a depth (least {share.min():.0%}), "

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from room2dgs.captures.scene import Scene
+from room2dgs.commands.same_depth import same_depth_part
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads
+from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
 from room2dgs.config import Config, EvalConfig, conf_dir, load_config
 from room2dgs.config.overrides import group_choices
 from room2dgs.errors import InputError
@@ -21,7 +22,7 @@ from room2dgs.runs.folder import (
     last_value,
     required,
 )
-from room2dgs.runs.metrics import record, timed
+from room2dgs.runs.metrics import earlier, record, timed
 
 if TYPE_CHECKING:
     from room2dgs.splat.types import Surfels
@@ -39,7 +40,7 @@ def main(argv: list[str]) -> int:
     if out and (Path(out).expanduser() / CONFIG).is_file():
         config = earlier_run(overrides)
         ground_truth(config)
-        scene = read(config)
+        scene = with_poses_of_run(read(config), Path(config.out))
         score_run(scene, trained_surfels(Path(config.out)), config, Path(config.out), {})
     else:
         score_mesh(overrides, out)
@@ -86,6 +87,7 @@ def score_run(scene: Scene, surfels: Surfels, config: Config, out: Path, seconds
         else:
             pred = Path(config.eval.pred) if config.eval.pred else out / MESH
             part |= _mesh_part(required(pred, "mesh"), gt, scene, config.eval, out, log)
+            part |= same_depth_part(scene, gt, config, earlier(out).get("depth_source", ""), log)
             log(f"pictures of the error: {out / 'eval'}")
     record(out, part, seconds)
     log(f"scores: {out / METRICS}")
@@ -136,6 +138,6 @@ def _image_part(scene: Scene, surfels: Surfels, config: Config, log: Log) -> dic
         log("no view is held out (scene.test_every=0): no image scores")
         return {}
     views = rendered(surfels, scene.test, config)
-    scores = image_scores((frame.name, view.color.numpy(), frame.color()) for frame, view in views)
+    scores = image_scores((frame.name, view.color.numpy(), frame.color(), frame.mask()) for frame, view in views)
     log(f"{len(scene.test)} held-out views: PSNR {scores['psnr_db']:.2f} dB, SSIM {scores['ssim']:.3f}")
     return {"psnr_db": scores["psnr_db"], "ssim": scores["ssim"], "test_views": scores["views"]}

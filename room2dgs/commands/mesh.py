@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads
+from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
 from room2dgs.config import Config
 from room2dgs.logs import Log, run_log
 from room2dgs.runs.folder import MESH, earlier_run, keep_settings
@@ -23,12 +23,14 @@ SCORES = (
     "accuracy_m",
     "chamfer_m",
     "completion_m",
+    "depth_to_truth_m",
     "eval_seconds",
     "f_score_",
     "normal_consistency",
     "precision_",
     "protocol",
     "recall_",
+    "truth_from_same_depth",
     "where_the_error_sits",
 )
 USAGE = "room2dgs mesh out=DIR [mesh.KEY=VALUE ...]"
@@ -41,7 +43,7 @@ def main(argv: list[str]) -> int:
     config = earlier_run(argv)
     out = Path(config.out)
     surfels = trained_surfels(out)
-    scene = read(config)
+    scene = with_poses_of_run(read(config), out)
     log = run_log(out)
     mesh_scene(scene, surfels, config, out, log, {})
     keep_settings(out, config, "mesh")

@@ -52,7 +52,7 @@ point='NAME: ...' is a real prior, given by its settings: point='ours: prior=roo
 (by default with experiment=quick) in a folder of its own; what is finished is not run again. The simulated maps are
 made from the capture's true depth, and everything says so: the curve shows what a better network would bring.
 """
-DEFAULTS = ("experiment=quick", f"{SEED}=0")
+DEFAULTS = ("experiment=quick", f"{SEED}=0", "prior=room_prior")
 OURS = ("out", "resume", "factors", "point")
 FACTORS = (0.25, 0.5, 1.0, 1.5, 2.0)
 UNIT = PriorOptions()  # what factor 1 is

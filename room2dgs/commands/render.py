@@ -10,7 +10,7 @@ import numpy as np
 
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads
+from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
@@ -34,7 +34,7 @@ def main(argv: list[str]) -> int:
     config = earlier_run(overrides)
     out = Path(config.out)
     surfels = trained_surfels(out)
-    render_scene(read(config), surfels, config, out, run_log(out), {}, views)
+    render_scene(with_poses_of_run(read(config), out), surfels, config, out, run_log(out), {}, views)
     return 0
 
 

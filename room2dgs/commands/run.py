@@ -9,7 +9,7 @@ from room2dgs.commands.eval import ground_truth, score_run
 from room2dgs.commands.mesh import mesh_scene
 from room2dgs.commands.render import render_scene
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import cached, read, trained_surfels
+from room2dgs.commands.stages import cached, read, refined, trained_surfels
 from room2dgs.commands.train import train_scene
 from room2dgs.errors import InputError
 from room2dgs.logs import run_log
@@ -40,6 +40,7 @@ def main(argv: list[str]) -> int:
         scene = read(config, keep=True)
     with claimed(config) as out, cached(scene, out):
         log = run_log(out)
+        scene = refined(scene, config, out, log, seconds)
         train_scene(scene, config, out, log, seconds)
         surfels = trained_surfels(out)
         mesh_scene(scene, surfels, config, out, log, seconds)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,8 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import Config
 from room2dgs.logs import Log
-from room2dgs.runs.folder import CACHE, PRIOR_MAPS, PRIORS, SURFELS, required
+from room2dgs.runs.folder import CACHE, CHECKPOINTS, POINTS, POSES, PRIOR_MAPS, PRIORS, SURFELS, required
+from room2dgs.runs.metrics import record, timed
 
 if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be reported at once
     from room2dgs.priors import Priors
@@ -32,6 +34,35 @@ def read(config: Config, keep: bool = False) -> Scene:
     from room2dgs.captures.read import read_scene
 
     return read_scene(config.scene, Cache(config.memory.cache_mb) if keep else None)
+
+
+def refined(scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str, float]) -> Scene:
+    """The capture with the poses that a new or resumed run works with; out/poses.json keeps them.
+
+    Raises:
+        InputError: as `refined_poses` and `read_poses`.
+    """
+    from room2dgs.captures.poses_file import write_poses
+    from room2dgs.sfm.refinement import refined_poses
+
+    if (out / POSES).exists() or any((out / CHECKPOINTS).glob("*")):
+        return with_poses_of_run(scene, out)
+    with timed(seconds, "poses"):
+        found, report = refined_poses(scene, config.sfm, config.points, Path(config.points.cache or out / POINTS), log)
+    write_poses(out / POSES, scene, found, report)
+    record(out, {"poses": report}, seconds)
+    return found
+
+
+def with_poses_of_run(scene: Scene, out: Path) -> Scene:
+    """The capture with the poses that the run in `out` worked with.
+
+    Raises:
+        InputError: as `read_poses`.
+    """
+    from room2dgs.captures.poses_file import read_poses
+
+    return read_poses(out / POSES, scene)[0] if (out / POSES).exists() else scene
 
 
 @contextmanager
@@ -55,13 +86,15 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     """Priors of the training views; how each depth map was aligned goes to out/priors.csv.
 
     Raises:
-        InputError: as `load_priors`.
+        InputError: as `load_priors` and `stereo_points`.
     """
     from room2dgs.files import whole_file
     from room2dgs.priors import load_priors
+    from room2dgs.stereo.anchors import stereo_points
 
     settings = replace(config.prior, cache=config.prior.cache or str(out / PRIOR_MAPS))
-    priors = load_priors(scene.train, points, settings, log)
+    compare = partial(stereo_points, scene.train, points, config.stereo, log) if config.stereo.enabled else None
+    priors = load_priors(scene.train, points, settings, log, compare)
     if priors.fits:
         rows = ["view,scale,shift,median_relative_residual,points"]
         for name, fit in priors.fits.items():

@@ -7,7 +7,7 @@ from typing import Any
 
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import cached, read, read_priors, use_threads
+from room2dgs.commands.stages import cached, read, read_priors, refined, use_threads
 from room2dgs.config import Config
 from room2dgs.logs import Log, run_log
 from room2dgs.runs.folder import POINTS, claimed, new_run
@@ -28,6 +28,7 @@ def main(argv: list[str]) -> int:
         scene = read(config, keep=True)
     with claimed(config) as out, cached(scene, out):
         log = run_log(out)
+        scene = refined(scene, config, out, log, seconds)
         train_scene(scene, config, out, log, seconds)
         log(f"peak memory {peak_memory_mb() / 1000:.2f} GB")
         log(f"next: room2dgs mesh out={out}")
@@ -40,6 +41,8 @@ def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict
     from room2dgs.train import train
 
     use_threads(config)
+    for note in scene.notes:
+        log(note)
     for dropped in scene.dropped:
         log(f"frame {dropped.name} left out: {dropped.reason}")
     log(f"{len(scene.train)} training views, {len(scene.test)} held out")
@@ -57,6 +60,7 @@ def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict
         "seeds": result.seeds,
         "points": len(points),
         "priors": priors.label,
+        "depth_source": priors.depth_source,
         "prior_networks": priors.networks,
         "iterations": result.iterations,
         "training_seconds": result.seconds,

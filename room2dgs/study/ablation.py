@@ -13,6 +13,7 @@ from room2dgs.eval.geometry_scores import threshold_name
 
 FULL = "full"
 FINE = "f_score_2cm"
+SCORING = ("render", "eval")  # stages that make no mesh
 
 
 @dataclass(frozen=True)
@@ -144,6 +145,7 @@ def figures_of(metrics: Mapping[str, Any] | None, at: str) -> dict[str, float]:
         "recall": metrics.get(f"recall_{at}"),
         "f_score": metrics.get(f"f_score_{at}"),
         FINE: scores.get(FINE),
+        "chamfer_m": metrics.get("chamfer_m"),
         "psnr_db": metrics.get("psnr_db"),
         "primitives": metrics.get("primitives"),
         "points_s": seconds.get("points"),
@@ -152,6 +154,8 @@ def figures_of(metrics: Mapping[str, Any] | None, at: str) -> dict[str, float]:
         "mesh_s": seconds.get("mesh"),
         "peak_memory_mb": metrics.get("peak_memory_mb"),
     }
+    if seconds:
+        found["run_s"] = sum(value for stage, value in seconds.items() if stage not in SCORING)
     if seconds.get("train") is not None and seconds.get("mesh") is not None:
         found["train_and_mesh_s"] = seconds["train"] + seconds["mesh"]
     return {name: float(value) for name, value in found.items() if value is not None}

@@ -215,13 +215,9 @@ def test_bent_depth_is_what_the_bending_made(tmp_path, small_maps):
     assert found["optimised"]["abs_rel"] < 0.5 * found["aligned"]["abs_rel"]
 
 
-def test_depth_that_a_run_leaves_out_has_no_score(tmp_path, small_maps):
+def test_depth_that_is_aligned_alone_is_scored_as_it_is(tmp_path, small_maps):
     out = tmp_path / "out"
-    assert bench(*small_maps, f"out={out}", "in_run=true", "prior.depth.align=false", "scene.frames=3") == 0
-    (scene,) = json.loads((out / "bench_prior.json").read_text())["scenes"]
-    assert scene["in_run"]["optimised"] == {"abs_rel": None, "delta1": None, "within_5cm": None, "share": 0.0}
-    assert "| room | - | - | - | 0.0 % |" in (out / "bench_prior.md").read_text("utf-8")
-    kept = ["prior.depth.align=false", "prior.depth.joint=false", "prior.depth.max_residual=1"]
+    kept = ["prior.depth.align=false", "prior.depth.joint=false"]
     assert bench(*small_maps, f"out={out}", "in_run=true", "scene.frames=3", *kept) == 0
     (scene,) = json.loads((out / "bench_prior.json").read_text())["scenes"]
     assert set(scene["in_run"]) == {"aligned"}
@@ -258,8 +254,11 @@ def test_bad_input_is_told_in_a_sentence(tmp_path, make, network, capsys):
     room = capture(tmp_path / "room", make)
     none = ["prior/depth=none", "prior/normal=none"]
     assert "no prior is configured" in refused(capsys, room, *none)
+    for source in ("sensor", "auto"):
+        said = refused(capsys, room, f"prior/depth={source}", "prior/normal=none")
+        assert f"prior.depth.source={source} would be measured against itself" in said
     assert "no scene is given" in refused(capsys, *none)
-    assert "nowhere is not a folder" in refused(capsys, tmp_path / "nowhere", *none)
+    assert "nowhere is not there" in refused(capsys, tmp_path / "nowhere", *none)
     assert "settings are written KEY=VALUE" in refused(capsys, "--fast", room)
     assert "did you mean scene.frames" in refused(capsys, room, "scene.frame=3")
     (tmp_path / "taken").write_text("dear")

@@ -83,7 +83,7 @@ def test_run_leaves_what_the_readme_promises(finished, scene):
     for key in ("f_score_5cm", "accuracy_m", "completion_m", "psnr_db", "ssim", "peak_memory_mb"):
         assert isinstance(metrics[key], float)
     assert metrics["protocols"]["area"]["constants"]["threshold_m"] == 0.05
-    assert set(metrics["seconds"]) == {"read", "points", "priors", "train", "mesh", "render", "eval"}
+    assert set(metrics["seconds"]) == {"read", "poses", "points", "priors", "train", "mesh", "render", "eval"}
     assert metrics["primitives"] == metrics["seeds"] * load_config([], finished / "config.yaml").seeds.per_seed
     assert metrics["versions"]["python"] == sys.version.split()[0]
     assert metrics["machine"]["cores"] >= 1
@@ -192,7 +192,7 @@ def test_render_of_training_views(run_copy):
         (["walk"], "'walk' is no command; choose from run, train, depth, mesh"),
         (["run"], "out is not given"),
         (["run", "out=x"], "scene.path is not given"),
-        (["run", "scene.path=nowhere", "out=x"], "nowhere is not a folder"),
+        (["run", "scene.path=nowhere", "out=x"], "nowhere is not there"),
         (["run", "scene.path=nowhere", "out=x", "train.iteration=1"], "did you mean train.iterations"),
         (["run", "scene.path=nowhere", "out=x", "eval.gt=gone.ply"], "gone.ply is missing"),
         (["train", "scene.path=nowhere", "out=/dev/null"], "/dev/null is a file"),

@@ -188,7 +188,7 @@ def test_paths_are_one_value_commas_and_all(wall, tmp_path, fake):
         (["experiment=full,no_such"], "experiment=no_such is not known; choose from distortion, full, "),
         (["train.iterations=10,-1"], "train.iterations=-1 is impossible"),
         (["train.iteration=1,2"], "did you mean train.iterations"),
-        (["scene.path=nowhere"], "nowhere is not a folder"),
+        (["scene.path=nowhere"], "nowhere is not there"),
         (["--fast"], "settings are written KEY=VALUE"),
     ],
 )

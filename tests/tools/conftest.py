@@ -9,9 +9,11 @@ import cv2
 import numpy as np
 import pytest
 
+from room2dgs.tools.make_captures import main as make_captures
 from room2dgs.tools.make_room import RoomOptions, make_room
 
 TINY = {"frames": 12, "width": 96, "height": 72, "noise": 0.0, "jpeg_quality": 100}
+FILMED = ("--seed", "77", "--photos", "6", "--width", "80", "--height", "60")
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,14 @@ def blank(tmp_path_factory) -> Capture:
     """Another seed, all walls blank, a polished floor."""
     options = RoomOptions(seed=4, blank_walls=4, gloss=0.8, **TINY)
     return read_capture(make_room(tmp_path_factory.mktemp("blank") / "room", options))
+
+
+@pytest.fixture(scope="session")
+def films(tmp_path_factory) -> list[Capture]:
+    """Two random rooms, filmed with a few small photos."""
+    out = tmp_path_factory.mktemp("films")
+    assert make_captures([str(out), "--rooms", "2", *FILMED]) == 0
+    return [read_capture(out / f"room_0{number}") for number in (0, 1)]
 
 
 @pytest.fixture

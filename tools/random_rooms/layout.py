@@ -64,6 +64,7 @@ class RandomRoom:
         height: metres, of the ceiling at its highest.
         blocked: points (N, 3) -> (N,) bool, within the bounding box of a large piece.
         bounds: lowest and highest corner (2, 3) of the main space.
+        storm: shapes fly about in it, as in no real room.
     """
 
     patches: list[Patch]
@@ -71,6 +72,7 @@ class RandomRoom:
     height: float
     blocked: Callable[[np.ndarray], np.ndarray]
     bounds: np.ndarray
+    storm: bool
 
 
 def random_room(rng: Rng) -> RandomRoom:
@@ -101,7 +103,7 @@ def random_room(rng: Rng) -> RandomRoom:
             patches += neighbour(rng, other, light)
     height = float(draft.space.profile[:, 1].max())
     bounds = np.array([[*outline.min(axis=0), 0.0], [*outline.max(axis=0), height]])
-    return RandomRoom(patches, draft.space.encloses, height, draft.plan.blocked, bounds)
+    return RandomRoom(patches, draft.space.encloses, height, draft.plan.blocked, bounds, storm)
 
 
 def clad(rng: Rng, draft: Draft, covers: list[Material]) -> list[Patch]:

@@ -75,6 +75,12 @@ def ceiling(rng: Rng) -> Surface:
     return wall(rng)
 
 
+def blank_paint(rng: Rng, pale: bool = False) -> Surface:
+    """Paint without any texture; `pale`: nearly white."""
+    tint = _hsv(rng, (0, 0.06), (0.75, 0.97)) if pale else _paint(rng)
+    return _surface(rng, "plaster", tint=tint, contrast=0.0)
+
+
 def floor(rng: Rng) -> Surface:
     """Planks, tiles, stone, carpet, concrete; often glossy."""
     kind = str(

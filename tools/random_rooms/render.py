@@ -61,6 +61,10 @@ class Room:
         """(N,) metres from points (N, 3) to the nearest surface."""
         return self.scene.compute_distance(o3d.core.Tensor(np.ascontiguousarray(points, np.float32))).numpy()
 
+    def radiance(self, patch: np.ndarray, uv: np.ndarray) -> np.ndarray:
+        """(N, 3) float32 linear radiance at parameters uv (N, 2) of patches (N,), gloss aside."""
+        return albedo_at(self.looks, patch, uv) * lookup(self.light, self.charts.texels(patch, uv))
+
 
 @dataclass(frozen=True)
 class Looks:
@@ -134,7 +138,13 @@ def light_up(patches: list[Patch], rng: np.random.Generator) -> Room:
 
 
 def render(
-    room: Room, focal: float, world_from_cam: np.ndarray, width: int, height: int, rng: np.random.Generator
+    room: Room,
+    focal: float,
+    world_from_cam: np.ndarray,
+    width: int,
+    height: int,
+    rng: np.random.Generator,
+    fine: int = FINE,
 ) -> View:
     """One photo of a camera whose principal point is the image's middle.
 
@@ -142,9 +152,10 @@ def render(
         focal: pixels.
         world_from_cam: (4, 4), metres, OpenCV axes.
         rng: draws the mirrored rays' spread.
+        fine: colour rays along each side of a pixel.
     """
-    color_rays = rays(focal, world_from_cam, width, height, FINE)
-    color = shade(room, *color_rays, rng).reshape(height * FINE, width * FINE, 3)
+    color_rays = rays(focal, world_from_cam, width, height, fine)
+    color = shade(room, *color_rays, rng).reshape(height * fine, width * fine, 3)
     origins, directions = rays(focal, world_from_cam, width, height, 1)
     hits = cast(room.scene, origins, directions)
     depth, ids = hits["t_hit"], hits["primitive_ids"]
@@ -178,7 +189,7 @@ def shade(room: Room, origins: np.ndarray, directions: np.ndarray, rng: np.rando
     ids = np.where(missed, 0, hits["primitive_ids"])
     patch = room.soup.patch.take(ids)
     uv = hit_uv(room.soup, ids, hits["primitive_uvs"])
-    color = albedo_at(room.looks, patch, uv) * lookup(room.light, room.charts.texels(patch, uv))
+    color = room.radiance(patch, uv)
     color[missed] = 0
     if rng is None:
         return color

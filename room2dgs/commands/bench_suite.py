@@ -1,0 +1,72 @@
+"""`room2dgs bench suite DIR...`: the same settings on several captures, as one table."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from room2dgs.commands.bench_prior import split_scenes
+from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.errors import RunFailed
+from room2dgs.logs import run_log
+from room2dgs.runs.metrics import earlier, machine
+from room2dgs.study.ablation import Run
+from room2dgs.study.jobs import Job, batches, executed, finished, study_folder
+from room2dgs.study.launch import of_hydra
+from room2dgs.study.suite import JSON, MARKDOWN, Suite, planned, rows_so_far, write_tables
+
+USAGE = "room2dgs bench suite DIR... out=DIR [train.seed=0,1] [KEY=VALUE ...] [hydra/launcher=joblib]"
+OURS = ("out", "resume")
+
+
+def main(argv: list[str]) -> int:
+    """Run each capture with the same settings and print one table: scores, seconds, memory, and their means.
+
+    Captures with an even number at the end of their name are the half to tune on, those with an odd one the half to
+    report. Each run is a `room2dgs run` in out/<capture>/seed_<n>. What is finished is not run again: after a kill or
+    a failure the same command goes on. A failed run is named in the table, and the others go on; the exit code is
+    that of the first one's cause. The tables are suite.md and suite.json in `out`.
+    """
+    if asked_for_help(argv):
+        return show(USAGE, main.__doc__)
+    out = study_folder(argv, JSON)
+    hydra_settings = [text for text in argv if of_hydra(text)]
+    rest = [text for text in argv if text.partition("=")[0] not in OURS and text not in hydra_settings]
+    scenes, settings = split_scenes(rest)
+    jobs = planned(scenes, settings, out)
+    todo = [job for job in jobs if not finished(job)]
+    out.mkdir(parents=True, exist_ok=True)
+    log = run_log(out)
+    command = shlex.join(["room2dgs", "bench", "suite", *argv])
+    failed: dict[Path, RunFailed] = {}
+
+    def so_far() -> Suite:
+        return _suite(jobs, todo, failed, command, settings)
+
+    write_tables(so_far(), out)  # first: it marks the folder as a study's
+    log(f"{command}\n{len(jobs)} runs, {len(jobs) - len(todo)} of them finished before")
+    for batch in batches(list(todo), hydra_settings):
+        todo = [job for job in todo if job not in batch]
+        for job in batch:
+            log(f"\n{job.row}, seed {job.seed}, {len(todo)} more to come: {job.folder}")
+        for job, failure in zip(batch, executed(batch, hydra_settings, out), strict=True):
+            if failure:
+                failed[job.folder] = failure
+                log(f"{job.row}, seed {job.seed}, failed: {failure}")
+        write_tables(so_far(), out)
+    log(f"\n{write_tables(so_far(), out)}")
+    log(f"tables: {out / MARKDOWN}, {out / JSON}")
+    return next((failure.code for failure in failed.values()), 0)
+
+
+def _suite(
+    jobs: Sequence[Job], todo: Sequence[Job], failed: Mapping[Path, RunFailed], command: str, settings: Sequence[str]
+) -> Suite:
+    """The table so far."""
+    runs = []
+    for job in jobs:
+        why = str(failed.get(job.folder, ""))
+        runs.append(Run(job.row, job.seed, job.folder, None if why or job in todo else earlier(job.folder), why))
+    threshold = jobs[0].config.eval.threshold_m
+    return Suite(command, tuple(settings), threshold, machine(), rows_so_far(runs, threshold))
