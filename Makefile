@@ -1,4 +1,4 @@
-# make demo    a room, its mesh, scores and pictures, in demo/
+# make demo    a room, its mesh, scores and pictures, in demo/; from photos alone, the room's exact depth is not used
 # make test    the tests; those marked slow: make test-slow, both: make test-all
 # make lint    style
 # make sanitize    the bindings and threads under AddressSanitizer, UndefinedBehaviorSanitizer and ThreadSanitizer
@@ -34,7 +34,7 @@ $(READY): $(SOURCES)
 demo: $(READY)
 	@test -f demo/room/gt_mesh.ply || $(BIN)/python -m room2dgs.tools.make_room demo/room --overwrite $(ROOM_OPTIONS)
 	@rm -rf demo/run
-	$(BIN)/room2dgs run scene.path=demo/room out=demo/run $(DEMO_OPTIONS)
+	$(BIN)/room2dgs run scene.path=demo/room out=demo/run prior=room_prior $(DEMO_OPTIONS)
 
 test: $(READY)
 	$(BIN)/python -m pytest $(TEST_OPTIONS) -m "not slow"

@@ -16,7 +16,18 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 # Each folder or top-level module imports only from those before it.
 FLOW = (
-    *("errors", "logs", "files", "json_files", "cores", "torch_threads", "system_libraries", "memory", "interrupts"),
+    *(
+        "errors",
+        "logs",
+        "files",
+        "json_files",
+        "cores",
+        "torch_threads",
+        "system_libraries",
+        "memory",
+        "interrupts",
+        "colmap",
+    ),
     *("report",),
     *("config", "geometry", "captures", "sfm", "stereo", "priors", "seeds", "splat", "losses", "train", "mesh"),
     *("eval", "runs", "bench", "study", "tools", "doctor", "commands", "cli", "__main__"),

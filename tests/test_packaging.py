@@ -90,7 +90,16 @@ def test_configuration_scores_network_kernels_and_types_travel_inside(names):
 
 def test_of_the_tools_only_the_demo_room_and_simulated_priors(names):
     tools = {name.removeprefix("room2dgs/tools/").partition("/")[0] for name in names if "/tools/" in name}
-    assert tools == {"__init__.py", "demo_room", "make_room.py", "prior_errors.py", "simulate_priors.py"}
+    assert tools == {
+        "__init__.py",
+        "capture_files.py",
+        "demo_room",
+        "make_room.py",
+        "pose_errors.py",
+        "prior_errors.py",
+        "shake_poses.py",
+        "simulate_priors.py",
+    }
 
 
 def test_nothing_in_the_wheel_imports_a_tool_that_is_not_there(wheel, names):

@@ -10,6 +10,8 @@ from room2dgs.config.groups.prior import DepthPriorConfig, NormalPriorConfig, Pr
 from room2dgs.config.groups.render import RenderConfig
 from room2dgs.config.groups.scene import SceneConfig
 from room2dgs.config.groups.seeds import SeedsConfig
+from room2dgs.config.groups.sensor import SensorConfig
+from room2dgs.config.groups.sfm import SfmConfig
 from room2dgs.config.groups.stereo import StereoConfig
 from room2dgs.config.groups.strategy import StrategyConfig
 from room2dgs.config.groups.train import RatesConfig, ResolutionConfig, TrainConfig
@@ -34,6 +36,8 @@ __all__ = [
     "ResolutionConfig",
     "SceneConfig",
     "SeedsConfig",
+    "SensorConfig",
+    "SfmConfig",
     "StereoConfig",
     "StrategyConfig",
     "TermConfig",

@@ -101,11 +101,11 @@ def _example(item: Any) -> str:
 
 
 def _allowed(hints: list[Any], words: str) -> str:
+    if any(isinstance(mark, Wants) for mark in hints):
+        return f"give {words}"
     choices = next((typing.get_args(mark) for mark in hints if typing.get_origin(mark) is Literal), None)
     if choices:
         return f"choose from {', '.join(choices)}"
-    if any(isinstance(mark, Wants) for mark in hints):
-        return f"give {words}"
     low = next((mark.ge for mark in hints if isinstance(mark, Ge)), None)
     above = next((mark.gt for mark in hints if isinstance(mark, Gt)), None)
     high = next((mark.le for mark in hints if isinstance(mark, Le)), None)

@@ -12,9 +12,13 @@ from room2dgs.errors import InputError
 # Keys of earlier versions, also as they stand in an earlier run's config.yaml -> what they are called now.
 RENAMED = {
     "prior.depth.square": "prior.depth.manhattan",
-    "prior.depth.max_misfit": "prior.depth.max_outlier_ratio",
     "loss.normal_doubt": "loss.normal_reweighting",
 }
+# And those that nothing takes the place of -> why.
+GONE = dict.fromkeys(
+    ("prior.depth.max_misfit", "prior.depth.max_outlier_ratio", "prior.depth.max_residual"),
+    "depth is trusted pixel by pixel now, by prior.depth.completion",
+)
 
 
 def group_choices(conf: Path) -> dict[str, list[str]]:
@@ -55,6 +59,8 @@ def known_key(override: str, groups: dict[str, list[str]]) -> str:
         raise InputError(f"{override!r} is not understood; settings are written KEY=VALUE")
     if new_name(key):
         raise InputError(f"{key} is now {new_name(key)}")
+    if key in GONE:
+        raise InputError(f"{key} is gone: {GONE[key]}; leave it out")
     nodes = {part for known in leaf_keys() for part in _ancestors(known.name)} | set(groups)
     if key not in nodes:
         raise InputError(no_setting(key, nodes))

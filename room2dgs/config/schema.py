@@ -15,6 +15,7 @@ from room2dgs.config.groups.prior import PriorConfig
 from room2dgs.config.groups.render import RenderConfig
 from room2dgs.config.groups.scene import SceneConfig
 from room2dgs.config.groups.seeds import SeedsConfig
+from room2dgs.config.groups.sfm import SfmConfig
 from room2dgs.config.groups.stereo import StereoConfig
 from room2dgs.config.groups.strategy import StrategyConfig
 from room2dgs.config.groups.train import TrainConfig
@@ -27,6 +28,7 @@ class Config:
     out: Folder = Field(description="the run's folder")
     resume: bool = Field(description="go on from the last checkpoint in `out`")
     scene: SceneConfig = Field()
+    sfm: SfmConfig = Field()
     points: PointsConfig = Field()
     stereo: StereoConfig = Field()
     prior: PriorConfig = Field()

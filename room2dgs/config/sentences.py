@@ -79,10 +79,14 @@ def _found(place: tuple[int | str, ...]) -> tuple[str, Key | None, tuple[int | s
     for end in range(1, len(place) + 1):
         name = ".".join(map(str, place[:end]))
         if name in keys:
-            inside = tuple(part for part in place[end:] if part not in ("int", "float"))  # of a union's members
+            inside = tuple(part for part in place[end:] if not _is_type(part))  # of a union's members
             steps = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in inside)
             return name + "".join(steps), keys[name], inside
     return ".".join(map(str, place)), None, ()
+
+
+def _is_type(part: int | str) -> bool:
+    return part in ("int", "float", "bool") or str(part).startswith("literal[")
 
 
 def _rank(kind: str) -> int:

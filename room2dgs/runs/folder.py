@@ -16,7 +16,7 @@ from room2dgs.files import whole_file
 
 CONFIG, MESH, METRICS = "config.yaml", "mesh.ply", "metrics.json"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
-PRIORS, PRIOR_MAPS, CACHE = "priors.csv", "priors", "cache"
+PRIORS, PRIOR_MAPS, CACHE, POSES = "priors.csv", "priors", "cache", "poses.json"
 
 
 def new_run(overrides: list[str]) -> Config:

@@ -86,7 +86,9 @@ def _agreed_pixels(
     """World points, normals and colours of those pixels of one view on which other views agree."""
     grid = (slice(views.step // 2, None, views.step),) * 2
     normal = depth_normals(depth, frame.camera, NORMAL_STEP)[grid]
-    row, column = np.nonzero((depth[grid] > 0) & normal.any(axis=-1))
+    good = (depth[grid] > 0) & normal.any(axis=-1)
+    mask = frame.mask()
+    row, column = np.nonzero(good if mask is None else good & mask[grid])
     row, column = torch.from_numpy(row), torch.from_numpy(column)
     view = torch.full_like(row, index)
     in_cam = views.cameras.rays(view, views.pixel(row, column)) * views.depth[view, row, column][:, None]

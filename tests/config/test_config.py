@@ -44,6 +44,19 @@ def test_every_yaml_key_is_in_the_schema_and_the_other_way_round():
             assert any(name.startswith(group.replace("/", ".") + ".") for name in names)
 
 
+def test_depth_of_a_capture_is_used_by_default_and_left_alone_with_one_word():
+    assert load_config(GIVEN).prior.depth.source == "auto"
+    photos = load_config([*GIVEN, "prior=room_prior"]).prior
+    assert (photos.depth.source, photos.normal.source) == ("room_prior", "room_prior")
+    # "auto" has all of the network's settings: where there is no depth it is that prior
+    assert replace(load_config(GIVEN).prior.depth, source="room_prior") == photos.depth
+    sensor = load_config([*GIVEN, "prior/depth=sensor"]).prior
+    assert (sensor.depth.source, sensor.depth.align, sensor.depth.joint) == ("sensor", False, False)
+    assert sensor.normal == photos.normal
+    with pytest.raises(InputError, match=r"prior\.depth\.source=auto lacks its settings; write prior/depth=auto"):
+        load_config([*GIVEN, "prior=none", "prior.depth.source=auto"])
+
+
 def test_override_reaches_its_field():
     config = load_config([*GIVEN, "train.rates.scale=0.25", "loss.distortion={enabled:true,weight:2,start:5}"])
     assert config.train.rates.scale == 0.25
@@ -71,14 +84,24 @@ def test_override_reaches_its_field():
         ("train.resolutions=[{fraction:0.5,until:9},{fraction:1,until:9}]", "rising `until`"),
         ("train.resolutions=[{fraction:0.5}]", "until is not given"),
         ("points.source=file", "points.file=PATH"),
+        ("sfm.refine_poses=maybe", "refine_poses=maybe is not known; give auto, true or false"),
+        ("sfm.refine_poses=1", "refine_poses=1 is not known; give auto, true or false"),
+        ("sfm.refine_poses=null", "refine_poses=null is not known; give auto, true or false"),
         ("loss=none_such", "choose from rgb_geometry"),
         ("experiment=none_such", "experiment=none_such is not known"),
         ("scene.path=", "scene.path is empty"),
         ("+train.extra=1", "+train.extra is no setting"),
         ("~loss", "settings are written KEY=VALUE"),
         ("hydra.run.dir=x", "hydra.run.dir is no setting"),
+        ("prior.depth.source=lidar", "choose from none, files, onnx, room_prior, sensor, auto"),
+        ("prior.normal.source=sensor", "choose from none, files, onnx, room_prior"),
+        ("prior.depth.source=sensor", "write prior/depth=sensor, without prior.depth.align=true"),
+        ("prior.depth.sensor.max_m=0.1", "prior.depth.sensor.min_m=0.2 leaves no depth"),
+        ("prior.depth.sensor.error_m=0", "prior.depth.sensor.error_m=0 is impossible"),
+        ("prior.depth.meaning=relative_depth", "prior.depth.source=auto means metres"),
         ("prior.depth.square=false", "prior.depth.square is now prior.depth.manhattan"),
-        ("prior.depth.max_misfit=1", "prior.depth.max_misfit is now prior.depth.max_outlier_ratio"),
+        ("prior.depth.max_misfit=1", "prior.depth.max_misfit is gone: depth is trusted pixel by pixel"),
+        ("prior.depth.max_residual=1", "prior.depth.max_residual is gone"),
         ("loss.normal_doubt.start=0.5", "loss.normal_doubt.start is now loss.normal_reweighting.start"),
     ],
 )

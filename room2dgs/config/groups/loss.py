@@ -63,6 +63,9 @@ class LossConfig:
     distortion: TermConfig = Field()
     normal_consistency: TermConfig = Field()
     depth_prior: TermConfig = Field()
+    depth_refit: bool = Field(
+        description="the paper's scale and shift of each depth prior, fitted to the rendering in every iteration"
+    )
     normal_prior: TermConfig = Field()
     normal_reweighting: NormalReweightingConfig = Field()
     multiview_geometric: TermConfig = Field()
