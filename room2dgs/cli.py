@@ -24,6 +24,7 @@ VERBS = {
     "mesh": "mesh an earlier run (again)",
     "eval": "score an earlier run, or any mesh against a ground truth",
     "render": "pictures of an earlier run's views beside the photos",
+    "report": "one page of an earlier run that opens in any browser",
     "ablate": "run the method without each of its parts: one table, pictures side by side",
     "doctor": "what is installed here, and what will run on what",
     "bench": "measure the rasterizer or a prior: room2dgs bench raster, room2dgs bench prior SCENE",

@@ -13,10 +13,10 @@ from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
 from room2dgs.config import Config
 from room2dgs.errors import InputError
-from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log, run_log
 from room2dgs.runs.folder import RENDERS, earlier_run
 from room2dgs.runs.metrics import record, timed
+from room2dgs.runs.pictures import depth_picture, normal_picture
 
 if TYPE_CHECKING:
     from room2dgs.splat.types import Rendering, Surfels
@@ -67,25 +67,6 @@ def side_by_side(frame: Frame, rendering: Rendering) -> np.ndarray:
     depth = depth_picture(rendering.median_depth.numpy(), covered)
     normal = normal_picture(rendering.normal.numpy(), frame.camera, covered)
     return np.concatenate([frame.color(), color, depth, normal], axis=1)
-
-
-def depth_picture(depth: np.ndarray, covered: np.ndarray) -> np.ndarray:
-    """(H, W, 3) uint8 RGB: near red, far blue (2nd to 98th percentile), black where not covered."""
-    seen = covered & (depth > 0)
-    if not seen.any():
-        return np.zeros((*depth.shape, 3), np.uint8)
-    near, far = np.percentile(depth[seen], [2, 98])
-    nearness = 1 - np.clip((depth - near) / max(far - near, 1e-6), 0, 1)
-    bgr = cv2.applyColorMap(np.round(nearness * 255).astype(np.uint8), cv2.COLORMAP_TURBO)
-    return np.where(seen[..., None], bgr[..., ::-1], 0).astype(np.uint8)
-
-
-def normal_picture(normal: np.ndarray, camera: Camera, covered: np.ndarray) -> np.ndarray:
-    """(H, W, 3) uint8 RGB: the normal's right, up and towards-the-camera parts; black where not covered."""
-    in_camera = camera.turned_to_camera(normal) * (1, -1, -1)
-    length = np.linalg.norm(in_camera, axis=-1, keepdims=True)
-    picture = np.round((in_camera / np.maximum(length, 1e-9) + 1) / 2 * 255)
-    return np.where(covered[..., None] & (length > 0), picture, 0).astype(np.uint8)
 
 
 def write_png(path: Path, rgb: np.ndarray) -> None:

@@ -8,13 +8,14 @@ from typing import Any
 from room2dgs.commands.eval import ground_truth, score_run
 from room2dgs.commands.mesh import mesh_scene
 from room2dgs.commands.render import render_scene
+from room2dgs.commands.report import report_scene
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import cached, read, refined, trained_surfels
 from room2dgs.commands.train import train_scene
 from room2dgs.errors import InputError
 from room2dgs.logs import run_log
-from room2dgs.runs.folder import CONFIG, MESH, RENDERS, claimed, last_value, new_run
-from room2dgs.runs.metrics import earlier, timed
+from room2dgs.runs.folder import CONFIG, MESH, RENDERS, REPORT, claimed, last_value, new_run
+from room2dgs.runs.metrics import Stages, earlier, timed
 
 USAGE = (
     "room2dgs run scene.path=DIR out=DIR [resume=true] [KEY=VALUE ...]\n"
@@ -24,7 +25,7 @@ MULTIRUN = ("-m", "--multirun")
 
 
 def main(argv: list[str]) -> int:
-    """Points, training, mesh, renders of the held-out views, and scores if there is a ground truth.
+    """Points, training, mesh, renders of the held-out views, scores if there is a ground truth, and a report.
 
     With -m every combination of settings that are lists is a run of its own, in out/0, out/1, ...: Hydra's multirun,
     with Hydra's sweepers and launchers. A path with a comma in its name then stands in quotes.
@@ -35,7 +36,7 @@ def main(argv: list[str]) -> int:
         return _swept([text for text in argv if text not in MULTIRUN])
     config = new_run(argv)
     ground_truth(config)  # reported now if missing, not after the training
-    seconds: dict[str, float] = {}
+    seconds = Stages()
     with timed(seconds, "read"):
         scene = read(config, keep=True)
     with claimed(config) as out, cached(scene, out):
@@ -46,6 +47,8 @@ def main(argv: list[str]) -> int:
         mesh_scene(scene, surfels, config, out, log, seconds)
         render_scene(scene, surfels, config, out, log, seconds)
         score_run(scene, surfels, config, out, seconds)
+        if config.report.enabled:
+            report_scene(scene, surfels, config, out, log, seconds)
         log("")
         for line in summary(out, earlier(out)):
             log(line)
@@ -81,4 +84,6 @@ def summary(out: Path, metrics: dict[str, Any]) -> list[str]:
     lines.append(f"pictures  {out / RENDERS}")
     if (out / "eval" / "views.png").exists():
         lines.append(f"          {out / 'eval' / 'views.png'}, {out / 'eval' / 'top.png'}")
+    if (out / REPORT).exists():
+        lines.append(f"report    {out / REPORT}")
     return lines

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,10 +12,12 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import Config
 from room2dgs.logs import Log
-from room2dgs.runs.folder import CACHE, CHECKPOINTS, POINTS, POSES, PRIOR_MAPS, PRIORS, SURFELS, required
+from room2dgs.runs.folder import CACHE, CHECKPOINTS, POINTS, POSES, PRIOR_MAPS, PRIORS, SURFELS, TRUST, required
 from room2dgs.runs.metrics import record, timed
 
 if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be reported at once
+    import numpy as np
+
     from room2dgs.priors import Priors
     from room2dgs.splat.types import Rendering, Surfels
 
@@ -83,18 +84,27 @@ def use_threads(config: Config) -> None:
 
 
 def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log: Log) -> Priors:
-    """Priors of the training views; how each depth map was aligned goes to out/priors.csv.
+    """Priors of the training views; how each depth map was aligned goes to out/priors.csv, how far it is trusted to
+    out/trust.npz.
 
     Raises:
         InputError: as `load_priors` and `stereo_points`.
     """
     from room2dgs.files import whole_file
     from room2dgs.priors import load_priors
-    from room2dgs.stereo.anchors import stereo_points
+    from room2dgs.runs.page.trust import write_trust
+    from room2dgs.stereo.anchors import StereoPoints, stereo_points
+
+    stereo: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+
+    def compare() -> StereoPoints:
+        found = stereo_points(scene.train, points, config.stereo, log)
+        stereo.update(found.maps)
+        return found
 
     settings = replace(config.prior, cache=config.prior.cache or str(out / PRIOR_MAPS))
-    compare = partial(stereo_points, scene.train, points, config.stereo, log) if config.stereo.enabled else None
-    priors = load_priors(scene.train, points, settings, log, compare)
+    priors = load_priors(scene.train, points, settings, log, compare if config.stereo.enabled else None)
+    write_trust(out / TRUST, scene.train, priors.by_frame, stereo)
     if priors.fits:
         rows = ["view,scale,shift,median_relative_residual,points"]
         for name, fit in priors.fits.items():

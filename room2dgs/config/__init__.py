@@ -8,6 +8,7 @@ from room2dgs.config.groups.network import NETWORK_SOURCES, OnnxConfig
 from room2dgs.config.groups.points import PointsConfig
 from room2dgs.config.groups.prior import DepthPriorConfig, NormalPriorConfig, PriorConfig
 from room2dgs.config.groups.render import RenderConfig
+from room2dgs.config.groups.report import ReportConfig
 from room2dgs.config.groups.scene import SceneConfig
 from room2dgs.config.groups.seeds import SeedsConfig
 from room2dgs.config.groups.sensor import SensorConfig
@@ -33,6 +34,7 @@ __all__ = [
     "PriorConfig",
     "RatesConfig",
     "RenderConfig",
+    "ReportConfig",
     "ResolutionConfig",
     "SceneConfig",
     "SeedsConfig",

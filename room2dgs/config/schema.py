@@ -13,6 +13,7 @@ from room2dgs.config.groups.mesh import MeshConfig
 from room2dgs.config.groups.points import PointsConfig
 from room2dgs.config.groups.prior import PriorConfig
 from room2dgs.config.groups.render import RenderConfig
+from room2dgs.config.groups.report import ReportConfig
 from room2dgs.config.groups.scene import SceneConfig
 from room2dgs.config.groups.seeds import SeedsConfig
 from room2dgs.config.groups.sfm import SfmConfig
@@ -39,6 +40,7 @@ class Config:
     train: TrainConfig = Field()
     mesh: MeshConfig = Field()
     eval: EvalConfig = Field()
+    report: ReportConfig = Field()
     memory: MemoryConfig = Field()
 
     @model_validator(mode="after")

@@ -17,6 +17,7 @@ from room2dgs.files import whole_file
 CONFIG, MESH, METRICS = "config.yaml", "mesh.ply", "metrics.json"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
 PRIORS, PRIOR_MAPS, CACHE, POSES = "priors.csv", "priors", "cache", "poses.json"
+REPORT, TRUST = "report.html", "trust.npz"
 
 
 def new_run(overrides: list[str]) -> Config:
@@ -34,11 +35,12 @@ def new_run(overrides: list[str]) -> Config:
 
 
 def earlier_run(overrides: list[str]) -> Config:
-    """The settings of the run in `out`, overrides on top.
+    """The settings of the run in `out` (or `run`, which is the same), overrides on top.
 
     Raises:
         InputError: there is no run in `out`, or the settings cannot be.
     """
+    overrides = ["out=" + text.removeprefix("run=") if text.startswith("run=") else text for text in overrides]
     out = last_value(overrides, "out")
     if not out:
         raise InputError("out is not given; add out=DIR, the folder of an earlier run")

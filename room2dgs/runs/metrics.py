@@ -33,12 +33,26 @@ PACKAGES = (
 )
 
 
+class Stages(dict[str, float]):
+    """Seconds by stage, as `timed` fills them in, and the memory.
+
+    Attributes:
+        peak_memory_mb: by stage, the largest resident memory of the process up to its end.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.peak_memory_mb: dict[str, float] = {}
+
+
 @contextmanager
 def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    """Adds the block's wall time to `seconds[stage]`."""
+    """Adds the block's wall time to `seconds[stage]`; `Stages` keep its memory too."""
     start = time.perf_counter()
     yield
     seconds[stage] = seconds.get(stage, 0.0) + round(time.perf_counter() - start, 3)
+    if isinstance(seconds, Stages):
+        seconds.peak_memory_mb[stage] = peak_memory_mb()
 
 
 def record(out: Path, part: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
@@ -52,6 +66,7 @@ def record(out: Path, part: dict[str, Any], seconds: dict[str, float]) -> dict[s
     common = {
         "seconds": {**before.get("seconds", {}), **seconds},
         "peak_memory_mb": memory,
+        "stage_peak_memory_mb": {**before.get("stage_peak_memory_mb", {}), **getattr(seconds, "peak_memory_mb", {})},
         "versions": versions(),
         "commit": commit(),
         "machine": machine(),

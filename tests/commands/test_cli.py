@@ -76,14 +76,14 @@ def refused(capsys, argv: list[str]) -> str:
 
 def test_run_leaves_what_the_readme_promises(finished, scene):
     names = {path.name for path in finished.iterdir()}
-    assert {"config.yaml", "mesh.ply", "metrics.json", "log.txt", "checkpoints", "renders"} <= names
+    assert {"config.yaml", "mesh.ply", "metrics.json", "log.txt", "checkpoints", "renders", "report.html"} <= names
     assert not [path for path in finished.rglob("*") if path.name.endswith(".tmp")]
     metrics = metrics_of(finished)
     assert 0.9 < metrics["precision_5cm"] <= 1 and 0 < metrics["recall_5cm"] <= 1
     for key in ("f_score_5cm", "accuracy_m", "completion_m", "psnr_db", "ssim", "peak_memory_mb"):
         assert isinstance(metrics[key], float)
     assert metrics["protocols"]["area"]["constants"]["threshold_m"] == 0.05
-    assert set(metrics["seconds"]) == {"read", "poses", "points", "priors", "train", "mesh", "render", "eval"}
+    assert set(metrics["seconds"]) == {"read", "poses", "points", "priors", "train", "mesh", "render", "eval", "report"}
     assert metrics["primitives"] == metrics["seeds"] * load_config([], finished / "config.yaml").seeds.per_seed
     assert metrics["versions"]["python"] == sys.version.split()[0]
     assert metrics["machine"]["cores"] >= 1

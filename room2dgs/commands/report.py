@@ -1,0 +1,45 @@
+"""`room2dgs report`: a run on one page."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from room2dgs.captures.scene import Scene
+from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
+from room2dgs.config import Config
+from room2dgs.logs import Log, run_log
+from room2dgs.runs.folder import earlier_run
+from room2dgs.runs.metrics import record, timed
+
+if TYPE_CHECKING:
+    from room2dgs.splat.types import Surfels
+
+USAGE = "room2dgs report run=DIR [report.KEY=VALUE ...]"
+
+
+def main(argv: list[str]) -> int:
+    """Write report.html of an earlier run again, with other settings if wanted. It opens without a network."""
+    if asked_for_help(argv):
+        return show(USAGE, main.__doc__, ("report",))
+    config = earlier_run(argv)
+    out = Path(config.out)
+    surfels = trained_surfels(out)
+    report_scene(with_poses_of_run(read(config), out), surfels, config, out, run_log(out), {})
+    return 0
+
+
+def report_scene(
+    scene: Scene, surfels: Surfels, config: Config, out: Path, log: Log, seconds: dict[str, float]
+) -> None:
+    """report.html of what the run's folder holds so far."""
+    from room2dgs.runs.page.write import write_report
+
+    use_threads(config)
+    draw = partial(rendered, surfels, config=config)
+    with timed(seconds, "report"):
+        path = write_report(scene, surfels, draw, config, out)
+    record(out, {"report_mb": round(path.stat().st_size / 1e6, 2)}, seconds)
+    log(f"report: {path} ({path.stat().st_size / 1e6:.1f} MB)")

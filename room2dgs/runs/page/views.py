@@ -1,0 +1,75 @@
+"""A page's photos beside what the run made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from room2dgs.captures.scene import Frame, Scene
+from room2dgs.eval.image_metrics import psnr
+from room2dgs.eval.shading import error_color
+from room2dgs.report.page import data_uri
+from room2dgs.runs.page.trust import Trust, chosen
+from room2dgs.runs.page.trust import picture as trust_picture
+from room2dgs.runs.pictures import depth_picture, normal_picture
+
+if TYPE_CHECKING:
+    from room2dgs.splat.types import Rendering
+
+KINDS = (
+    ("rendering", "rendering"),
+    ("difference", "difference"),
+    ("depth", "depth"),
+    ("normals", "normals"),
+    ("trust", "where depth was trusted"),
+)
+WIDTH = 480  # pixels of a picture
+MIN_ALPHA = 0.5  # less covered pixels are drawn black in depth and normals
+FULL = 0.25  # of the brightest: a difference from here on is red
+Rendered = Callable[[Iterable[Frame]], Iterator[tuple[Frame, "Rendering"]]]
+
+
+def view_pictures(scene: Scene, rendered: Rendered, trust: Mapping[str, Trust], most: int) -> list[dict[str, Any]]:
+    """Held-out views, then training views, for compare.js.
+
+    Args:
+        rendered: renders frames, one at a time.
+        trust: training view -> its maps.
+        most: views of each sort.
+    """
+    mapped = [frame for frame in scene.train if frame.name in trust]
+    parts = (("held out", chosen(scene.test, most)), ("training", chosen(mapped or scene.train, most)))
+    return [
+        _view(frame, view, sort, trust.get(frame.name)) for sort, frames in parts for frame, view in rendered(frames)
+    ]
+
+
+def _view(frame: Frame, view: Rendering, sort: str, trusted: Trust | None) -> dict[str, Any]:
+    photo, color = frame.color(), view.color.clamp(0, 1).numpy()
+    covered = (view.alpha >= MIN_ALPHA).numpy()
+    difference = np.abs(photo.astype(np.float32) / 255 - color).mean(axis=-1)
+    pictures = {
+        "photo": photo / 255,
+        "rendering": color,
+        "difference": error_color(difference.ravel(), FULL).reshape(color.shape),
+        "depth": depth_picture(view.median_depth.numpy(), covered) / 255,
+        "normals": normal_picture(view.normal.numpy(), frame.camera, covered) / 255,
+    }
+    if trusted is not None:
+        pictures["trust"] = cv2.resize(trust_picture(trusted), frame.camera.size, interpolation=cv2.INTER_NEAREST) / 255
+    quality = psnr(color, photo, frame.mask())
+    return {
+        "title": f"{frame.name} ({sort})",
+        "note": f"{frame.name}, {sort}: the rendering has a PSNR of {quality:.1f} dB against the photo.",
+        "pictures": {kind: data_uri(_small(picture)) for kind, picture in pictures.items()},
+    }
+
+
+def _small(picture: np.ndarray) -> np.ndarray:
+    height, width = picture.shape[:2]
+    if width <= WIDTH:
+        return picture
+    return cv2.resize(picture, (WIDTH, max(1, round(height * WIDTH / width))), interpolation=cv2.INTER_AREA)

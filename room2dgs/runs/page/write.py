@@ -1,0 +1,178 @@
+"""A run's folder to its report.html."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from room2dgs.captures.scene import Scene
+from room2dgs.config import Config, dump_config
+from room2dgs.eval.pictures import FULL_THRESHOLDS
+from room2dgs.eval.shading import error_color
+from room2dgs.eval.upright import up_axis
+from room2dgs.files import whole_file
+from room2dgs.geometry.camera import Camera
+from room2dgs.logs import LOG_FILE
+from room2dgs.mesh.io import read_mesh
+from room2dgs.report.page import page
+from room2dgs.runs.folder import MESH, REPORT, TRUST
+from room2dgs.runs.metrics import earlier
+from room2dgs.runs.page import discs, trust, words
+from room2dgs.runs.page.coverage import Coverage, Spot, advice, coverage, spots
+from room2dgs.runs.page.curves import drawings, read_curves
+from room2dgs.runs.page.solid import SEEN, Solid, block, solid, with_error, with_photos
+from room2dgs.runs.page.views import FULL, KINDS, Rendered, view_pictures
+
+if TYPE_CHECKING:
+    from room2dgs.splat.types import Surfels
+
+BUTTONS = (
+    ("color", "Colours"),
+    ("shape", "Shape"),
+    ("error", "Error"),
+    ("seen", "Photos that see it"),
+    ("discs", "Splats"),
+)
+KEY_STEPS = 5
+
+
+def write_report(scene: Scene, surfels: Surfels, rendered: Rendered, config: Config, out: Path) -> Path:
+    """Write out/report.html, whole or not at all.
+
+    Args:
+        scene: with the poses that the run worked with.
+        rendered: renders frames of the scene.
+
+    Returns:
+        Its path.
+
+    Raises:
+        InputError: the run's mesh or a photo cannot be read.
+    """
+    metrics = earlier(out)
+    log = _lines(out / LOG_FILE)
+    maps = trust.read_trust(out / TRUST)
+    source = str(metrics.get("depth_source") or "none")
+    room, seen, places = _room(scene, config, out)
+    settings = config.report
+    text = page(
+        "run.html.j2",
+        title=f"Room from photos: {Path(config.scene.path).name}",
+        opening=words.opening(config, metrics),
+        facts=words.facts(scene, metrics),
+        warnings=words.warnings(scene, config, metrics, log),
+        solid=_solid(room, surfels, places, scene, config) if room else None,
+        views=view_pictures(scene, rendered, maps, settings.views),
+        kinds=[kind for kind in KINDS if kind[0] != "trust" or maps],
+        kind_keys=_kind_keys(source),
+        spots=[spot.words for spot in places],
+        advice=advice(scene, seen),
+        trusted=trust.sentences(maps, source),
+        curves=drawings(read_curves(log)),
+        tables=words.tables(metrics),
+        changed=words.changed_settings(config),
+        settings=dump_config(config),
+        closing=words.closing(metrics),
+        scripts=[_script(name) for name in ("three.min.js", "viewer.js", "compare.js")],
+    )
+    with whole_file(out / REPORT) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return out / REPORT
+
+
+def _room(scene: Scene, config: Config, out: Path) -> tuple[Solid | None, Coverage | None, list[Spot]]:
+    if not (out / MESH).is_file():
+        return None, None, []
+    room = solid(read_mesh(out / MESH), config.report.faces)
+    if not len(room.faces):
+        return None, None, []
+    room = with_error(room, out / "eval" / "error.ply")
+    seen = coverage(room, [frame.camera for frame in scene.train])
+    return with_photos(room, seen.photos), seen, spots(room, seen, scene.frames)
+
+
+def _solid(room: Solid, surfels: Surfels, places: list[Spot], scene: Scene, config: Config) -> dict[str, Any]:
+    cameras = [frame.camera for frame in scene.frames]
+    up = up_axis(cameras, room.normals)
+    low, high = room.vertices.min(axis=0), room.vertices.max(axis=0)
+    about_mesh, mesh_bytes = block(room)
+    blocks = [("mesh", mesh_bytes)]
+    about = {
+        "up": up.tolist(),
+        "beside": _beside(room, cameras, up).tolist(),
+        "low": low.tolist(),
+        "high": high.tolist(),
+        "mesh": about_mesh,
+        "spots": [{"at": spot.at.tolist()} for spot in places],
+    }
+    shown = dict.fromkeys(room.layers)
+    said = f"{len(room.faces):,} triangles of the mesh"
+    if config.report.discs:
+        about["discs"], disc_bytes = discs.block(surfels, config.report.discs, room)
+        blocks.append(("discs", disc_bytes))
+        shown["discs"] = None
+        said += f" and {about['discs']['count']:,} of {len(surfels.centers):,} surfels"
+    end_cm = FULL_THRESHOLDS * config.eval.threshold_m * 100
+    return {
+        "buttons": [(name, label) for name, label in BUTTONS if name in shown],
+        "about": about,
+        "blocks": blocks,
+        "legends": [
+            (
+                "error",
+                _scale([f"{end_cm * step / (KEY_STEPS - 1):g} cm" for step in range(KEY_STEPS)], "off the truth"),
+            ),
+            ("seen", [(_css(color), label) for _, color, label in SEEN]),
+        ],
+        "said": said + ".",
+    }
+
+
+def _beside(room: Solid, cameras: Sequence[Camera], up: np.ndarray) -> np.ndarray:
+    """(3,) unit, level: from where to look at first. Half a room is seen from the side of its cameras."""
+    across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
+    side = np.mean([camera.centre for camera in cameras], axis=0) - room.vertices.mean(axis=0)
+    side = side - (side @ up) * up + 1e-3 * across
+    return side / np.linalg.norm(side)
+
+
+def _kind_keys(source: str) -> list[tuple[str, list[tuple[str, str]]]]:
+    percent = [f"{FULL * step / (KEY_STEPS - 1):.0%}" for step in range(KEY_STEPS)]
+    return [
+        ("difference", _scale(percent, "of full brightness")),
+        ("depth", [("", "Near red, far blue; black where nothing was reconstructed.")]),
+        ("normals", [("", "Red: to the right, green: up, blue: towards the camera.")]),
+        ("trust", trust.key(source)),
+    ]
+
+
+def _scale(labels: list[str], what: str) -> list[tuple[str, str]]:
+    colors = error_color(np.linspace(0, 1, len(labels)), 1.0)
+    return [
+        *((_css(tuple(color)), label) for color, label in zip(colors, labels, strict=True)),
+        ("", f"and more {what}"),
+    ]
+
+
+def _css(color: tuple[float, ...]) -> str:
+    return f"rgb({', '.join(str(round(part * 255)) for part in color)})"
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return []
+
+
+@cache
+def _script(name: str) -> Any:
+    """A script of ours or three.js, as it stands: nothing of the user's is in it."""
+    from markupsafe import Markup
+
+    return Markup(files("room2dgs.report").joinpath("web", name).read_text(encoding="utf-8"))

@@ -1,0 +1,27 @@
+"""Pictures of depth and normals, as people can read them."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from room2dgs.geometry.camera import Camera
+
+
+def depth_picture(depth: np.ndarray, covered: np.ndarray) -> np.ndarray:
+    """(H, W, 3) uint8 RGB: near red, far blue (2nd to 98th percentile), black where not covered."""
+    seen = covered & (depth > 0)
+    if not seen.any():
+        return np.zeros((*depth.shape, 3), np.uint8)
+    near, far = np.percentile(depth[seen], [2, 98])
+    nearness = 1 - np.clip((depth - near) / max(far - near, 1e-6), 0, 1)
+    bgr = cv2.applyColorMap(np.round(nearness * 255).astype(np.uint8), cv2.COLORMAP_TURBO)
+    return np.where(seen[..., None], bgr[..., ::-1], 0).astype(np.uint8)
+
+
+def normal_picture(normal: np.ndarray, camera: Camera, covered: np.ndarray) -> np.ndarray:
+    """(H, W, 3) uint8 RGB: the normal's right, up and towards-the-camera parts; black where not covered."""
+    in_camera = camera.turned_to_camera(normal) * (1, -1, -1)
+    length = np.linalg.norm(in_camera, axis=-1, keepdims=True)
+    picture = np.round((in_camera / np.maximum(length, 1e-9) + 1) / 2 * 255)
+    return np.where(covered[..., None] & (length > 0), picture, 0).astype(np.uint8)

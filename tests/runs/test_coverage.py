@@ -1,0 +1,70 @@
+"""What to film again: holes and weak places of a mesh whose answer is known, blurred photos."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import trimesh
+
+from room2dgs.runs.page.coverage import blurred_photos, coverage, spots
+from room2dgs.runs.page.solid import solid
+
+SIDE = 4.0
+
+
+def plate(make, hole=None):
+    """A square at z = 0 of 4 x 4 m that faces up; without the triangles within `hole` of its middle."""
+    mesh = make.quad((-SIDE / 2, -SIDE / 2, 0), (SIDE, 0, 0), (0, SIDE, 0), cells=40)
+    if hole:
+        keep = np.abs(mesh.triangles_center[:, :2]).max(axis=1) > hole
+        mesh = trimesh.Trimesh(mesh.vertices, mesh.faces[keep], process=False)
+    return solid(mesh, 10_000)
+
+
+@dataclass
+class Photo:
+    name: str
+    camera: object = None
+    pixels: np.ndarray | None = None
+
+    def color(self):
+        return self.pixels
+
+
+def looking_down(make, x, half_angle=60.0):
+    return make.camera_at((x, 0, 1.5), (0, 0, -1), half_angle_deg=half_angle)
+
+
+def test_places_that_few_photos_see_are_named_with_the_photo_to_look_in(make):
+    cameras = [looking_down(make, x) for x in (-1.4, -1.35, -1.3, 1.9)]
+    frames = [Photo(f"p{i}", camera) for i, camera in enumerate(cameras)]
+    room = plate(make)
+    seen = coverage(room, cameras)
+    left, right = room.vertices[:, 0] < 1.0, room.vertices[:, 0] > 1.5
+    assert (seen.photos[left] >= 3).all() and (seen.photos[right] == 1).all()
+    (spot,) = [spot for spot in spots(room, seen, frames) if "fewer than 3" in spot.words]
+    assert spot.at[0] > 1.2 and "p3" in spot.words
+
+
+def test_a_hole_is_found_and_the_rim_is_none(make):
+    room = plate(make, hole=0.45)
+    cameras = [looking_down(make, x) for x in (-0.1, 0, 0.1)]
+    (hole,) = spots(room, coverage(room, cameras), [Photo("p", cameras[0])])
+    assert np.allclose(hole.at, 0, atol=0.05)
+    assert "a hole of 1.4 m" in hole.words  # a square of 1 m, from corner to corner
+
+
+def test_a_surface_seen_only_at_a_slant_is_named(make):
+    room = plate(make)
+    low = [make.camera_at((-6 - 0.01 * i, 0, 0.3), (1, 0, -0.05), half_angle_deg=40) for i in range(4)]
+    said = [spot.words for spot in spots(room, coverage(room, low), [Photo("p", low[0])])]
+    assert [words for words in said if "slant" in words]
+
+
+def test_a_blurred_photo_is_named():
+    sharp = (np.random.default_rng(0).random((240, 320, 3)) * 255).astype(np.uint8)
+    frames = [Photo(str(i), pixels=sharp) for i in range(9)]
+    frames[4].pixels = cv2.GaussianBlur(sharp, (0, 0), 4)
+    assert blurred_photos(frames) == ["4"]

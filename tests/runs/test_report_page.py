@@ -1,0 +1,157 @@
+"""report.html: whole in itself, escaped, and what it shows is what the run left."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from room2dgs.runs.page.curves import HELD_OUT, PSNR, drawings, read_curves
+from room2dgs.runs.page.discs import turned_over
+from room2dgs.runs.page.trust import picture, read_trust, sentences
+
+SCRIPTS = {"scene", "views", "bytes-mesh", "bytes-discs"}
+MB = 1_000_000
+
+
+class Page(HTMLParser):
+    """Tags with their attributes, the text of scripts by id, and the text outside of them."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict]] = []
+        self.scripts: dict[str, str] = {}
+        self.code: list[str] = []
+        self.text = ""
+        self._in: str | None = None
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag in ("script", "style"):
+            self._in = dict(attrs).get("id", "")
+
+    def handle_endtag(self, tag):
+        if tag in ("script", "style"):
+            self._in = None
+
+    def handle_data(self, data):
+        if self._in is None:
+            self.text += data
+        elif self._in:
+            self.scripts[self._in] = self.scripts.get(self._in, "") + data
+        else:
+            self.code.append(data)
+
+
+@pytest.fixture(scope="module")
+def page(reported) -> Page:
+    return Page(reported.path.read_text(encoding="utf-8"))
+
+
+def arrays(page: Page, name: str, *kinds: tuple[str, int]) -> list[np.ndarray]:
+    """A block's arrays, as viewer.js reads them: each begins at a multiple of four bytes."""
+    raw = zlib.decompress(base64.b64decode(page.scripts[f"bytes-{name}"]))
+    found, at = [], 0
+    for kind, count in kinds:
+        found.append(np.frombuffer(raw, kind, count, at))
+        at += -(-found[-1].nbytes // 4) * 4
+    assert at == len(raw)
+    return found
+
+
+def test_nothing_is_loaded_from_elsewhere(page, reported):
+    for tag, attributes in page.tags:
+        assert tag not in ("link", "iframe", "object", "embed", "base")
+        for name in ("src", "href", "action", "data", "poster"):
+            assert attributes.get(name, "data:").startswith("data:"), (tag, attributes)
+    policy = next(a["content"] for t, a in page.tags if a.get("http-equiv") == "Content-Security-Policy")
+    assert "default-src 'none'" in policy and "http" not in policy
+    assert not re.search(r"url\(|@import", "".join(code for code in page.code if "Three.js" not in code))
+    assert reported.path.stat().st_size < 15 * MB
+
+
+def test_text_of_the_user_is_text(page, reported):
+    assert str(reported.capture) in page.text  # unescaped again by the parser: it was escaped in the file
+    assert "<b>the normals</b> are poor" in page.text
+    ids = {attributes["id"] for tag, attributes in page.tags if tag == "script" and "id" in attributes}
+    assert ids == SCRIPTS
+    assert len([tag for tag, _ in page.tags if tag == "script"]) == len(SCRIPTS) + 3  # three.js, the viewer, the slider
+
+
+def test_the_page_says_what_the_run_was(page):
+    for words in ("0.625", "12.3 mm", "0.75 GB", "90%", "train.iterations", "Only 6 photos", "PSNR of 19.0 dB"):
+        assert words in page.text, words
+
+
+def test_the_mesh_comes_back_within_a_step(page, reported):
+    about = json.loads(page.scripts["scene"])["mesh"]
+    layers = about["layers"]
+    assert layers == ["color", "shape", "error", "seen"]
+    vertices, faces = about["vertices"], about["faces"]
+    place, index, *colors = arrays(
+        page, "mesh", ("<u2", 3 * vertices), ("<u4", 3 * faces), *[("u1", 3 * vertices)] * len(layers)
+    )
+    points = np.array(about["low"]) + place.reshape(-1, 3) * about["step"]
+    true = np.asarray(reported.mesh.vertices)
+    assert vertices == len(true) and np.abs(points - true).max() <= about["step"]
+    assert np.array_equal(index.reshape(-1, 3), reported.mesh.faces)
+    assert (colors[0] == 200).all()
+    assert (colors[2].reshape(-1, 3) == np.round(np.array([0.15, 0.30, 0.80]) * 255)).all()  # no error: blue
+    assert len(np.unique(colors[3].reshape(-1, 3), axis=0)) > 1  # the wall's ends are seen by fewer photos
+
+
+def test_discs_face_as_the_mesh_does(page, reported):
+    count = json.loads(page.scripts["scene"])["discs"]["count"]
+    assert count == len(reported.surfels.centers)
+    kinds = (("<u2", 3 * count), ("<f4", 2 * count), ("<i2", 4 * count), ("u1", 4 * count))
+    _, scales, turned, color = arrays(page, "discs", *kinds)
+    w, x, y, z = turned.reshape(-1, 4).T / 32767
+    normal_z = w * w - x * x - y * y + z * z
+    facing = np.sign(reported.mesh.face_normals[:, 2].mean())
+    assert np.allclose(normal_z, facing, atol=1e-3)
+    assert np.allclose(scales, 0.04)
+    assert color.reshape(-1, 4)[0].tolist() == [round((0.5 + 0.28209479 * 0.5) * 255)] * 3 + [204]
+
+
+def test_a_disc_turned_over_is_the_same_disc():
+    from scipy.spatial.transform import Rotation
+
+    one = np.array([[0.5, -0.1, 0.7, 0.3]]) / np.linalg.norm([0.5, -0.1, 0.7, 0.3])
+    before, after = (Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_matrix()[0] for q in (one, turned_over(one)))
+    assert np.allclose(after[:, 0], before[:, 0])
+    assert np.allclose(after[:, 1:], -before[:, 1:])
+
+
+def test_views_have_their_pictures(page):
+    views = json.loads(page.scripts["views"])
+    assert [view["title"].split("(")[1] for view in views] == ["held out)"] * 2 + ["training)"] * 2
+    assert "trust" not in views[0]["pictures"] and "trust" in views[2]["pictures"]
+    for view in views:
+        assert all(uri.startswith("data:image/jpeg;base64,") for uri in view["pictures"].values())
+
+
+def test_curves_are_those_of_the_log(reported):
+    curves = read_curves((reported.out / "log.txt").read_text().splitlines())
+    assert curves["loss"]["training"] == {10: 0.5, 20: 0.25}  # what the resumed run did anew counts
+    assert curves["loss: normal_prior"]["training"] == {10: 0.1, 20: 0.05}
+    assert curves[PSNR] == {"training views": {10: 18.0, 20: 24.0}, HELD_OUT: {20: 22.5}}
+    drawn = {one["title"]: one for one in drawings(curves)}
+    assert drawn["loss"]["lines"][0]["points"] == "40.0,10.0 310.0,150.0"  # it falls
+
+
+def test_trust_is_told_apart_by_its_source(reported):
+    maps = read_trust(reported.out / "trust.npz")
+    assert set(maps) == {frame.name for frame in reported.scene.train}
+    drawn = picture(next(iter(maps.values()))).astype(int)
+    nothing, network, stereo = drawn[4, 8], drawn[18, 8], drawn[40, 8]
+    assert np.ptp(nothing) == 0 and network.argmax() == 2 and stereo.argmax() == 1
+    said = " ".join(sentences(maps, "room_prior"))
+    assert "in 50% of the pixels; trusted 50%" in said and "25% have depth of network (room_prior) alone" in said
+    (reported.out / "damaged.npz").write_bytes(b"no archive")
+    assert read_trust(reported.out / "damaged.npz") == {}
