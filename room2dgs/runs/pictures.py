@@ -1,10 +1,13 @@
-"""Pictures of depth and normals, as people can read them."""
+"""Pictures of depth and normals, as people can read them, and PNG files."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import cv2
 import numpy as np
 
+from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
 
 
@@ -25,3 +28,10 @@ def normal_picture(normal: np.ndarray, camera: Camera, covered: np.ndarray) -> n
     length = np.linalg.norm(in_camera, axis=-1, keepdims=True)
     picture = np.round((in_camera / np.maximum(length, 1e-9) + 1) / 2 * 255)
     return np.where(covered[..., None] & (length > 0), picture, 0).astype(np.uint8)
+
+
+def write_png(path: Path, picture: np.ndarray) -> None:
+    """(H, W, 3) uint8 RGB or (H, W) uint16, whole or not at all."""
+    bgr = picture[..., ::-1] if picture.ndim == 3 else picture
+    with whole_file(path) as temporary:
+        temporary.write_bytes(cv2.imencode(".png", bgr)[1].tobytes())

@@ -1,0 +1,171 @@
+"""The views along a path of cameras: pictures, raw depth, a video."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import cv2
+import numpy as np
+
+from room2dgs.captures.scene import Frame, Scene
+from room2dgs.commands.own_arguments import choices, whole_number
+from room2dgs.commands.stages import rendered, use_threads
+from room2dgs.config import Config
+from room2dgs.errors import InputError
+from room2dgs.files import whole_file
+from room2dgs.geometry.camera import Camera
+from room2dgs.logs import Log
+from room2dgs.runs.folder import RENDERS
+from room2dgs.runs.pictures import normal_picture, write_png
+
+if TYPE_CHECKING:
+    from room2dgs.splat.types import Rendering, Surfels
+
+SAVED = ("color", "depth", "depth_npy", "normals", "video")
+SMOOTH, VIDEO = "smooth", "video.mp4"
+MIN_ALPHA = 0.5  # less covered pixels have no depth
+MM = 1000.0
+MOST = 65535  # millimetres that a 16-bit picture holds
+
+
+class PathOptions(NamedTuple):
+    """What to render.
+
+    Attributes:
+        path: "smooth", or a camera file.
+        to: folder; None: in the run's.
+        save: of `SAVED`.
+        frames, through: of the smooth path.
+        fps: of the video.
+        width: pixels; None: as the cameras have it.
+    """
+
+    path: str
+    to: Path | None
+    save: tuple[str, ...]
+    frames: int
+    through: int
+    fps: int
+    width: int | None
+
+
+def path_options(own: dict[str, str]) -> PathOptions | None:
+    """The arguments of a path; None: none is asked for.
+
+    Raises:
+        InputError: one is impossible.
+    """
+    given = [name for name in own if name != "views"]
+    if not given:
+        return None
+    if not own.get("path"):
+        raise InputError(f"{given[0]}= is for a path; add path=smooth or path=FILE")
+    if "views" in own:
+        raise InputError("views= and path= exclude each other; leave one out")
+    return PathOptions(
+        path=own["path"],
+        to=Path(own["to"]).expanduser().absolute() if own.get("to") else None,
+        save=choices(own, "save", "color,video", SAVED),
+        frames=whole_number(own, "frames", 240, 1, 100_000),
+        through=whole_number(own, "through", 12, 2, 100_000),
+        fps=whole_number(own, "fps", 30, 1, 240),
+        width=whole_number(own, "width", None, 16, 16384),
+    )
+
+
+def render_path(options: PathOptions, scene: Scene, surfels: Surfels, config: Config, out: Path, log: Log) -> Path:
+    """Files NAME.png, NAME.depth.png, NAME.depth.npy, NAME.normals.png and video.mp4, as asked for.
+
+    Raises:
+        InputError: a camera file that cannot be used, or a folder that cannot be written.
+    """
+    from room2dgs.train.progress import Bar
+
+    frames = path_frames(options, scene)
+    name = SMOOTH if options.path == SMOOTH else Path(options.path).stem
+    folder = options.to or out / RENDERS / name
+    sizes = {frame.camera.size for frame in frames}
+    if "video" in options.save and len(sizes) > 1:
+        raise InputError(f"{options.path} has pictures of several sizes, a video has one; leave video out of save=")
+    use_threads(config)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written ({error.strerror}); choose another to=DIR") from error
+    bar = Bar(len(frames), 0)
+    try:
+        with _video(folder / VIDEO, frames[0].camera.size, options) as add:
+            for done, (frame, view) in enumerate(rendered(surfels, frames, config), start=1):
+                color = np.round(view.color.clamp(0, 1).numpy() * 255).astype(np.uint8)
+                _write(folder, frame, view, color, options.save)
+                add(color)
+                bar.update(done, f"{frame.name}")
+    finally:
+        bar.stop()
+    log(f"renders: {len(frames)} views ({', '.join(options.save)}) in {folder}")
+    return folder
+
+
+def path_frames(options: PathOptions, scene: Scene) -> list[Frame]:
+    """The path's cameras as frames without photos, each with a name of its own.
+
+    Raises:
+        InputError: a camera file that cannot be used.
+    """
+    if options.path == SMOOTH:
+        from room2dgs.geometry.camera_path import smooth_path
+
+        found = smooth_path([frame.camera for frame in scene.frames], options.frames, options.through)
+        named = [(f"{index:05d}", camera) for index, camera in enumerate(found)]
+    else:
+        from room2dgs.captures.camera_file import read_cameras
+
+        named = read_cameras(Path(options.path).expanduser().absolute())
+        if len({name for name, _ in named}) < len(named):
+            named = [(f"{index:05d}", camera) for index, (_, camera) in enumerate(named)]
+    return [Frame(name, _sized(camera, options.width), Path(name)) for name, camera in named]
+
+
+def _sized(camera: Camera, width: int | None) -> Camera:
+    return camera if width is None else camera.resized_to_width(width)
+
+
+def _write(folder: Path, frame: Frame, view: Rendering, color: np.ndarray, save: tuple[str, ...]) -> None:
+    covered = (view.alpha >= MIN_ALPHA).numpy()
+    depth = np.where(covered, view.median_depth.numpy(), 0).astype(np.float32)
+    if "color" in save:
+        write_png(folder / f"{frame.name}.png", color)
+    if "depth" in save:
+        write_png(folder / f"{frame.name}.depth.png", np.round(np.minimum(depth * MM, MOST)).astype(np.uint16))
+    if "depth_npy" in save:
+        buffer = io.BytesIO()
+        np.save(buffer, depth)
+        with whole_file(folder / f"{frame.name}.depth.npy") as temporary:
+            temporary.write_bytes(buffer.getvalue())
+    if "normals" in save:
+        write_png(folder / f"{frame.name}.normals.png", normal_picture(view.normal.numpy(), frame.camera, covered))
+
+
+@contextmanager
+def _video(path: Path, size: tuple[int, int], options: PathOptions) -> Iterator:
+    """Gives what adds a picture to the video, which is there whole at the end or not at all."""
+    if "video" not in options.save:
+        yield lambda color: None
+        return
+    even = size[0] // 2 * 2, size[1] // 2 * 2  # the colours of a video are half as fine
+    temporary = path.with_name(f".{os.getpid()}.{path.name}")  # OpenCV tells the format by the name's end
+    writer = cv2.VideoWriter(str(temporary), cv2.VideoWriter.fourcc(*"mp4v"), options.fps, even)
+    try:
+        if not writer.isOpened():
+            raise InputError(f"{path} cannot be written as MP4 by this OpenCV; leave video out of save=")
+        yield lambda color: writer.write(np.ascontiguousarray(color[: even[1], : even[0], ::-1]))
+        writer.release()
+        temporary.replace(path)
+    finally:
+        writer.release()
+        temporary.unlink(missing_ok=True)
