@@ -18,6 +18,7 @@ INTERRUPTED, UNREAD, TERMINATED = 130, 141, 143  # 128 + SIGINT, SIGPIPE, SIGTER
 
 # verb -> its line in the help; the code is room2dgs/commands/<verb>.py
 VERBS = {
+    "prepare": "a video or photos without poses to a capture that run reads",
     "run": "photos to a scored mesh: points, training, mesh, renders, scores",
     "train": "the first part of run: points and training",
     "depth": "dense depth of a capture by stereo, and a first mesh without training",

@@ -31,16 +31,25 @@ def read_scene(config: SceneConfig, cache: Cache | None = None) -> Scene:
         InputError: missing or broken files, poses that are not rigid, sizes that disagree with the
             intrinsics, too few views; the sentence names the file.
     """
-    root = Path(config.path)
-    if not root.exists():
-        raise InputError(f"{root} is not there; give scene.path=DIR of a capture (docs/captures.md lists the layouts)")
-    scene = assembled(reader_of(config, Listing(root)).read(root, config), config)
+    scene = placed(config)
     if cache is not None:
         kept = [tuple(replace(frame, cache=cache) for frame in frames) for frames in (scene.train, scene.test)]
         scene = replace(scene, train=kept[0], test=kept[1], cache=cache)
     with ThreadPoolExecutor() as pool:
         list(pool.map(_checked, scene.frames))
     return scene
+
+
+def placed(config: SceneConfig) -> Scene:
+    """The same without a look into the photos: their sizes and poses.
+
+    Raises:
+        InputError: as `read_scene`, but for photos that cannot be decoded.
+    """
+    root = Path(config.path)
+    if not root.exists():
+        raise InputError(f"{root} is not there; give scene.path=DIR of a capture (docs/captures.md lists the layouts)")
+    return assembled(reader_of(config, Listing(root)).read(root, config), config)
 
 
 def _checked(frame: Frame) -> None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from room2dgs.captures.scene import Scene
+from room2dgs.captures.scene import Frame, Scene
 from room2dgs.commands.same_depth import same_depth_part
 from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.commands.short_keys import written_out
 from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
-from room2dgs.config import Config, EvalConfig, conf_dir, load_config
-from room2dgs.config.overrides import group_choices
+from room2dgs.config import Config, EvalConfig, load_config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log, run_log
 from room2dgs.runs.folder import (
@@ -25,6 +26,8 @@ from room2dgs.runs.folder import (
 from room2dgs.runs.metrics import earlier, record, timed
 
 if TYPE_CHECKING:
+    from room2dgs.eval.alignment import Alignment
+    from room2dgs.eval.protocol import MeshFile
     from room2dgs.splat.types import Surfels
 
 USAGE = "room2dgs eval out=DIR | pred=MESH gt=MESH scene=DIR [out=DIR] [eval.KEY=VALUE ...]"
@@ -35,7 +38,7 @@ def main(argv: list[str]) -> int:
     """Score an earlier run, or any mesh against a ground truth seen by a capture's cameras."""
     if asked_for_help(argv):
         return show(USAGE, main.__doc__, ("scene", "eval"))
-    overrides = written_out(argv)
+    overrides = written_out(argv, SHORT)
     out = last_value(overrides, "out")
     if out and (Path(out).expanduser() / CONFIG).is_file():
         config = earlier_run(overrides)
@@ -87,7 +90,8 @@ def score_run(scene: Scene, surfels: Surfels, config: Config, out: Path, seconds
         else:
             pred = Path(config.eval.pred) if config.eval.pred else out / MESH
             part |= _mesh_part(required(pred, "mesh"), gt, scene, config.eval, out, log)
-            part |= same_depth_part(scene, gt, config, earlier(out).get("depth_source", ""), log)
+            if config.eval.align == "none":
+                part |= same_depth_part(scene, gt, config, earlier(out).get("depth_source", ""), log)
             log(f"pictures of the error: {out / 'eval'}")
     record(out, part, seconds)
     log(f"scores: {out / METRICS}")
@@ -107,28 +111,55 @@ def ground_truth(config: Config) -> Path | None:
     return path
 
 
-def written_out(argv: list[str]) -> list[str]:
-    """pred=, gt= and scene= as the settings that they stand for."""
-    groups = group_choices(conf_dir())
-    result = []
-    for text in argv:
-        key, equals, value = text.partition("=")
-        is_group_choice = value in groups.get(key, ())
-        result.append(f"{SHORT[key]}={value}" if equals and key in SHORT and not is_group_choice else text)
-    return result
-
-
 def _mesh_part(pred: Path, gt: Path, scene: Scene, settings: EvalConfig, out: Path, log: Log) -> dict[str, Any]:
     """The mesh's scores, logged, with pictures of the error in the folder `eval`."""
     from room2dgs.eval import evaluate, write_pictures
+    from room2dgs.eval.protocol import load
 
-    cameras = [frame.camera for frame in scene.frames]
+    meshes, frames, part = (load(pred), load(gt)), scene.frames, {"align": "none"}
+    if settings.align != "none":
+        found = alignment(meshes, scene, settings)
+        log(found.line())
+        meshes, frames = _in_truth_frame(meshes, frames, found)
+        part = {"align": found.as_dict()}
     options = {"threshold_m": settings.threshold_m, "samples": settings.samples, "seed": settings.seed}
-    found = evaluate(pred, gt, cameras, settings.protocols, **options)
-    write_pictures(found, scene.frames, out / "eval")
+    found = evaluate(*meshes, [frame.camera for frame in frames], settings.protocols, **options)
+    write_pictures(found, frames, out / "eval")
     for line in found.lines():
         log(line)
-    return found.as_dict()
+    return part | found.as_dict()
+
+
+def alignment(meshes: tuple[MeshFile, MeshFile], scene: Scene, settings: EvalConfig) -> Alignment:
+    """What brings the mesh and the scene's cameras to the ground truth.
+
+    Raises:
+        InputError: as `by_cameras` and `by_surfaces`, or a capture is needed and not given.
+    """
+    from room2dgs.captures.read import placed
+    from room2dgs.eval.alignment import by_cameras, by_surfaces
+
+    by = None
+    if settings.align_scene:
+        centres = {frame.name: frame.camera.centre for frame in scene.frames}
+        truth = placed(load_config([f"scene.path={settings.align_scene}", "out=unused", "scene.test_every=0"]).scene)
+        by = by_cameras(centres, {frame.name: frame.camera.centre for frame in truth.frames}, settings.align_scale)
+    if settings.align == "cameras":
+        if by is None:
+            raise InputError("eval.align=cameras needs the true poses; give eval.align_scene=DIR of that capture")
+        return by
+    start = None if by is None else by.truth_from_pred
+    return by_surfaces(meshes[0].mesh, meshes[1].mesh, start, settings.align_scale, settings.seed)
+
+
+def _in_truth_frame(
+    meshes: tuple[MeshFile, MeshFile], frames: tuple[Frame, ...], found: Alignment
+) -> tuple[tuple[MeshFile, MeshFile], tuple[Frame, ...]]:
+    from room2dgs.eval.alignment import moved_camera, moved_mesh
+
+    pred = replace(meshes[0], mesh=moved_mesh(meshes[0].mesh, found.truth_from_pred))
+    moved = tuple(replace(frame, camera=moved_camera(frame.camera, found.truth_from_pred)) for frame in frames)
+    return (pred, meshes[1]), moved
 
 
 def _image_part(scene: Scene, surfels: Surfels, config: Config, log: Log) -> dict[str, Any]:

@@ -7,9 +7,11 @@ from typing import Any
 
 from room2dgs.commands.eval import ground_truth, score_run
 from room2dgs.commands.mesh import mesh_scene
+from room2dgs.commands.prepare import SHORT, with_capture
 from room2dgs.commands.render import render_scene
 from room2dgs.commands.report import report_scene
 from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.commands.short_keys import written_out
 from room2dgs.commands.stages import cached, read, refined, trained_surfels
 from room2dgs.commands.train import train_scene
 from room2dgs.errors import InputError
@@ -19,6 +21,7 @@ from room2dgs.runs.metrics import Stages, earlier, timed
 
 USAGE = (
     "room2dgs run scene.path=DIR out=DIR [resume=true] [KEY=VALUE ...]\n"
+    "room2dgs run video=FILE|images=DIR out=DIR [resume=true] [KEY=VALUE ...]\n"
     "room2dgs run -m scene.path=DIR,DIR out=DIR [hydra/launcher=joblib] [KEY=VALUE,VALUE ...]"
 )
 MULTIRUN = ("-m", "--multirun")
@@ -29,12 +32,14 @@ def main(argv: list[str]) -> int:
 
     With -m every combination of settings that are lists is a run of its own, in out/0, out/1, ...: Hydra's multirun,
     with Hydra's sweepers and launchers. A path with a comma in its name then stands in quotes.
+
+    Of a video, or of photos without poses, a capture is made first, in out/capture: see `room2dgs prepare --help`.
     """
     if asked_for_help(argv):
         return show(USAGE, main.__doc__)
     if any(text in MULTIRUN for text in argv):
         return _swept([text for text in argv if text not in MULTIRUN])
-    config = new_run(argv)
+    config = new_run(with_capture(written_out(argv, SHORT)))
     ground_truth(config)  # reported now if missing, not after the training
     seconds = Stages()
     with timed(seconds, "read"):

@@ -6,6 +6,7 @@ from room2dgs.config.groups.loss import LossConfig, MultiviewConfig, NormalRewei
 from room2dgs.config.groups.mesh import MeshConfig
 from room2dgs.config.groups.network import NETWORK_SOURCES, OnnxConfig
 from room2dgs.config.groups.points import PointsConfig
+from room2dgs.config.groups.prepare import PrepareConfig
 from room2dgs.config.groups.prior import DepthPriorConfig, NormalPriorConfig, PriorConfig
 from room2dgs.config.groups.render import RenderConfig
 from room2dgs.config.groups.report import ReportConfig
@@ -31,6 +32,7 @@ __all__ = [
     "NormalReweightingConfig",
     "OnnxConfig",
     "PointsConfig",
+    "PrepareConfig",
     "PriorConfig",
     "RatesConfig",
     "RenderConfig",

@@ -11,6 +11,7 @@ from room2dgs.config.groups.loss import LossConfig
 from room2dgs.config.groups.memory import MemoryConfig
 from room2dgs.config.groups.mesh import MeshConfig
 from room2dgs.config.groups.points import PointsConfig
+from room2dgs.config.groups.prepare import PrepareConfig
 from room2dgs.config.groups.prior import PriorConfig
 from room2dgs.config.groups.render import RenderConfig
 from room2dgs.config.groups.report import ReportConfig
@@ -28,6 +29,7 @@ class Config:
 
     out: Folder = Field(description="the run's folder")
     resume: bool = Field(description="go on from the last checkpoint in `out`")
+    prepare: PrepareConfig = Field()
     scene: SceneConfig = Field()
     sfm: SfmConfig = Field()
     points: PointsConfig = Field()

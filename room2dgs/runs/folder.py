@@ -18,6 +18,7 @@ CONFIG, MESH, METRICS = "config.yaml", "mesh.ply", "metrics.json"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
 PRIORS, PRIOR_MAPS, CACHE, POSES = "priors.csv", "priors", "cache", "poses.json"
 REPORT, TRUST = "report.html", "trust.npz"
+CAPTURE = "capture"  # what `run video=...` made of the video, before the run itself
 
 
 def new_run(overrides: list[str]) -> Config:
@@ -30,7 +31,7 @@ def new_run(overrides: list[str]) -> Config:
     earlier = Path(out).expanduser() / CONFIG if out else None
     resumes = (last_value(overrides, "resume") or "").lower() == "true" and earlier and earlier.is_file()
     config = absolute(load_config(overrides, earlier if resumes else None))
-    _check_out(Path(config.out), config.resume)
+    check_out(Path(config.out), config.resume)
     return config
 
 
@@ -114,20 +115,23 @@ def required(path: Path, verb: str) -> Path:
     return path
 
 
-def _check_out(out: Path, resume: bool) -> None:
+def check_out(out: Path, resume: bool) -> None:
+    """Refuse a folder that another run or something else lies in."""
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; choose another out=DIR")
     if not out.exists() or resume:
         return
     if (out / CONFIG).exists():
         raise InputError(f"{out} holds another run; add resume=true to go on with it, or choose another out=DIR")
-    if any(out.iterdir()):
+    if any(path.name != CAPTURE for path in out.iterdir()):
         raise InputError(f"{out} is not empty and is not a run's folder; choose another out=DIR")
 
 
 def _clear(out: Path, keep_folder: bool) -> None:
     for path in out.iterdir():
-        if path.is_dir() and not path.is_symlink():
+        if path.name == CAPTURE:
+            keep_folder = True
+        elif path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
         else:
             path.unlink(missing_ok=True)

@@ -6,17 +6,21 @@ model; by itself it has no metres. Its points become the seeds.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from room2dgs.captures.capture import W2C_OPENCV, Capture, Shot
 from room2dgs.captures.colmap_model import Model, ModelImage, is_model, read_model
+from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.listing import Listing, gt_mesh_in, inside, listed, natural
 from room2dgs.captures.photos import PhotoFile
+from room2dgs.captures.text_files import read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
 LAYOUT = "images/ and sparse/0/{cameras,images,points3D}.{bin,txt}"
 MODELS = ("sparse/0", "sparse", ".", "colmap/sparse/0", "colmap/sparse", "colmap", "colmap/0")
+PREPARED = "prepare.json"
 PHOTOS = ("images", "rgb", "color", "input", ".")
 
 
@@ -40,18 +44,33 @@ def read_colmap(root: Path, config: SceneConfig) -> Capture:
     model = read_model(folder)
     tops = [root, *folder.parents] if folder != root else [root, root.parent, root.parent.parent]
     photos = photo_folder(model, [top / name for top in tops if is_below(top, root) for name in PHOTOS])
+    prepared = prepared_scale(root)
     masks = next((photos.parent / name for name in ("masks", "mask") if (photos.parent / name).is_dir()), None)
     return Capture(
         root,
         "colmap",
-        model_shots(model, photos, masks),
+        model_shots(model, photos, masks, depths=root / "depth" if prepared else None),
         W2C_OPENCV,
-        metric=False,
-        why="COLMAP gives none",
+        metric=prepared is not None,
+        why=prepared or "COLMAP gives none",
         points=model.points if model.has_points else None,
         gt_mesh=gt_mesh_in(root),
         notes=notes,
     )
+
+
+def prepared_scale(root: Path) -> str | None:
+    """Why a capture that `room2dgs prepare` made is in metres; None: it is none, or its scale is unknown."""
+    path = root / PREPARED
+    if not path.is_file():
+        return None
+    verdict = read_json_object(path)
+    scale = verdict.get("scale")
+    if verdict.get("metric") is not True or not isinstance(scale, dict):
+        return None
+    sigma = scale.get("sigma")
+    sure = f", +-{sigma:.0%}" if isinstance(sigma, float) else ""
+    return f"{PREPARED}: by {str(scale.get('source'))[:40]}{sure}"
 
 
 def is_below(top: Path, root: Path) -> bool:
@@ -59,15 +78,31 @@ def is_below(top: Path, root: Path) -> bool:
     return top.is_relative_to(root) or top in (root.parent, root.parent.parent)
 
 
-def model_shots(model: Model, photos: Path, masks: Path | None, names: dict[str, str] | None = None) -> list[Shot]:
+def model_shots(
+    model: Model,
+    photos: Path,
+    masks: Path | None,
+    names: dict[str, str] | None = None,
+    depths: Path | None = None,
+) -> list[Shot]:
     """The images of a model, in natural order of their names.
 
     Args:
         photos, masks: folders; None: no masks.
         names: of the files, by the model's names; None: the same.
+        depths: a folder of depth maps in millimetres (.npy: metres), named as the photos; None: there is none.
     """
     images = {image.name: image for image in model.images}
-    return [_shot(images[name], model, photos, masks, names) for name in natural(images)]
+    shots = [_shot(images[name], model, photos, masks, names) for name in natural(images)]
+    if depths is None:
+        return shots
+    files = {Path(name).stem: depths / name for name in natural(listed(depths))}
+    return [
+        replace(shot, depth=depth_file(path, 1.0 if path.suffix == ".npy" else 0.001))
+        if (path := files.get(shot.path.stem))
+        else shot
+        for shot in shots
+    ]
 
 
 def photo_folder(model: Model, places: list[Path]) -> Path:

@@ -104,13 +104,13 @@ def _not_known(files: Listing) -> InputError:
     videos = files.with_suffix(VIDEO_SUFFIXES)
     if videos:
         return InputError(
-            f"{root if root.is_file() else root / videos[0]} is a video and poses are unknown: structure from motion "
-            "(COLMAP, nerfstudio) has to give them first; then scene.path=DIR of what it wrote"
+            f"{root if root.is_file() else root / videos[0]} is a video and poses are unknown: `room2dgs prepare "
+            "video=FILE out=DIR` finds them, `room2dgs run video=FILE out=DIR` goes on to the mesh"
         )
     if photos:
         return InputError(
-            f"{root} has photos and poses are unknown: structure from motion (COLMAP, nerfstudio) has to give them "
-            "first; then scene.path=DIR of what it wrote"
+            f"{root} has photos and poses are unknown: `room2dgs prepare images=DIR out=DIR` finds them, `room2dgs run "
+            "images=DIR out=DIR` goes on to the mesh"
         )
     return InputError(
         f"{root} is in no layout that is known; docs/captures.md lists them, one of them is {scannet.LAYOUT}"

@@ -22,4 +22,11 @@ class EvalConfig:
     threshold_m: Float = Field(ge=1e-4, description="of precision, recall and F-score")
     samples: Int = Field(ge=100, description="area protocol: points a mesh")
     seed: Int = Field(description="of the samples")
+    align: Literal["none", "cameras", "icp"] = Field(
+        description="none: one frame | cameras: similarity from eval.align_scene's cameras | icp: of the surfaces"
+    )
+    align_scene: PathText | None = Field(
+        description="capture with the true poses of the same photos (names, or their last numbers, tell which)"
+    )
+    align_scale: bool = Field(description="the alignment may scale; false: rotation and translation alone")
     image_metrics: bool = Field(description="score the held-out views against their photos")

@@ -1,0 +1,32 @@
+"""Which frames of a video to use: the sharpest of each piece of the way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+MIDDLE = 0.7  # of a piece: so that neighbours are neither next to each other nor two pieces apart
+
+
+def chosen_frames(sharpness: np.ndarray, steps: np.ndarray, spacing: float, most: int) -> np.ndarray:
+    """Frames that keep a distance from each other, and are sharp.
+
+    The way of the picture is cut into equal pieces of about `spacing`, or longer ones if they were more than `most`;
+    each gives the sharpest frame of its middle. Who stands still gives one frame.
+
+    Args:
+        sharpness: (N,).
+        steps: (N,) what the picture moved since the frame before, finite.
+        spacing: in the same unit.
+
+    Returns:
+        (M,) int64 rising, M <= most.
+    """
+    way = np.cumsum(steps)
+    pieces = int(np.clip(np.ceil(way[-1] / spacing), 1, most))
+    place = way / max(way[-1], 1e-12) * pieces
+    piece = np.minimum(place.astype(np.int64), pieces - 1)
+    off = np.abs(place - piece - 0.5)
+    # the middle of a piece first, then what is sharpest
+    order = np.lexsort((-sharpness, off > MIDDLE / 2, piece))
+    first = np.unique(piece[order], return_index=True)[1]
+    return np.sort(order[first])

@@ -1,0 +1,77 @@
+"""Models of one capture that share photos, as one model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from room2dgs.colmap import pycolmap
+from room2dgs.files import whole_folder
+from room2dgs.logs import Log
+from room2dgs.prepare.mapping import names_of
+from room2dgs.sfm.matching import quiet
+
+LEAST_COMMON = 3  # photos in both
+MAX_ERROR_PX = 8.0
+LEAST_INLIERS = 0.3
+
+
+def merged(
+    models: list[pycolmap.Reconstruction], database: Path, images: Path, work: Path, log: Log
+) -> tuple[pycolmap.Reconstruction, list[pycolmap.Reconstruction]]:
+    """The largest model with those that meet it, adjusted as one; and the others.
+
+    Args:
+        models: largest first.
+        work: a folder for pycolmap's files.
+    """
+    base, *others = models
+    left = []
+    for other in others:
+        common = names_of(base) & names_of(other)
+        new = names_of(other) - names_of(base)
+        if not new:
+            continue
+        with quiet():
+            base_from_other = (
+                pycolmap.align_reconstructions_via_reprojections(other, base, LEAST_INLIERS, MAX_ERROR_PX)
+                if len(common) >= LEAST_COMMON
+                else None
+            )
+        if base_from_other is None:
+            left.append(other)
+            continue
+        log(f"two models share {len(common)} photos: {len(new)} photos join the larger one")
+        base = _united(base, other, base_from_other, database, images, work)
+    return base, left
+
+
+def _united(
+    base: pycolmap.Reconstruction,
+    other: pycolmap.Reconstruction,
+    base_from_other: pycolmap.Sim3d,
+    database: Path,
+    images: Path,
+    work: Path,
+) -> pycolmap.Reconstruction:
+    """All poses in the base's frame, points made anew from the matches, everything adjusted together."""
+    moved = pycolmap.Reconstruction(other)
+    moved.transform(base_from_other)
+    union = pycolmap.Reconstruction()
+    for model in (base, moved):
+        for camera_id, camera in sorted(model.cameras.items()):
+            if not union.exists_camera(camera_id):
+                union.add_camera_with_trivial_rig(camera)
+        for image_id in sorted(model.reg_image_ids()):
+            if union.exists_image(image_id):
+                continue
+            image = model.image(image_id)
+            union.add_image_with_trivial_frame(
+                pycolmap.Image(name=image.name, camera_id=image.camera_id, image_id=image_id), image.cam_from_world()
+            )
+    options = pycolmap.IncrementalPipelineOptions()
+    options.random_seed = options.triangulation.random_seed = 0
+    with quiet(), whole_folder(work / "merged") as partial:
+        union = pycolmap.triangulate_points(union, database, images, partial, options=options)
+        pycolmap.bundle_adjustment(union)
+        union.update_point_3d_errors()
+    return union

@@ -1,0 +1,164 @@
+"""How long one unit of a reconstruction is: by a sensor's depth, a length that is known, or the depth network."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from room2dgs.captures.listing import natural
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
+from room2dgs.captures.seen_points import seen_points
+from room2dgs.errors import InputError
+from room2dgs.logs import Log
+from room2dgs.prepare.stages import Progress
+
+LEAST_POINTS = 20  # of a photo
+MOST_PHOTOS = 60
+# What our network is off by in a room as a whole, however well its photos agree (docs/captures.md, measured).
+NETWORK_SIGMA = 0.05
+SENSOR_SIGMA = 0.01
+
+DepthOf = Callable[[Frame], tuple[np.ndarray, np.ndarray] | None]
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Metres of one unit.
+
+    Attributes:
+        metres: of one unit.
+        source: "sensor", "length" or "network".
+        sigma: relative; None: unknown.
+        photos: that told it.
+        words: for a person.
+    """
+
+    metres: float
+    source: str
+    sigma: float | None
+    photos: int
+    words: str
+
+    def as_dict(self) -> dict:
+        return asdict(self)
+
+
+def scale_by_maps(
+    frames: Sequence[Frame], points: PointCloud, depth_of: DepthOf, source: str, floor: float, log: Log
+) -> Scale | None:
+    """The median over photos of the median ratio of a map's depth to the points' depth.
+
+    Args:
+        frames, points: in one unit that is not known.
+        depth_of: (H, W) depth in metres and where it is valid, at the frame's size; None: there is none.
+        floor: relative error that all photos share.
+
+    Returns:
+        None where hardly any photo has both.
+    """
+    chosen = [frames[int(i)] for i in np.unique(np.linspace(0, len(frames) - 1, MOST_PHOTOS).round())]
+    progress = Progress(log, f"scale by the {source}", len(chosen), "photos")
+    logs = []
+    for count, frame in enumerate(chosen, 1):
+        ratio = photo_ratio(frame, points, depth_of)
+        if ratio is not None:
+            logs.append(np.log(ratio))
+        progress.at(count)
+    if len(logs) < 3:
+        return None
+    median = float(np.median(logs))
+    spread = 1.4826 * float(np.median(np.abs(np.array(logs) - median)))
+    sigma = float(np.hypot(floor, spread / np.sqrt(len(logs))))
+    return Scale(
+        float(np.exp(median)),
+        source,
+        sigma,
+        len(logs),
+        f"{len(logs)} photos compared, which spread by {spread:.0%}",
+    )
+
+
+def photo_ratio(frame: Frame, points: PointCloud, depth_of: DepthOf) -> float | None:
+    """Median of map / points in one photo; None with too few points."""
+    seen = seen_points(points, frame)
+    if len(seen.index) < LEAST_POINTS:
+        return None
+    found = depth_of(frame)
+    if found is None:
+        return None
+    column, row = seen.column_row
+    valid = found[1][row, column]
+    if valid.sum() < LEAST_POINTS:
+        return None
+    return float(np.exp(np.median(np.log(found[0][row, column][valid] / seen.depth[valid]))))
+
+
+def scale_by_length(length: Sequence[str], centres: dict[str, np.ndarray], seconds: dict[str, float]) -> Scale:
+    """From `prepare.length`.
+
+    Args:
+        length: [METRES] of the cameras' path, or [PHOTO, PHOTO, METRES] between two cameras. A photo is named, or its
+            number, or its time in the video as 12.5s.
+        centres: of the placed photos, in order, by name.
+        seconds: of photos of a video.
+
+    Raises:
+        InputError: no such photo, no number, or cameras in one place.
+    """
+    metres = _metres(length[-1])
+    if len(length) == 1:
+        path = np.array([centres[name] for name in natural(centres)])
+        found = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+        words = f"the cameras' path is {metres:g} m long"
+    elif len(length) == 3:
+        first, second = (_named(text, centres, seconds) for text in length[:2])
+        found = float(np.linalg.norm(centres[first] - centres[second]))
+        words = f"{first} and {second} were taken {metres:g} m apart"
+    else:
+        raise InputError("prepare.length wants [METRES] or [PHOTO,PHOTO,METRES]")
+    typical = np.median(
+        [np.linalg.norm(c) for c in np.array(list(centres.values())) - np.mean(list(centres.values()), 0)]
+    )
+    if not found > 0.05 * typical:
+        raise InputError(f"prepare.length={_shown(length)} names cameras in one place; name two that are far apart")
+    return Scale(metres / found, "length", None, 2 if len(length) == 3 else len(centres), words)
+
+
+def _metres(text: str) -> float:
+    try:
+        metres = float(text)
+    except ValueError:
+        metres = 0.0
+    if not (np.isfinite(metres) and metres > 0):
+        raise InputError(f"prepare.length ends in {text!r}, which is no length in metres; give [PHOTO,PHOTO,METRES]")
+    return metres
+
+
+def _named(text: str, centres: dict[str, np.ndarray], seconds: dict[str, float]) -> str:
+    """The placed photo that a name, a number or a time means."""
+    for name in centres:
+        if text in (name, Path(name).stem):
+            return name
+    if text.isdigit():
+        found = [
+            name for name in centres if (parts := re.findall(r"\d+", Path(name).stem)) and int(parts[-1]) == int(text)
+        ]
+        if len(found) == 1:
+            return found[0]
+    placed = {name: time for name, time in seconds.items() if name in centres}
+    if placed and re.fullmatch(r"\d+(\.\d+)?s", text):
+        time = float(text[:-1])
+        name = min(placed, key=lambda name: abs(placed[name] - time))
+        if abs(placed[name] - time) <= 1.0:
+            return name
+    some = ", ".join(list(centres)[:3])
+    raise InputError(f"prepare.length names {text}, which is none of the placed photos ({some}, ...); name two of them")
+
+
+def _shown(length: Sequence[str]) -> str:
+    return "[" + ",".join(length) + "]"

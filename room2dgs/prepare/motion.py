@@ -1,0 +1,52 @@
+"""How far the picture moves from one frame of a video to the next."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+WIDTH = 320  # pixels at which corners are followed
+CORNERS = 250
+FEW = 12  # corners: a blank wall says nothing of the motion
+MIN_FOLLOWED = 0.25
+MAX_BACK_PX = 1.5
+JUMP = 0.3  # of the width: corners were there and none is found again
+
+
+class Motion:
+    """Follows corners from each frame to the next."""
+
+    def __init__(self) -> None:
+        self._last: np.ndarray | None = None
+
+    def step(self, grey: np.ndarray) -> float:
+        """What the picture moved since the last frame, as a share of its width; NaN: nothing to tell by.
+
+        Args:
+            grey: (H, W) uint8.
+        """
+        height = max(16, round(WIDTH * grey.shape[0] / grey.shape[1]))
+        small = cv2.resize(grey, (WIDTH, height), interpolation=cv2.INTER_AREA)
+        last, self._last = self._last, small
+        if last is None:
+            return 0.0
+        corners = cv2.goodFeaturesToTrack(last, CORNERS, 0.01, 6)
+        if corners is None or len(corners) < FEW:
+            return float("nan")
+        followed = {"winSize": (25, 25), "maxLevel": 4}
+        there, found, _ = cv2.calcOpticalFlowPyrLK(last, small, corners, None, **followed)
+        back, found_back, _ = cv2.calcOpticalFlowPyrLK(small, last, there, None, **followed)
+        good = (found & found_back).ravel().astype(bool)
+        good &= np.linalg.norm((back - corners).reshape(-1, 2), axis=1) < MAX_BACK_PX
+        if good.mean() < MIN_FOLLOWED:
+            return JUMP
+        return float(np.median(np.linalg.norm((there - corners).reshape(-1, 2)[good], axis=1))) / WIDTH
+
+
+def filled(steps: np.ndarray) -> np.ndarray:
+    """(N,) steps without NaN: where nothing tells, the camera goes on as before and after."""
+    known = np.isfinite(steps)
+    if not known.any():
+        return np.zeros(len(steps))
+    place = np.arange(len(steps))
+    return np.interp(place, place[known], steps[known])

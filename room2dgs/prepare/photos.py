@@ -1,0 +1,261 @@
+"""The photos of a capture without poses: chosen from a video or a folder, and written side by side."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image, ImageOps
+
+from room2dgs.captures.exif import EXIF_BLOCK, FILM_DIAGONAL_MM, FOCAL_35MM
+from room2dgs.captures.image_files import DAMAGE, color_size, read_photo
+from room2dgs.captures.listing import PHOTO_SUFFIXES, photos_in
+from room2dgs.config import PrepareConfig
+from room2dgs.errors import InputError
+from room2dgs.files import whole_folder
+from room2dgs.logs import Log
+from room2dgs.prepare.choice import chosen_frames
+from room2dgs.prepare.motion import Motion, filled
+from room2dgs.prepare.sharpness import sharpness
+from room2dgs.prepare.stages import Progress, Stages, key_of
+
+LEAST_PHOTOS = 5
+BLURRED = 0.25  # sharpness that nine of ten photos stay below
+MOST_SIZES = 4  # of photos in one folder; upright and lying ones count as one
+JPEG = [cv2.IMWRITE_JPEG_QUALITY, 97, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
+ORIENTATION = 0x0112
+SUBFOLDERS = ("images", "rgb", "color")
+
+
+@dataclass(frozen=True)
+class TakenPhoto:
+    """A photo that goes into the reconstruction.
+
+    Attributes:
+        name: of its file.
+        size: (width, height).
+        focal_px: as its EXIF has it; None: unknown.
+        seconds: of the video; None for photos.
+        index: frame of the video, or place in the folder.
+        sharpness: 0..1.
+    """
+
+    name: str
+    size: tuple[int, int]
+    focal_px: float | None
+    seconds: float | None
+    index: int
+    sharpness: float
+
+
+def taken_photos(config: PrepareConfig, folder: Path, stages: Stages, log: Log) -> tuple[list[TakenPhoto], str]:
+    """Choose the photos and write them.
+
+    Args:
+        folder: where they go.
+
+    Returns:
+        The photos in the order in which they were taken, and a key of all that they depend on.
+
+    Raises:
+        InputError: what was given cannot be read, or is too little.
+    """
+    chosen_by = (config.max_photos, config.spacing, config.max_side)
+    if config.video:
+        path = Path(config.video)
+        if not path.is_file():
+            raise InputError(f"{path} is not there; give video=FILE")
+        key = key_of("video", str(path), path.stat().st_size, path.stat().st_mtime_ns, *chosen_by)
+    else:
+        path = _photo_folder(Path(config.images))
+        names = photos_in(path)
+        state = [(name, (path / name).stat().st_size, (path / name).stat().st_mtime_ns) for name in names]
+        key = key_of("images", str(path), state, *chosen_by[:1])
+    known = stages.found("photos", key)
+    if known is None or any(not (folder / photo["name"]).is_file() for photo in known["photos"]):
+        taken = (
+            _from_video(path, config, folder, stages, log) if config.video else _from_folder(path, config, folder, log)
+        )
+        known = stages.finished("photos", key, {"photos": [vars(photo) for photo in taken]})
+    else:
+        log(f"photos: {len(known['photos'])} are there from before")
+    return [TakenPhoto(**{**photo, "size": tuple(photo["size"])}) for photo in known["photos"]], key
+
+
+def _photo_folder(path: Path) -> Path:
+    """Where the photos lie: the folder itself, or one of the usual names in it."""
+    if not path.is_dir():
+        raise InputError(f"{path} is no folder; give images=DIR of photos, or video=FILE")
+    found = next((place for place in (path, *(path / name for name in SUBFOLDERS)) if photos_in(place)), None)
+    if found is None:
+        raise InputError(f"{path} has no photos ({', '.join(PHOTO_SUFFIXES)}); give images=DIR of photos")
+    return found
+
+
+def _from_video(path: Path, config: PrepareConfig, folder: Path, stages: Stages, log: Log) -> list[TakenPhoto]:
+    key = key_of("scan", str(path), path.stat().st_size, path.stat().st_mtime_ns)
+    scan = stages.found("scan", key)
+    if scan is None:
+        scan = stages.finished("scan", key, _scanned(path, log))
+    sharp, steps = np.array(scan["sharpness"]), filled(np.array(scan["steps"], float))
+    seconds = np.array(scan["seconds"])
+    chosen = chosen_frames(sharp, steps, config.spacing, config.max_photos)
+    way = float(steps.sum())
+    if len(chosen) < LEAST_PHOTOS:
+        if len(sharp) < LEAST_PHOTOS:
+            raise InputError(f"{path} has {len(sharp)} frames; a room takes a walk of half a minute or more")
+        raise InputError(
+            f"{path} shows hardly any motion ({way:.2f} picture widths in {len(sharp)} frames), so no depth can be "
+            "told from it; walk through the room while filming"
+        )
+    _check_blur(path, sharp[chosen])
+    step = way / len(chosen)
+    log(
+        f"photos: {len(chosen)} of {len(sharp)} frames, the picture moves {step:.0%} of its width from one to the next "
+        f"(sharpness {np.median(sharp[chosen]):.2f}, of all frames {np.median(sharp):.2f})"
+    )
+    if step > 0.2:
+        log("NOTE: the frames are far apart and may not overlap enough; film slower, or raise prepare.max_photos")
+    wanted = {int(index) for index in chosen}
+    progress = Progress(log, "writing photos", len(wanted), "photos")
+    taken = []
+    with whole_folder(folder) as partial:
+        for index, image in _frames(path):
+            if index not in wanted:
+                continue
+            photo = _at_most(image, config.max_side)
+            name = f"frame_{index:06d}.jpg"
+            if not cv2.imwrite(str(partial / name), photo, JPEG):
+                raise OSError(f"{partial / name} cannot be written; is the disk full?")
+            size = photo.shape[1::-1]
+            taken.append(TakenPhoto(name, size, None, float(seconds[index]), index, float(sharp[index])))
+            progress.at(len(taken))
+            if len(taken) == len(wanted):
+                break
+    return taken
+
+
+def _at_most(image: np.ndarray, side: int) -> np.ndarray:
+    scale = side / max(image.shape[:2])
+    return cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else image
+
+
+def _scanned(path: Path, log: Log) -> dict[str, list]:
+    """Sharpness, step and time of each frame."""
+    capture = _opened(path)
+    total = max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
+    rate = capture.get(cv2.CAP_PROP_FPS)
+    capture.release()
+    if not (math.isfinite(rate) and rate > 0):
+        rate = 30.0
+    log(f"video: {path}, {total} frames, {rate:.0f} a second")
+    motion, progress = Motion(), Progress(log, "looking for sharp frames", total or None, "frames")
+    found: dict[str, list] = {"sharpness": [], "steps": [], "seconds": []}
+    for index, image in _frames(path):
+        grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        found["sharpness"].append(round(sharpness(grey), 5))
+        step = motion.step(grey)
+        found["steps"].append(round(step, 6) if math.isfinite(step) else None)
+        found["seconds"].append(round(index / rate, 3))
+        progress.at(index + 1)
+    count = len(found["steps"])
+    if not count:
+        raise InputError(f"{path} has no frame that can be decoded; convert it to H.264 in .mp4")
+    if count < 0.9 * total:
+        log(f"NOTE: {path} ends after {count} of {total} frames; copy it again if something is missing")
+    return found
+
+
+def _opened(path: Path) -> cv2.VideoCapture:
+    capture = cv2.VideoCapture(str(path))
+    if not capture.isOpened():
+        raise InputError(f"{path} cannot be read as a video; convert it to H.264 in .mp4")
+    return capture
+
+
+def _frames(path: Path):
+    """(index, (H, W, 3) BGR) of a video's frames, turned upright as its header says."""
+    capture = _opened(path)
+    try:
+        index = 0
+        while True:
+            good, image = capture.read()
+            if not good:
+                return
+            yield index, image
+            index += 1
+    finally:
+        capture.release()
+
+
+def _from_folder(path: Path, config: PrepareConfig, folder: Path, log: Log) -> list[TakenPhoto]:
+    names = photos_in(path)
+    if len(names) < LEAST_PHOTOS:
+        raise InputError(f"{path} has {len(names)} photos, at least {LEAST_PHOTOS} are needed; take more of the room")
+    _check_sizes(path, names)
+    progress = Progress(log, "looking at photos", len(names), "photos")
+    sharp = []
+    for name in names:
+        sharp.append(sharpness(cv2.cvtColor(read_photo(path / name, None), cv2.COLOR_RGB2GRAY)))
+        progress.at(len(sharp))
+    sharp = np.array(sharp)
+    chosen = chosen_frames(sharp, np.ones(len(names)), 1.0, config.max_photos)
+    _check_blur(path, sharp[chosen])
+    log(f"photos: {len(chosen)} of {len(names)} (sharpness {np.median(sharp[chosen]):.2f})")
+    progress = Progress(log, "copying photos", len(chosen), "photos")
+    taken = []
+    with whole_folder(folder) as partial:
+        for index in chosen:
+            name, focal = _copied(path / names[index], partial)
+            size = color_size(partial / name)
+            focal_px = None if focal is None else focal / FILM_DIAGONAL_MM * math.hypot(*size)
+            taken.append(TakenPhoto(name, size, focal_px, None, int(index), float(sharp[index])))
+            progress.at(len(taken))
+    return taken
+
+
+def _copied(path: Path, folder: Path) -> tuple[str, float | None]:
+    """Name and focal length for 35 mm film of a photo's copy: upright, 8 bits, otherwise the same file."""
+    try:
+        with Image.open(path) as image:
+            exif = image.getexif()
+            turned = exif.get(ORIENTATION, 1) not in (0, 1)
+            plain = image.mode in ("RGB", "L") and image.format in ("JPEG", "PNG")
+            focal = float(exif.get_ifd(EXIF_BLOCK).get(FOCAL_35MM, 0) or 0)
+            if turned and plain:
+                name = f"{path.stem}.jpg"
+                upright = ImageOps.exif_transpose(image)
+                upright.convert("RGB").save(folder / name, quality=97, subsampling=0, exif=upright.getexif())
+    except (*DAMAGE, TypeError, KeyError) as error:
+        raise InputError(f"{path} cannot be decoded as a photo; replace the file or delete it") from error
+    if not turned or not plain:
+        name = path.name if plain else f"{path.stem}.png"
+        if plain:
+            shutil.copyfile(path, folder / name)
+        else:
+            cv2.imwrite(str(folder / name), cv2.cvtColor(read_photo(path, None), cv2.COLOR_RGB2BGR))
+    return name, focal if 5 <= focal <= 1000 else None
+
+
+def _check_sizes(path: Path, names: list[str]) -> None:
+    sizes = Counter(tuple(sorted(color_size(path / name))) for name in names)
+    if len(sizes) > MOST_SIZES:
+        some = ", ".join(f"{width}x{height}" for (height, width), _ in sizes.most_common(3))
+        raise InputError(
+            f"{path} has photos of {len(sizes)} sizes ({some}, ...), whose lenses cannot be told from each other; give "
+            "photos as one camera wrote them, neither cropped nor resized"
+        )
+
+
+def _check_blur(path: Path, sharp: np.ndarray) -> None:
+    best = float(np.quantile(sharp, 0.9))
+    if best < BLURRED:
+        raise InputError(
+            f"{path} is blurred all over (sharpness {best:.2f} of 1 at best, {BLURRED} is needed); film slower, with "
+            "more light"
+        )

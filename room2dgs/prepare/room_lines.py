@@ -1,0 +1,110 @@
+"""Which way is up and where the walls face, from straight edges in the photos."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from room2dgs.eval.upright import up_axis
+from room2dgs.geometry.camera import Camera
+
+SHORTEST = 0.05  # of the photo's width
+WIDTH = 640
+NARROWING_DEG = (12.0, 5.0, 2.5)
+LEAST_LINES = 30
+LEVEL_DEG = 20.0  # edges that lean less than this from the horizontal tell where walls face
+WINDOW_DEG = 2.0
+BINS = 180  # of a right angle
+# Edges in two perpendicular directions, over what the same number in random directions would give.
+MIN_PEAK = 2.5
+
+
+class RoomFrame(NamedTuple):
+    """How the room stands.
+
+    Attributes:
+        room_from_world: (3, 3) rotation; z up, and x, y along the walls if `walls`.
+        vertical_edges: how many tell what is up; 0: how the cameras were held does.
+        walls: whether edges agree on two perpendicular directions.
+    """
+
+    room_from_world: np.ndarray
+    vertical_edges: int
+    walls: bool
+
+
+def room_frame(cameras: Sequence[Camera], pictures: Iterable[np.ndarray]) -> RoomFrame:
+    """Vertical edges refine what up is by the way people hold cameras; level ones then say where walls face.
+
+    An edge and the camera span a plane; edges of one direction have planes that all contain it.
+
+    Args:
+        cameras: of undistorted photos.
+        pictures: (H, W, 3) uint8 RGB each, of the camera's size.
+    """
+    normals, weights = edge_planes(cameras, pictures)
+    up = up_axis(cameras, np.zeros((0, 3)))
+    vertical = 0
+    for angle in NARROWING_DEG:
+        near = np.abs(normals @ up) < np.sin(np.radians(angle))
+        # edges that cross the horizon steeply: a plane that contains up has a normal far from it, but so has any
+        # plane of a level edge seen from its own height; they do not agree on one direction, and those below do
+        if near.sum() < LEAST_LINES:
+            break
+        chosen = normals[near] * weights[near, None] ** 0.5
+        found = np.linalg.eigh(chosen.T @ chosen)[1][:, 0]
+        up, vertical = found * np.sign(found @ up), int(near.sum())
+    level = np.abs(normals @ up) > np.sin(np.radians(2 * NARROWING_DEG[-1]))
+    heading, walls = _heading(normals[level], weights[level], up)
+    across = np.cross(up, heading)
+    return RoomFrame(np.stack([heading, across, up]), vertical, walls)
+
+
+def edge_planes(cameras: Sequence[Camera], pictures: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 3) unit normals, world frame, of the planes through straight edges, and (N,) their lengths in the photo."""
+    detector = cv2.createLineSegmentDetector()
+    normals, weights = [np.zeros((0, 3))], [np.zeros(0)]
+    for camera, picture in zip(cameras, pictures, strict=True):
+        small = camera.resized_to_width(min(WIDTH, camera.width))
+        grey = cv2.cvtColor(cv2.resize(picture, small.size, interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2GRAY)
+        found = detector.detect(grey)[0]
+        if found is None:
+            continue
+        ends = found.reshape(-1, 2, 2).astype(np.float64) + 0.5
+        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / small.width
+        ends, length = ends[length > SHORTEST], length[length > SHORTEST]
+        rays = [np.c_[(ends[:, end] - small.K[:2, 2]) / small.K[(0, 1), (0, 1)], np.ones(len(ends))] for end in (0, 1)]
+        plane = np.cross(rays[0], rays[1])
+        plane /= np.maximum(np.linalg.norm(plane, axis=1, keepdims=True), 1e-12)
+        normals.append(small.turned_to_world(plane))
+        weights.append(length)
+    return np.concatenate(normals), np.concatenate(weights)
+
+
+def _heading(normals: np.ndarray, weights: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, bool]:
+    """A level direction that most level edges have, up to quarter turns; and whether they do agree."""
+    first = np.cross(up, np.eye(3)[np.abs(up).argmin()])
+    first /= np.linalg.norm(first)
+    second = np.cross(up, first)
+    if len(normals) < LEAST_LINES:
+        return first, False
+    # a plane meets the level plane in one direction: that of its edge, if the edge is level
+    direction = np.cross(normals, up)
+    length = np.linalg.norm(direction, axis=1)
+    angle = np.arctan2(direction @ second, direction @ first) % (np.pi / 2)
+    good = length > 0.2
+    angle, weight = angle[good], weights[good]
+    counts = np.bincount((angle / (np.pi / 2) * BINS).astype(np.int64) % BINS, weight, BINS)
+    half = round(WINDOW_DEG / 90 * BINS)
+    smooth = sum(np.roll(counts, shift) for shift in range(-half, half + 1))
+    mode = (smooth.argmax() + 0.5) / BINS * np.pi / 2
+    off = (angle - mode + np.pi / 4) % (np.pi / 2) - np.pi / 4
+    near = np.abs(off) < np.radians(WINDOW_DEG)
+    expected = weight.sum() * 2 * WINDOW_DEG / 90
+    agree = bool(near.any() and weight[near].sum() > MIN_PEAK * expected)
+    if near.any():
+        mode += float(np.average(off[near], weights=weight[near]))
+    return np.cos(mode) * first + np.sin(mode) * second, agree

@@ -1,0 +1,79 @@
+"""Where a placed photo's depth in metres comes from: a sensor's files, or the network that comes with room2dgs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from room2dgs.captures.depth_maps import depth_file
+from room2dgs.captures.listing import listed
+from room2dgs.captures.scene import Frame
+from room2dgs.config import load_config
+from room2dgs.errors import InputError
+from room2dgs.prepare.metres import DepthOf
+from room2dgs.prepare.photos import TakenPhoto
+
+# Depth cameras of phones and of Kinects are trusted to here.
+SENSOR_REACH_M = 4.0
+
+
+def depth_files(folder: Path, photos: Sequence[TakenPhoto]) -> dict[str, Path]:
+    """Photo's name -> its depth map: of the same name, or with the number of the video's frame.
+
+    Raises:
+        InputError: there is none.
+    """
+    names = {Path(name).stem: folder / name for name in listed(folder) if name.lower().endswith((".png", ".npy"))}
+    by_number: dict[int, Path] = {}
+    for stem, path in sorted(names.items()):
+        if parts := re.findall(r"\d+", stem):
+            by_number.setdefault(int(parts[-1]), path)
+    found = {}
+    for photo in photos:
+        path = names.get(Path(photo.name).stem)
+        if path is None and photo.seconds is not None:
+            path = by_number.get(photo.index)
+        if path is not None:
+            found[photo.name] = path
+    if not found:
+        raise InputError(
+            f"{folder} has no depth map named as a photo, such as {Path(photos[0].name).stem}.png; rename them"
+        )
+    return found
+
+
+def sensor_depths(files: dict[str, Path]) -> DepthOf:
+    """Of frames whose photos have such files."""
+
+    def depth_of(frame: Frame) -> tuple[np.ndarray, np.ndarray] | None:
+        path = files.get(frame.color_path.name)
+        if path is None:
+            return None
+        depth = depth_file(path, 1.0 if path.suffix == ".npy" else 0.001).seen_by(frame.camera, frame.lens)
+        return depth, (depth > 0) & (depth < SENSOR_REACH_M)
+
+    return depth_of
+
+
+def network_depths(threads: int | None) -> DepthOf:
+    """Of any frame. The network sees the photo and its focal length.
+
+    Raises:
+        InputError: the network did not come with this installation.
+    """
+    from room2dgs.priors.network.maps import at_camera
+    from room2dgs.priors.network.network import predicted
+    from room2dgs.priors.network.session import open_network
+    from room2dgs.priors.network.shipped import model_path
+
+    settings = load_config(["scene.path=unused", "out=unused", "prior/depth=room_prior"]).prior.depth
+    network = open_network(model_path(settings), "depth", settings.onnx, threads, "cpu")
+
+    def depth_of(frame: Frame) -> tuple[np.ndarray, np.ndarray] | None:
+        found = at_camera(predicted(network, frame.color(), frame.camera), frame.camera)
+        return found.values, found.valid & (found.values > 0)
+
+    return depth_of
