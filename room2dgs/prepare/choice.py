@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+LEAST = 24  # pieces: little motion in the picture may be a long way around something
 MIDDLE = 0.7  # of a piece: so that neighbours are neither next to each other nor two pieces apart
 
 
@@ -22,7 +23,7 @@ def chosen_frames(sharpness: np.ndarray, steps: np.ndarray, spacing: float, most
         (M,) int64 rising, M <= most.
     """
     way = np.cumsum(steps)
-    pieces = int(np.clip(np.ceil(way[-1] / spacing), 1, most))
+    pieces = int(min(max(np.ceil(way[-1] / spacing), LEAST), most))
     place = way / max(way[-1], 1e-12) * pieces
     piece = np.minimum(place.astype(np.int64), pieces - 1)
     off = np.abs(place - piece - 0.5)

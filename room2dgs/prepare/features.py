@@ -21,6 +21,7 @@ PAIRS_AT_ONCE = 60
 # Of the longer side; phones' main cameras have 0.7 to 0.9. It is estimated with the poses; this is where it starts.
 FOCAL = 0.85
 SEED = 0
+KINDS = pycolmap.TwoViewGeometryConfiguration
 
 
 def new_database(
@@ -83,7 +84,7 @@ def extracted(path: Path, images: Path, photos: Sequence[TakenPhoto], config: Pr
                 extraction_options=options,
                 device=pycolmap.Device.cpu,
             )
-            progress.at(start + PHOTOS_AT_ONCE)
+            progress.at(min(start + PHOTOS_AT_ONCE, len(missing)))
     with pycolmap.Database.open(path) as database:
         return [database.num_keypoints_for_image(index) for index in range(1, len(photos) + 1)]
 
@@ -109,7 +110,7 @@ def matched(
             lines = [f"{photos[i].name} {photos[j].name}" for i, j in missing[start : start + PAIRS_AT_ONCE]]
             (work / "pairs.txt").write_text("\n".join(lines), encoding="utf-8")
             pycolmap.match_image_pairs(path, matching, pairing, verification, device=pycolmap.Device.cpu)
-            progress.at(start + PAIRS_AT_ONCE)
+            progress.at(min(start + PAIRS_AT_ONCE, len(missing)))
 
 
 def _is_verified(database: pycolmap.Database, first: int, second: int) -> bool:
@@ -129,5 +130,5 @@ def verified_pairs(path: Path) -> dict[tuple[int, int], tuple[int, str]]:
     found = {}
     for pair_id, geometry in zip(ids, geometries, strict=True):
         first, second = sorted(pycolmap.pair_id_to_image_pair(pair_id))
-        found[first - 1, second - 1] = len(geometry.inlier_matches), geometry.config.name
+        found[first - 1, second - 1] = len(geometry.inlier_matches), KINDS(geometry.config).name
     return found

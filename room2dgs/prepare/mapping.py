@@ -41,7 +41,7 @@ def mapped(
             seen[0] += 1
             progress.at(min(seen[0], count))
 
-        with quiet(), whole_folder(work / "models") as partial:
+        with quiet(errors=False), whole_folder(work / "models") as partial:
             found = pycolmap.incremental_mapping(
                 database, images, partial, options=options, next_image_callback=next_image
             )

@@ -19,9 +19,12 @@ from room2dgs.prepare.stages import Progress
 
 LEAST_POINTS = 20  # of a photo
 MOST_PHOTOS = 60
-# What our network is off by in a room as a whole, however well its photos agree (docs/captures.md, measured).
-NETWORK_SIGMA = 0.05
+# What our network is off by in a room as a whole, however well its photos agree (its README, docs/captures.md).
+NETWORK_SIGMA = 0.3
 SENSOR_SIGMA = 0.01
+HEIGHT_SIGMA = 0.03  # of where the floor is found
+FLOOR_BINS = 60  # between the cameras and twice the points' median depth below them
+FLOOR_SHARE = 0.25  # of the fullest level's points: the lowest level with so many is the floor
 
 DepthOf = Callable[[Frame], tuple[np.ndarray, np.ndarray] | None]
 
@@ -98,14 +101,17 @@ def photo_ratio(frame: Frame, points: PointCloud, depth_of: DepthOf) -> float | 
     return float(np.exp(np.median(np.log(found[0][row, column][valid] / seen.depth[valid]))))
 
 
-def scale_by_length(length: Sequence[str], centres: dict[str, np.ndarray], seconds: dict[str, float]) -> Scale:
+def scale_by_length(
+    length: Sequence[str], centres: dict[str, np.ndarray], seconds: dict[str, float], height: float | None
+) -> Scale:
     """From `prepare.length`.
 
     Args:
-        length: [METRES] of the cameras' path, or [PHOTO, PHOTO, METRES] between two cameras. A photo is named, or its
-            number, or its time in the video as 12.5s.
+        length: [METRES] of the cameras' path, [height, METRES] of the cameras over the floor, or [PHOTO, PHOTO, METRES]
+            between two cameras. A photo is named, or its number, or its time in the video as 12.5s.
         centres: of the placed photos, in order, by name.
         seconds: of photos of a video.
+        height: of the cameras over the floor, in the model's unit; None: no floor is seen.
 
     Raises:
         InputError: no such photo, no number, or cameras in one place.
@@ -115,18 +121,48 @@ def scale_by_length(length: Sequence[str], centres: dict[str, np.ndarray], secon
         path = np.array([centres[name] for name in natural(centres)])
         found = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
         words = f"the cameras' path is {metres:g} m long"
+    elif len(length) == 2 and length[0] == "height":
+        if height is None:
+            raise InputError("prepare.length=[height,...] needs a floor, and none is seen; give [PHOTO,PHOTO,METRES]")
+        return Scale(metres / height, "length", HEIGHT_SIGMA, len(centres), f"cameras {metres:g} m over the floor")
     elif len(length) == 3:
         first, second = (_named(text, centres, seconds) for text in length[:2])
         found = float(np.linalg.norm(centres[first] - centres[second]))
         words = f"{first} and {second} were taken {metres:g} m apart"
     else:
-        raise InputError("prepare.length wants [METRES] or [PHOTO,PHOTO,METRES]")
+        raise InputError("prepare.length wants [METRES], [height,METRES] or [PHOTO,PHOTO,METRES]")
     typical = np.median(
         [np.linalg.norm(c) for c in np.array(list(centres.values())) - np.mean(list(centres.values()), 0)]
     )
     if not found > 0.05 * typical:
         raise InputError(f"prepare.length={_shown(length)} names cameras in one place; name two that are far apart")
     return Scale(metres / found, "length", None, 2 if len(length) == 3 else len(centres), words)
+
+
+def height_over_floor(xyz: np.ndarray, centres: np.ndarray) -> float | None:
+    """How far the cameras are over the lowest level that many points lie in; None without one.
+
+    Args:
+        xyz, centres: (P, 3) points and (N, 3) cameras, z up, any unit.
+    """
+    below = float(np.median(centres[:, 2])) - xyz[:, 2]
+    below = below[below > 0]
+    if len(below) < 200:
+        return None
+    reach = float(np.quantile(below, 0.98)) * 1.1
+    counts, edges = np.histogram(below[below < reach], FLOOR_BINS, (0.0, reach))
+    smooth = np.convolve(counts, [0.5, 1.0, 0.5], "same")
+    levels = [
+        i
+        for i in range(1, FLOOR_BINS)
+        if smooth[i] >= FLOOR_SHARE * smooth.max()
+        and smooth[i] >= smooth[i - 1]
+        and (i + 1 == FLOOR_BINS or smooth[i] >= smooth[i + 1])
+    ]
+    if not levels:
+        return None
+    near = np.abs(below - (edges[levels[-1]] + edges[levels[-1] + 1]) / 2) < 1.5 * (edges[1] - edges[0])
+    return float(np.median(below[near]))
 
 
 def _metres(text: str) -> float:

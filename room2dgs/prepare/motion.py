@@ -10,6 +10,7 @@ CORNERS = 250
 FEW = 12  # corners: a blank wall says nothing of the motion
 MIN_FOLLOWED = 0.25
 MAX_BACK_PX = 1.5
+MOST_OF = 0.8  # of the corners move less: who walks around a thing keeps it in the middle of the picture
 JUMP = 0.3  # of the width: corners were there and none is found again
 
 
@@ -40,7 +41,8 @@ class Motion:
         good &= np.linalg.norm((back - corners).reshape(-1, 2), axis=1) < MAX_BACK_PX
         if good.mean() < MIN_FOLLOWED:
             return JUMP
-        return float(np.median(np.linalg.norm((there - corners).reshape(-1, 2)[good], axis=1))) / WIDTH
+        moved = np.linalg.norm((there - corners).reshape(-1, 2)[good], axis=1)
+        return float(np.quantile(moved, MOST_OF)) / WIDTH
 
 
 def filled(steps: np.ndarray) -> np.ndarray:

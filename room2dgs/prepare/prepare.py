@@ -26,7 +26,14 @@ from room2dgs.logs import Log
 from room2dgs.prepare.features import descriptors, extracted, matched, new_database, verified_pairs
 from room2dgs.prepare.mapping import mapped, names_of, triangulation_angles
 from room2dgs.prepare.merge import merged
-from room2dgs.prepare.metres import NETWORK_SIGMA, SENSOR_SIGMA, Scale, scale_by_length, scale_by_maps
+from room2dgs.prepare.metres import (
+    NETWORK_SIGMA,
+    SENSOR_SIGMA,
+    Scale,
+    height_over_floor,
+    scale_by_length,
+    scale_by_maps,
+)
 from room2dgs.prepare.pairs import all_pairs, loop_pairs, sequential_pairs
 from room2dgs.prepare.photos import TakenPhoto, taken_photos
 from room2dgs.prepare.picture import draw_path
@@ -72,7 +79,7 @@ def prepare(config: Config, out: Path, log: Log) -> dict[str, Any]:
     model = pycolmap.Reconstruction(work / "model")
     scene = _scene(out, work / "model", config)
     room = _room(scene, key, stages, log)
-    scale = _scale(scene, photos, config, key, stages, log)
+    scale = _scale(scene, room, photos, config, key, stages, log)
     return _written(out, model, photos, features["count"], found, room, scale, settings, log)
 
 
@@ -205,13 +212,21 @@ def _room(scene: Scene, key: str, stages: Stages, log: Log) -> RoomFrame:
 
 
 def _scale(
-    scene: Scene, photos: Sequence[TakenPhoto], config: Config, key: str, stages: Stages, log: Log
+    scene: Scene,
+    room: RoomFrame,
+    photos: Sequence[TakenPhoto],
+    config: Config,
+    key: str,
+    stages: Stages,
+    log: Log,
 ) -> Scale | None:
     settings = config.prepare
     if settings.length is not None:
         centres = {frame.color_path.name: frame.camera.centre for frame in scene.train}
         seconds = {photo.name: photo.seconds for photo in photos if photo.seconds is not None}
-        return scale_by_length(settings.length, centres, seconds)
+        up = room.room_from_world.T
+        height = height_over_floor(scene.given_points().xyz @ up, np.array(list(centres.values())) @ up)
+        return scale_by_length(settings.length, centres, seconds, height)
     key = key_of(key, settings.depth)
     known = stages.found("scale", key)
     if known is None:
@@ -275,6 +290,7 @@ def _written(
         "focal_px": float(np.median([camera.mean_focal_length() for camera in model.cameras.values()])),
         "metric": scale is not None,
         "scale": scale_dict(scale),
+        "height_m": None if scale is None else height_over_floor(xyz, centres),
         "upright": upright_line(room),
         "film_again": weak_stretches(photos, seen, features),
     }

@@ -19,7 +19,7 @@ LEVEL_DEG = 20.0  # edges that lean less than this from the horizontal tell wher
 WINDOW_DEG = 2.0
 BINS = 180  # of a right angle
 # Edges in two perpendicular directions, over what the same number in random directions would give.
-MIN_PEAK = 2.5
+MIN_PEAK = 5.0
 
 
 class RoomFrame(NamedTuple):

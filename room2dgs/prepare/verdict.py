@@ -74,11 +74,18 @@ def verdict_lines(verdict: dict[str, Any]) -> list[str]:
     ]
     scale = verdict["scale"]
     if scale is None:
-        lines.append("scale: unknown; give prepare.length=[PHOTO,PHOTO,METRES] between two cameras, and run it again")
+        lines.append("scale: unknown; give prepare.length=[height,METRES] of the cameras, and run it again")
     else:
         sure = "as given" if scale["sigma"] is None else f"+-{scale['sigma']:.0%}"
         lines.append(f"scale: by {WORDS[scale['source']]}, {sure} ({scale['words']})")
     lines.append(verdict["upright"])
+    if verdict["height_m"] is not None:
+        mend = (
+            "; if the floor is that and you held it otherwise, give prepare.length=[height,METRES]"
+            if scale["source"] == "network"
+            else ""
+        )
+        lines.append(f"height: the cameras are {verdict['height_m']:.2f} m over the lowest level surface{mend}")
     for stretch in verdict["film_again"]:
         what = f"{stretch['not_placed']} of {stretch['photos']} photos not placed"
         if not stretch["not_placed"]:

@@ -72,10 +72,10 @@ def match(frames: Sequence[Frame], pairs: IndexPairs, config: PointsConfig, work
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
-    """Only pycolmap's errors reach the terminal."""
+def quiet(errors: bool = True) -> Iterator[None]:
+    """Only pycolmap's errors reach the terminal; without `errors` not even these."""
     level = pycolmap.logging.minloglevel
-    pycolmap.logging.minloglevel = int(pycolmap.logging.Level.ERROR)
+    pycolmap.logging.minloglevel = int(pycolmap.logging.Level.ERROR if errors else pycolmap.logging.Level.FATAL)
     try:
         yield
     finally:

@@ -34,10 +34,11 @@ class PrepareConfig:
     overlap: Int = Field(ge=1, le=100, description="with more: with so many that follow it, and some further ahead")
     loops: Int = Field(ge=0, le=100, description="and with so many others that look like it (loop closure)")
     length: Annotated[
-        list[str] | None, Wants("[METRES] of the cameras' path or [PHOTO,PHOTO,METRES] between two cameras")
+        list[str] | None,
+        Wants("[height,METRES] of the cameras, [PHOTO,PHOTO,METRES] between two, or [METRES] of their path"),
     ] = Field(
         min_length=1,
         max_length=3,
-        description="known length: [METRES] of the cameras' path or [PHOTO,PHOTO,METRES] between two cameras",
+        description="known: [height,METRES] of the cameras, [PHOTO,PHOTO,METRES] between two, [METRES] of their path",
     )
     threads: Int | None = Field(ge=1, le=1024, description="of pycolmap (null: all cores that this process may use)")
