@@ -26,6 +26,8 @@ VERBS = {
     "eval": "score an earlier run, or any mesh against a ground truth",
     "render": "pictures of an earlier run's views beside the photos",
     "report": "one page of an earlier run that opens in any browser",
+    "export": "an earlier run for other programs: splats, GLB, COLMAP, depth maps and more",
+    "plan": "floor, ceiling and walls of an earlier run by name: a floor plan with dimensions",
     "ablate": "run the method without each of its parts: one table, pictures side by side",
     "doctor": "what is installed here, and what will run on what",
     "bench": "measure the rasterizer or a prior: room2dgs bench raster, room2dgs bench prior SCENE",

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from room2dgs.commands.eval import ground_truth, score_run
+from room2dgs.commands.export import export_after_run
 from room2dgs.commands.mesh import mesh_scene
 from room2dgs.commands.prepare import SHORT, with_capture
 from room2dgs.commands.render import render_scene
@@ -50,6 +51,7 @@ def main(argv: list[str]) -> int:
         train_scene(scene, config, out, log, seconds)
         surfels = trained_surfels(out)
         mesh_scene(scene, surfels, config, out, log, seconds)
+        export_after_run(scene, surfels, config, log, seconds)
         render_scene(scene, surfels, config, out, log, seconds)
         score_run(scene, surfels, config, out, seconds)
         if config.report.enabled:

@@ -7,6 +7,7 @@ from pydantic.dataclasses import dataclass
 
 from room2dgs.config.fields import GROUP, Folder
 from room2dgs.config.groups.eval import EvalConfig
+from room2dgs.config.groups.export import ExportConfig
 from room2dgs.config.groups.loss import LossConfig
 from room2dgs.config.groups.memory import MemoryConfig
 from room2dgs.config.groups.mesh import MeshConfig
@@ -43,6 +44,7 @@ class Config:
     mesh: MeshConfig = Field()
     eval: EvalConfig = Field()
     report: ReportConfig = Field()
+    export: ExportConfig = Field()
     memory: MemoryConfig = Field()
 
     @model_validator(mode="after")

@@ -34,4 +34,19 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log) -> trimesh.Tr
             f"every piece of the mesh has fewer than mesh.min_triangles={config.min_triangles} faces; lower it"
         )
     log(f"mesh: {len(mesh.faces):,} faces, {len(raw.faces) - len(mesh.faces):,} dropped by cleaning")
-    return mesh
+    return _filled(mesh, config, log)
+
+
+def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:
+    from room2dgs.mesh.fill import holes_filled, watertight
+
+    if config.fill == "none":
+        return mesh
+    if config.fill == "holes":
+        filled = clean(holes_filled(mesh, config.fill_hole_m))
+    else:
+        filled = watertight(mesh, config.voxel_m)  # cleaning would tear it open where it was pressed flat
+    added = filled.area - mesh.area
+    closed = ", closed" if filled.is_watertight else ", not closed everywhere" if config.fill == "watertight" else ""
+    log(f"mesh: mesh.fill={config.fill} added {added:.2f} m2, {len(filled.faces):,} faces{closed}")
+    return filled

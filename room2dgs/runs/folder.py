@@ -17,7 +17,7 @@ from room2dgs.files import whole_file
 CONFIG, MESH, METRICS = "config.yaml", "mesh.ply", "metrics.json"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
 PRIORS, PRIOR_MAPS, CACHE, POSES = "priors.csv", "priors", "cache", "poses.json"
-REPORT, TRUST = "report.html", "trust.npz"
+REPORT, TRUST, EXPORTS = "report.html", "trust.npz", "export"
 CAPTURE = "capture"  # what `run video=...` made of the video, before the run itself
 
 

@@ -13,7 +13,7 @@ from room2dgs.eval.geometry_scores import threshold_name
 
 FULL = "full"
 FINE = "f_score_2cm"
-SCORING = ("render", "eval")  # stages that make no mesh
+SCORING = ("export", "render", "eval", "report")  # stages that make no mesh
 
 
 @dataclass(frozen=True)

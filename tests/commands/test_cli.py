@@ -83,7 +83,8 @@ def test_run_leaves_what_the_readme_promises(finished, scene):
     for key in ("f_score_5cm", "accuracy_m", "completion_m", "psnr_db", "ssim", "peak_memory_mb"):
         assert isinstance(metrics[key], float)
     assert metrics["protocols"]["area"]["constants"]["threshold_m"] == 0.05
-    assert set(metrics["seconds"]) == {"read", "poses", "points", "priors", "train", "mesh", "render", "eval", "report"}
+    stages = {"read", "poses", "points", "priors", "train", "mesh", "export", "render", "eval", "report"}
+    assert set(metrics["seconds"]) == stages
     assert metrics["primitives"] == metrics["seeds"] * load_config([], finished / "config.yaml").seeds.per_seed
     assert metrics["versions"]["python"] == sys.version.split()[0]
     assert metrics["machine"]["cores"] >= 1

@@ -25,3 +25,7 @@ class MeshConfig:
     min_weight: Float = Field(ge=0, description="voxels observed less are not meshed")
     min_triangles: Int = Field(ge=0, description="smaller connected pieces are dropped")
     keep_clusters: Int = Field(ge=1, description="at most this many connected pieces")
+    fill: Literal["none", "holes", "watertight"] = Field(
+        description="none | holes: close small ones | watertight: a closed surface, also where nothing was seen"
+    )
+    fill_hole_m: Float = Field(ge=0, le=100, description="fill=holes: diameter of the largest that is closed")

@@ -1,0 +1,73 @@
+"""The prepared capture as a COLMAP project: undistorted photos, refined poses, sparse points with their tracks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Scene
+from room2dgs.colmap import pycolmap
+from room2dgs.export.photos import write_photos
+from room2dgs.export.source import Source
+
+
+def write_colmap(source: Source, folder: Path, text: bool) -> list[Path]:
+    """images/ and sparse/0/ (cameras, images, points3D; .bin or .txt)."""
+    names = write_photos(source.scene.frames, folder / "images")
+    model = folder / "sparse" / "0"
+    model.mkdir(parents=True, exist_ok=True)
+    reconstruction = colmap_model(source.scene, source.points, names)
+    if text:
+        reconstruction.write_text(model)
+    else:
+        reconstruction.write_binary(model)
+    return [*(folder / "images" / name for name in names.values()), *sorted(model.iterdir())]
+
+
+def colmap_model(scene: Scene, points: PointCloud, names: dict[str, str]) -> pycolmap.Reconstruction:
+    """Cameras, images and points; one PINHOLE camera for all views that share its numbers.
+
+    Args:
+        names: frame's name -> its photo's.
+    """
+    model = pycolmap.Reconstruction()
+    cameras: dict[tuple, int] = {}
+    ids: dict[str, int] = {}
+    for number, frame in enumerate(scene.frames, start=1):
+        K, size = frame.camera.K, frame.camera.size
+        key = (*size, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
+        if key not in cameras:
+            cameras[key] = len(cameras) + 1
+            model.add_camera_with_trivial_rig(
+                pycolmap.Camera(
+                    camera_id=cameras[key], model="PINHOLE", width=size[0], height=size[1], params=list(key[2:])
+                )
+            )
+        pixels = _pixels(points, frame.name)
+        image = pycolmap.Image(
+            name=names[frame.name], keypoints=pixels, camera_id=cameras[key], image_id=number
+        )  # its features are the points that it saw, in their order
+        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(frame.camera.cam_from_world[:3]))
+        ids[frame.name] = number
+    _add_points(model, points, ids)
+    return model
+
+
+def _pixels(points: PointCloud, name: str) -> np.ndarray:
+    """(N, 2) float64 of the points that a photo saw."""
+    return np.zeros((0, 2)) if points.tracks is None else points.tracks.of_frame(name)[1].astype(np.float64)
+
+
+def _add_points(model: pycolmap.Reconstruction, points: PointCloud, ids: dict[str, int]) -> None:
+    seen: list[list[tuple[int, int]]] = [[] for _ in range(len(points))]
+    if points.tracks is not None:
+        for name, number in ids.items():
+            for feature, point in enumerate(points.tracks.of_frame(name)[0]):
+                seen[point].append((number, feature))
+    for xyz, rgb, track in zip(points.xyz, points.rgb, seen, strict=True):
+        elements = [pycolmap.TrackElement(image, feature) for image, feature in track]
+        model.add_point3D(xyz, pycolmap.Track(elements), rgb)
+    if points.tracks is not None:
+        model.update_point_3d_errors()

@@ -1,0 +1,61 @@
+"""Gaussians as PLY, in the order of properties that 3DGS and 2DGS write, and in two forms.
+
+With a third scale every splat viewer draws the discs, as Gaussians that are next to flat. Without it the file says
+that they are discs: 2DGS tools read it, others refuse it or show points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from room2dgs.geometry.rotations import normals
+from room2dgs.splat.types import Surfels
+
+FLAT = 1e-6  # metres: the third scale of what has none
+OPACITY_ENDS = 1e-6  # its logit is finite
+
+
+def gaussian_ply(
+    surfels: Surfels, third_scale: bool = True, comments: Sequence[str] = (), sh_degree: int | None = None
+) -> bytes:
+    """A whole file, binary little endian.
+
+    Args:
+        third_scale: write scale_2, the logarithm of `FLAT`.
+        comments: lines of the header.
+        sh_degree: pad the harmonics with zeros to this degree, where they are of a lower one; some loaders want 3.
+    """
+    table = columns(surfels, third_scale, sh_degree)
+    header = ["ply", "format binary_little_endian 1.0", *(f"comment {line}" for line in comments)]
+    header += [f"element vertex {len(surfels.centers)}", *(f"property float {name}" for name in table), "end_header"]
+    rows = np.stack(list(table.values()), axis=1).astype("<f4")
+    return "\n".join([*header, ""]).encode("ascii", "replace") + rows.tobytes()
+
+
+def columns(surfels: Surfels, third_scale: bool, sh_degree: int | None = None) -> dict[str, np.ndarray]:
+    """Property -> (N,) values, in the file's order. The harmonics' rest goes channel by channel."""
+    centers, scales, opacities = (
+        part.double().numpy() for part in (surfels.centers, surfels.scales, surfels.opacities)
+    )
+    quaternions = surfels.rotations.double().numpy()
+    quaternions = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
+    facing = normals(surfels.rotations.double()).numpy()
+    sh = surfels.sh.double().numpy()
+    if sh_degree is not None and sh.shape[1] < (sh_degree + 1) ** 2:
+        sh = np.pad(sh, ((0, 0), (0, (sh_degree + 1) ** 2 - sh.shape[1]), (0, 0)))
+    rest = sh[:, 1:].transpose(0, 2, 1).reshape(len(sh), -1)
+    inside = opacities.clip(OPACITY_ENDS, 1 - OPACITY_ENDS)
+    logs = np.log(scales)
+    if third_scale:
+        logs = np.column_stack([logs, np.full(len(logs), np.log(FLAT))])
+    return {
+        **dict(zip("xyz", centers.T, strict=True)),
+        **dict(zip(("nx", "ny", "nz"), facing.T, strict=True)),
+        **{f"f_dc_{c}": sh[:, 0, c] for c in range(3)},
+        **{f"f_rest_{j}": rest[:, j] for j in range(rest.shape[1])},
+        "opacity": np.log(inside / (1 - inside)),
+        **{f"scale_{j}": logs[:, j] for j in range(logs.shape[1])},
+        **{f"rot_{j}": quaternions[:, j] for j in range(4)},
+    }

@@ -1,0 +1,89 @@
+"""Meshes for other programs: GLB, OBJ and PLY, with normals and colours as each of them has them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import trimesh
+from trimesh.visual.material import PBRMaterial
+
+SRGB_KNEE = 0.04045
+COLOR = "_COLOR"  # trimesh's name of an attribute that it does not know; glTF's is COLOR_0
+
+
+def glb(mesh: trimesh.Trimesh, rotation: np.ndarray) -> bytes:
+    """glTF 2.0, binary: y up, linear colours of 16 bits (8 would show bands in the dark), a dull material.
+
+    Args:
+        mesh: world frame, metres, with 8-bit colours.
+        rotation: (3, 3) from the world to a frame with y up.
+    """
+    out = turned_mesh(mesh, rotation)
+    out.visual = trimesh.visual.TextureVisuals(material=dull_material())
+    out.vertex_attributes[COLOR] = linear(colors_of(mesh))
+    return gltf_bytes(out)
+
+
+def gltf_bytes(mesh: trimesh.Trimesh) -> bytes:
+    """The mesh as a GLB with its normals, colours of attribute `COLOR` named as glTF wants it."""
+    return trimesh.Scene(mesh).export(file_type="glb", include_normals=True, tree_postprocessor=_named)
+
+
+def dull_material(picture: Any = None) -> PBRMaterial:
+    """Neither metal nor gloss, as a photographed surface that brings its light along; seen from inside alone."""
+    return PBRMaterial(
+        name="room", baseColorTexture=picture, baseColorFactor=[255, 255, 255, 255], metallicFactor=0.0,
+        roughnessFactor=1.0,
+    )  # fmt: skip
+
+
+def obj(mesh: trimesh.Trimesh, rotation: np.ndarray) -> bytes:
+    """OBJ with y up and normals; colours 0..1 behind the coordinates, which most programs read."""
+    out = turned_mesh(mesh, rotation)
+    rows = np.column_stack([out.vertices, colors_of(mesh) / 255]).tolist()
+    lines = ["# metres, y up"]
+    lines += ["v {:.6f} {:.6f} {:.6f} {:.4f} {:.4f} {:.4f}".format(*row) for row in rows]
+    lines += ["vn {:.4f} {:.4f} {:.4f}".format(*row) for row in out.vertex_normals.tolist()]
+    lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in (np.asarray(out.faces) + 1).tolist()]
+    return "\n".join([*lines, ""]).encode("ascii")
+
+
+def ply(mesh: trimesh.Trimesh) -> bytes:
+    """Binary PLY in the capture's own world, with normals."""
+    out = turned_mesh(mesh, np.eye(3))
+    out.visual = trimesh.visual.ColorVisuals(out, vertex_colors=colors_of(mesh))
+    return trimesh.exchange.ply.export_ply(out, vertex_normal=True)
+
+
+def turned_mesh(mesh: trimesh.Trimesh, rotation: np.ndarray) -> trimesh.Trimesh:
+    """A mesh without colours in another frame; each normal has length 1, also where no face has an area."""
+    out = trimesh.Trimesh(np.asarray(mesh.vertices) @ rotation.T, np.asarray(mesh.faces), process=False)
+    normals = np.asarray(out.vertex_normals).copy()
+    lengths = np.linalg.norm(normals, axis=1)
+    normals[lengths < 0.5] = (0.0, 1.0, 0.0)
+    return trimesh.Trimesh(out.vertices, out.faces, vertex_normals=normals, process=False)
+
+
+def colors_of(mesh: trimesh.Trimesh) -> np.ndarray:
+    """(V, 3) uint8 sRGB; grey where the mesh has none."""
+    if mesh.visual.kind != "vertex":
+        return np.full((len(mesh.vertices), 3), 180, np.uint8)
+    return np.asarray(mesh.visual.vertex_colors)[:, :3]
+
+
+def linear(colors: np.ndarray) -> np.ndarray:
+    """(N, 3) uint8 sRGB to (N, 4) uint16 linear, opaque."""
+    share = np.arange(256) / 255
+    table = np.where(share <= SRGB_KNEE, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    levels = np.round(table * 65535).astype(np.uint16)[colors]
+    return np.column_stack([levels, np.full(len(levels), 65535, np.uint16)])
+
+
+def _named(tree: dict[str, Any]) -> None:
+    for mesh in tree["meshes"]:
+        for primitive in mesh["primitives"]:
+            accessor = primitive["attributes"].pop(COLOR, None)
+            if accessor is not None:
+                primitive["attributes"]["COLOR_0"] = accessor
+                tree["accessors"][accessor]["normalized"] = True

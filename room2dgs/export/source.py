@@ -1,0 +1,108 @@
+"""What exports draw from: a run's surfels, mesh, views and points, each read when first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from room2dgs import __version__
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame, Scene
+from room2dgs.config import Config
+from room2dgs.export.axes import turned, up_of, y_down_from, y_up_from
+from room2dgs.logs import Log
+from room2dgs.splat.types import Rendering, Surfels
+
+
+@dataclass
+class Source:
+    """A finished run.
+
+    Attributes:
+        folder: the run's.
+        config: its settings, `export` among them.
+        read_scene, read_surfels, read_mesh, read_points: give its parts; called once at most.
+        render: views of the surfels, one at a time.
+        log: takes one line at a time.
+    """
+
+    folder: Path
+    config: Config
+    read_scene: Callable[[], Scene]
+    read_surfels: Callable[[], Surfels]
+    read_mesh: Callable[[], trimesh.Trimesh]
+    read_points: Callable[[Scene], PointCloud]
+    render: Callable[[Surfels, Iterable[Frame]], Iterator[tuple[Frame, Rendering]]]
+    log: Log = print
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The capture, with the poses of the run."""
+        return self.read_scene()
+
+    @cached_property
+    def surfels(self) -> Surfels:
+        return self.read_surfels()
+
+    @cached_property
+    def mesh(self) -> trimesh.Trimesh:
+        """The run's whole mesh, world frame."""
+        return self.read_mesh()
+
+    @cached_property
+    def points(self) -> PointCloud:
+        """The sparse points that the run was seeded with."""
+        return self.read_points(self.scene)
+
+    @cached_property
+    def hand_over(self) -> trimesh.Trimesh:
+        """The mesh with as few faces as export.faces and export.max_error_m ask for; world frame."""
+        from room2dgs.mesh.simplify import simplified
+
+        settings = self.config.export
+        if settings.faces is None and settings.max_error_m is None:
+            return self.mesh
+        result = simplified(self.mesh, settings.faces, settings.max_error_m)
+        self.log(f"mesh: {len(self.mesh.faces):,} faces to {len(result.mesh.faces):,}, {result.sentence}")
+        return result.mesh
+
+    @cached_property
+    def up(self) -> np.ndarray | None:
+        """(3,) unit, world; None: nothing is to be turned."""
+        setting = self.config.export.up
+        cameras = [frame.camera for frame in self.scene.frames] if setting == "auto" else []
+        return up_of(setting, cameras, self._normals() if setting == "auto" else np.zeros((0, 3)))
+
+    @property
+    def y_up(self) -> np.ndarray:
+        """(3, 3) rotation from the world to the frame of glTF, OBJ and SPZ."""
+        return y_up_from(self.up)
+
+    @property
+    def y_down(self) -> np.ndarray:
+        """(3, 3) rotation from the world to the frame of PLY and .splat files."""
+        return y_down_from(self.up)
+
+    @cached_property
+    def surfels_y_down(self) -> Surfels:
+        return turned(self.surfels, self.y_down)
+
+    def comments(self, rotation: np.ndarray) -> list[str]:
+        """What a file says about itself.
+
+        Args:
+            rotation: (3, 3) from the capture's world to the file's frame.
+        """
+        numbers = " ".join(f"{value:.9g}" for value in rotation.ravel())
+        return [f"room2dgs {__version__}, metres", f"file_from_world (rows of the rotation) {numbers}"]
+
+    def _normals(self) -> np.ndarray:
+        """(N, 3) unit, of surfels: they are there in every run, the mesh is not."""
+        from room2dgs.geometry.rotations import normals
+
+        return normals(self.surfels.rotations).double().numpy()

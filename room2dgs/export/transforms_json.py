@@ -1,0 +1,52 @@
+"""The prepared capture as nerfstudio's transforms.json, with its photos and sparse points."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from room2dgs.export.photos import write_photos
+from room2dgs.export.source import Source
+from room2dgs.files import whole_file
+
+OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
+POINTS = "sparse_points.ply"
+
+
+def write_transforms(source: Source, folder: Path) -> list[Path]:
+    """transforms.json (camera-to-world, OpenGL axes, metres, the capture's own world), images/, sparse points."""
+    scene = source.scene
+    names = write_photos(scene.frames, folder / "images")
+    frames = []
+    for frame in scene.frames:
+        K = frame.camera.K
+        frames.append(
+            {
+                "file_path": f"images/{names[frame.name]}",
+                "w": frame.camera.width,
+                "h": frame.camera.height,
+                "fl_x": K[0, 0],
+                "fl_y": K[1, 1],
+                "cx": K[0, 2],
+                "cy": K[1, 2],
+                "transform_matrix": (frame.camera.world_from_cam @ OPENGL_FROM_OPENCV).tolist(),
+            }
+        )
+    parts = {"train_filenames": scene.train, "test_filenames": scene.test}
+    meta = {
+        "camera_model": "OPENCV",
+        **{key: 0.0 for key in ("k1", "k2", "p1", "p2")},
+        "applied_transform": np.eye(4)[:3].tolist(),
+        "ply_file_path": POINTS,
+        **{key: [f"images/{names[frame.name]}" for frame in part] for key, part in parts.items() if part},
+        "frames": frames,
+    }
+    cloud = trimesh.PointCloud(source.points.xyz, colors=source.points.rgb)
+    with whole_file(folder / POINTS) as temporary:
+        temporary.write_bytes(trimesh.exchange.ply.export_ply(cloud))
+    with whole_file(folder / "transforms.json") as temporary:
+        temporary.write_text(json.dumps(meta, indent=1) + "\n", encoding="utf-8")
+    return [folder / "transforms.json", folder / POINTS, *(folder / "images" / name for name in names.values())]

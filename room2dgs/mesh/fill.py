@@ -1,0 +1,72 @@
+"""What no camera saw: small holes closed, or a surface without any."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import open3d as o3d
+import trimesh
+from scipy.spatial import KDTree
+
+DEEPEST = 10  # of the octree: 1024 cells along the room
+MARGIN = 2.0  # of the octree's side to the room's: what bulges out where nothing was seen is cut by its box
+
+
+def holes_filled(mesh: trimesh.Trimesh, hole_m: float) -> trimesh.Trimesh:
+    """Holes up to this size closed by triangles between their rims; everything else stays as it is.
+
+    Args:
+        hole_m: diameter of the largest hole.
+    """
+    whole = o3d.t.geometry.TriangleMesh.from_legacy(_open3d(mesh))
+    filled = whole.fill_holes(hole_size=hole_m / 2).to_legacy()
+    return _colored(filled, mesh)
+
+
+def watertight(mesh: trimesh.Trimesh, voxel_m: float) -> trimesh.Trimesh:
+    """A closed surface by screened Poisson reconstruction of the mesh's vertices and normals.
+
+    A room is seen from inside. For the reconstruction it is a solid whose normals point out of it: where nothing was
+    seen, the surface then closes over the gap. It bulges there, and is pressed flat where it leaves the box around
+    the mesh: a ceiling that is missing becomes a level one.
+
+    Args:
+        voxel_m: size of the detail to keep, as far as memory allows.
+    """
+    points = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.asarray(mesh.vertices)))
+    normals = -np.asarray(mesh.vertex_normals)
+    points.normals = o3d.utility.Vector3dVector(normals)
+    points = points.select_by_index(np.flatnonzero(np.linalg.norm(normals, axis=1) > 0.5))
+    extent = float(np.ptp(np.asarray(mesh.vertices), axis=0).max()) * MARGIN
+    depth = min(DEEPEST, max(5, math.ceil(math.log2(extent / voxel_m))))
+    # one thread: with more, the order of sums and with it the vertices would differ from run to run
+    solid, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(points, depth=depth, scale=MARGIN, n_threads=1)
+    solid.triangles = o3d.utility.Vector3iVector(np.asarray(solid.triangles)[:, ::-1])
+    solid = _largest(solid)
+    low, high = np.asarray(mesh.vertices).min(axis=0), np.asarray(mesh.vertices).max(axis=0)
+    solid.vertices = o3d.utility.Vector3dVector(np.asarray(solid.vertices).clip(low, high))
+    return _colored(solid, mesh)
+
+
+def _largest(solid: o3d.geometry.TriangleMesh) -> o3d.geometry.TriangleMesh:
+    """Its largest piece: Poisson leaves bubbles where there are no points."""
+    piece, count, _ = solid.cluster_connected_triangles()
+    solid.remove_triangles_by_mask(np.asarray(piece) != int(np.argmax(np.asarray(count))))
+    return solid.remove_unreferenced_vertices()
+
+
+def _open3d(mesh: trimesh.Trimesh) -> o3d.geometry.TriangleMesh:
+    return o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(np.asarray(mesh.vertices)), o3d.utility.Vector3iVector(np.asarray(mesh.faces))
+    )
+
+
+def _colored(result: o3d.geometry.TriangleMesh, source: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh with the colours of the source's nearest vertices."""
+    vertices = np.asarray(result.vertices).astype(np.float64)
+    colors = None
+    if source.visual.kind == "vertex":
+        nearest = KDTree(np.asarray(source.vertices)).query(vertices)[1]
+        colors = np.asarray(source.visual.vertex_colors)[nearest]
+    return trimesh.Trimesh(vertices, np.asarray(result.triangles), vertex_colors=colors, process=False)

@@ -1,0 +1,128 @@
+"""Fewer faces, with the distance to the whole mesh measured; open3d's quadric decimation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import open3d as o3d
+import open3d.core as o3c
+import trimesh
+from scipy.spatial import KDTree
+
+FEWEST = 100  # faces
+STEP = 0.5  # of the faces stay, from one try to the next
+REFINEMENTS = 2  # halvings of the last step
+BOUNDARY_WEIGHT = 3.0  # a room's mesh has holes, whose rims should stay where they are
+NEAR = 7  # vertices of the whole mesh that colour one of the other
+SAMPLES = 400_000  # of the whole mesh's vertices, at most
+
+
+@dataclass(frozen=True)
+class Simplified:
+    """A mesh with fewer faces.
+
+    Attributes:
+        mesh: colours kept.
+        largest_m, mean_m: distance between the two surfaces, the larger of both directions, metres: from the whole
+            mesh's vertices, and from the vertices and middles of the faces that are left.
+    """
+
+    mesh: trimesh.Trimesh
+    largest_m: float
+    mean_m: float
+
+    @property
+    def sentence(self) -> str:
+        return f"off by {self.mean_m * 1000:.1f} mm on average, {self.largest_m * 1000:.0f} mm at most"
+
+
+def simplified(mesh: trimesh.Trimesh, faces: int | None = None, max_error_m: float | None = None) -> Simplified:
+    """As few faces as wanted, or as the largest error allows.
+
+    Args:
+        faces: this many are wanted; None: as few as `max_error_m` allows.
+        max_error_m: between the two surfaces, as measured; None: any. With both, `faces` or more.
+
+    Returns:
+        The mesh as it is, if it has no more faces than wanted or every step would exceed the error.
+    """
+    best = Simplified(mesh, 0.0, 0.0)
+    fewest = max(faces or FEWEST, FEWEST)
+    if len(mesh.faces) <= fewest:
+        return best
+    if max_error_m is None:
+        return measured(mesh, decimated(mesh, fewest))
+    whole = _Measure(mesh)
+    refused = 0  # a number of faces with which the error was too large
+    while len(best.mesh.faces) > fewest and not refused:
+        target = max(fewest, int(len(best.mesh.faces) * STEP))
+        best, refused = _tried(whole, best, target, max_error_m)
+        if refused:
+            for _ in range(REFINEMENTS):
+                target = int(np.sqrt(float(refused) * len(best.mesh.faces)))
+                best, worse = _tried(whole, best, target, max_error_m)
+                refused = worse or refused
+    return best
+
+
+def decimated(mesh: trimesh.Trimesh, faces: int) -> trimesh.Trimesh:
+    """The mesh with about so many faces; each vertex has the mean colour of those that were around it."""
+    whole = o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(np.asarray(mesh.vertices)), o3d.utility.Vector3iVector(np.asarray(mesh.faces))
+    )
+    less = whole.simplify_quadric_decimation(faces, boundary_weight=BOUNDARY_WEIGHT)
+    less = less.remove_degenerate_triangles().remove_duplicated_triangles().remove_unreferenced_vertices()
+    vertices = np.asarray(less.vertices)
+    colors = _colors_at(mesh, vertices) if mesh.visual.kind == "vertex" and len(vertices) else None
+    return trimesh.Trimesh(vertices, np.asarray(less.triangles), vertex_colors=colors, process=False)
+
+
+def measured(whole: trimesh.Trimesh, less: trimesh.Trimesh) -> Simplified:
+    """How far two meshes are from each other."""
+    return _Measure(whole)(less)
+
+
+def _colors_at(mesh: trimesh.Trimesh, vertices: np.ndarray) -> np.ndarray:
+    """(V, 3) uint8. Decimation heeds shape alone: on a flat wall its own colours would come from anywhere."""
+    near = (
+        KDTree(np.asarray(mesh.vertices)).query(vertices, k=min(NEAR, len(mesh.vertices)))[1].reshape(len(vertices), -1)
+    )
+    return np.round(np.asarray(mesh.visual.vertex_colors)[near, :3].mean(axis=1)).astype(np.uint8)
+
+
+class _Measure:
+    """Distances from one mesh, whose tree is built once."""
+
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        vertices = np.asarray(mesh.vertices)
+        self.middle = vertices.mean(axis=0)
+        self.points = vertices[:: max(1, len(vertices) // SAMPLES)]
+        self.tree = self._tree(mesh)
+
+    def __call__(self, less: trimesh.Trimesh) -> Simplified:
+        if not len(less.faces):
+            return Simplified(less, np.inf, np.inf)
+        there = self._distances(self._tree(less), self.points)
+        middles = np.asarray(less.vertices)[np.asarray(less.faces)].mean(axis=1)
+        back = self._distances(self.tree, np.concatenate([np.asarray(less.vertices), middles]))
+        return Simplified(less, float(max(there.max(), back.max())), float(max(there.mean(), back.mean())))
+
+    def _tree(self, mesh: trimesh.Trimesh) -> o3d.t.geometry.RaycastingScene:
+        """In float32, about the middle of the whole mesh."""
+        tree = o3d.t.geometry.RaycastingScene()
+        vertices = (np.asarray(mesh.vertices) - self.middle).astype(np.float32)
+        tree.add_triangles(o3c.Tensor(vertices), o3c.Tensor(np.asarray(mesh.faces).astype(np.uint32)))
+        return tree
+
+    def _distances(self, tree: o3d.t.geometry.RaycastingScene, points: np.ndarray) -> np.ndarray:
+        return tree.compute_distance(o3c.Tensor((points - self.middle).astype(np.float32))).numpy()
+
+
+def _tried(whole: _Measure, best: Simplified, target: int, max_error_m: float) -> tuple[Simplified, int]:
+    """The better of what was and what is tried, and the number of faces that was too small (0: none was)."""
+    found = whole(decimated(best.mesh, target))
+    if found.largest_m > max_error_m:
+        return best, target
+    # what cannot be decimated further ends the search
+    return found, 0 if len(found.mesh.faces) < len(best.mesh.faces) else target

@@ -1,0 +1,1 @@
+"""Planes of a room, by name, and its floor plan."""

@@ -1,0 +1,131 @@
+"""A mesh to its floor plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from room2dgs.plan.outline import Outline, Side, outlines
+from room2dgs.plan.planes import Plane, level_planes, wall_planes
+from room2dgs.plan.surface import heading, level_surface, turned_about_up
+
+
+@dataclass(frozen=True)
+class FloorPlan:
+    """Rooms and their planes, in a level frame.
+
+    Attributes:
+        level_from_world: (3, 3) rotation; x and y across the floor, z up.
+        floor, ceiling: None for a ceiling that was not seen.
+        walls: wall_1, wall_2, ... in the order of the rooms' sides; `Side.wall` counts them from 0.
+        rooms: largest first.
+    """
+
+    level_from_world: np.ndarray
+    floor: Plane
+    ceiling: Plane | None
+    walls: tuple[Plane, ...]
+    rooms: tuple[Outline, ...]
+
+    @property
+    def height_m(self) -> float | None:
+        """From floor to ceiling."""
+        return None if self.ceiling is None else -self.ceiling.offset_m - self.floor.offset_m
+
+    @property
+    def planes(self) -> tuple[Plane, ...]:
+        return (self.floor, *((self.ceiling,) if self.ceiling else ()), *self.walls)
+
+    def wall_name(self, side: Side) -> str:
+        """The wall on which a side lies, or "open"."""
+        return "open" if side.wall is None else self.walls[side.wall].name
+
+
+def floor_plan(mesh: trimesh.Trimesh, up: np.ndarray) -> FloorPlan:
+    """Planes and outline of the rooms in a mesh.
+
+    Args:
+        mesh: world frame, metres; its faces wind counter-clockwise seen from inside.
+        up: (3,) unit, world.
+
+    Raises:
+        InputError: no floor, or no room.
+    """
+    surface = level_surface(mesh, up)
+    floor, ceiling = level_planes(surface)
+    first = wall_planes(surface, floor, ceiling, snap=False)
+    # the planes know the heading better than single faces, whose normals are rough
+    normals = np.stack([wall.normal[:2] for wall in first]) if first else np.zeros((0, 2))
+    surface = turned_about_up(surface, heading(normals, np.array([wall.area_m2 for wall in first])))
+    found = wall_planes(surface, floor, ceiling)
+    rooms = outlines(surface, floor, ceiling, found)
+    used = list(dict.fromkeys(side.wall for room in rooms for side in _sides(room) if side.wall is not None))
+    walls = tuple(replace(found[index], name=f"wall_{number}") for number, index in enumerate(used, start=1))
+    number = {index: place for place, index in enumerate(used)}
+    return FloorPlan(
+        surface.level_from_world, floor, ceiling, walls, tuple(_renumbered(room, number) for room in rooms)
+    )
+
+
+def sentences(plan: FloorPlan) -> list[str]:
+    """The plan in a few lines."""
+    height = "no ceiling was seen" if plan.height_m is None else f"height {plan.height_m:.3f} m"
+    lines = []
+    for number, room in enumerate(plan.rooms, start=1):
+        lengths = " x ".join(f"{side.length_m:.3f}" for side in room.sides)
+        opened = sum(side.wall is None for side in room.sides)
+        more = f"; {opened} of {len(room.sides)} sides have no wall" if opened else ""
+        lines.append(f"room {number}: {room.area_m2:.2f} m2, {height}, sides {lengths} m{more}")
+    lines += [f"{one.name}: {one.area_m2:.1f} m2 seen, {one.spread_m * 1000:.1f} mm uneven" for one in plan.planes]
+    return lines
+
+
+def as_json(plan: FloorPlan) -> dict[str, Any]:
+    """Plain values; planes in the capture's world: normal @ point = offset_m."""
+    return {
+        "level_from_world": plan.level_from_world.tolist(),
+        "height_m": plan.height_m,
+        "planes": [
+            {
+                "name": one.name,
+                "normal": (one.normal @ plan.level_from_world).tolist(),
+                "offset_m": one.offset_m,
+                "area_m2": one.area_m2,
+                "spread_m": one.spread_m,
+                "low_m": one.low_m - plan.floor.offset_m,
+                "high_m": one.high_m - plan.floor.offset_m,
+            }
+            for one in plan.planes
+        ],
+        "rooms": [
+            {
+                "area_m2": room.area_m2,
+                "sides": [_side(plan, side) for side in room.sides],
+                "islands": [[_side(plan, side) for side in island] for island in room.islands],
+            }
+            for room in plan.rooms
+        ],
+    }
+
+
+def _side(plan: FloorPlan, side: Side) -> dict[str, Any]:
+    return {
+        "start": side.start.tolist(),
+        "end": side.end.tolist(),
+        "length_m": side.length_m,
+        "wall": plan.wall_name(side),
+    }
+
+
+def _sides(room: Outline) -> tuple[Side, ...]:
+    return (*room.sides, *(side for island in room.islands for side in island))
+
+
+def _renumbered(room: Outline, number: dict[int, int]) -> Outline:
+    def new(sides: tuple[Side, ...]) -> tuple[Side, ...]:
+        return tuple(replace(side, wall=None if side.wall is None else number[side.wall]) for side in sides)
+
+    return replace(room, sides=new(room.sides), islands=tuple(new(island) for island in room.islands))

@@ -1,0 +1,192 @@
+"""Floor, ceiling and walls found in a mesh, each with how well it fits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from room2dgs.errors import InputError
+from room2dgs.plan.surface import LevelSurface
+
+BIN_M = 0.01
+SMOOTH = 5  # bins
+PEAK_SHARE = 0.3  # of the largest level surface's area: what a floor or ceiling has at least
+BAND_M = 0.04  # faces that close to a plane are its own
+LOWEST_ROOM_M = 1.5
+TALL = 0.8  # of the room's height: what a wall reaches, and furniture mostly does not
+MIN_WALL_M2 = 0.5
+ANGLE_BINS = 180
+ANGLE_DEG = 10.0
+OFFSET_M = 0.03
+SNAP_DEG = 3.0  # walls that nearly stand at right angles to the others are taken to do so
+SAME_M = 0.07  # parallel walls closer than this are one
+MAX_PLANES = 80
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane, in the level frame.
+
+    Attributes:
+        name: floor, ceiling, wall_1, ...
+        normal: (3,) unit, into the room.
+        offset_m: normal @ point of its points.
+        area_m2: of the faces that lie on it.
+        spread_m: root mean square of their distances from it.
+        low_m, high_m: heights between which it was seen (5th and 95th percentile).
+    """
+
+    name: str
+    normal: np.ndarray
+    offset_m: float
+    area_m2: float
+    spread_m: float
+    low_m: float
+    high_m: float
+
+
+def level_planes(surface: LevelSurface) -> tuple[Plane, Plane | None]:
+    """Floor, and ceiling if it was seen.
+
+    Raises:
+        InputError: nothing level faces up.
+    """
+    floor = _level(surface, surface.upward, "floor", lowest=True)
+    if floor is None:
+        raise InputError("no floor was found in the mesh; give up=z (or x, y, -z, ...), or film the floor too")
+    above = surface.downward & (surface.middle[:, 2] > floor.offset_m + LOWEST_ROOM_M)
+    return floor, _level(surface, above, "ceiling", lowest=False)
+
+
+def wall_planes(surface: LevelSurface, floor: Plane, ceiling: Plane | None, snap: bool = True) -> list[Plane]:
+    """Upright planes that reach high enough, largest first; not yet named.
+
+    Args:
+        snap: walls that nearly lie along x or y do so.
+    """
+    top = -ceiling.offset_m if ceiling else float(np.quantile(surface.middle[:, 2], 0.995))
+    tall = floor.offset_m + TALL * (top - floor.offset_m)
+    upright = np.flatnonzero(surface.upright)
+    normal = surface.normal[upright, :2]
+    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    place, area = surface.middle[upright], surface.area[upright]
+    left = np.ones(len(upright), bool)
+    found: list[Plane] = []
+    for _ in range(MAX_PLANES):
+        start = _largest(normal[left], place[left], area[left])
+        if start is None:
+            break
+        direction, offset, on = _fitted(normal, place, area, left, *start, snap)
+        near = _near(normal, place, direction, offset, 2 * ANGLE_DEG, 1.5 * BAND_M)
+        left &= ~(near | on)
+        if area[on].sum() < MIN_WALL_M2:
+            if area[on].sum() < MIN_WALL_M2 / 4:
+                break
+            continue
+        height = place[on, 2]
+        low, high = _quantile(height, area[on], 0.05), _quantile(height, area[on], 0.95)
+        if high >= tall:
+            spread = float(np.sqrt(np.average((place[on, :2] @ direction - offset) ** 2, weights=area[on])))
+            found.append(Plane("", np.append(direction, 0.0), offset, float(area[on].sum()), spread, low, high))
+    return _distinct(found)
+
+
+def _level(surface: LevelSurface, which: np.ndarray, name: str, lowest: bool) -> Plane | None:
+    height, area = surface.middle[which, 2], surface.area[which]
+    if not len(height):
+        return None
+    start = height.min()
+    count = np.bincount(((height - start) / BIN_M).astype(int), area)
+    smooth = np.convolve(count, np.ones(SMOOTH), "same")
+    high = np.flatnonzero(smooth >= PEAK_SHARE * smooth.max())
+    chosen = high[0] if lowest else high[-1]
+    nearby = np.arange(max(0, chosen - 2 * SMOOTH), min(len(smooth), chosen + 2 * SMOOTH + 1))
+    level = start + (nearby[smooth[nearby].argmax()] + 0.5) * BIN_M
+    for _ in range(3):
+        on = np.abs(height - level) < BAND_M
+        level = _quantile(height[on], area[on], 0.5)
+    spread = float(np.sqrt(np.average((height[on] - level) ** 2, weights=area[on])))
+    sign = 1.0 if lowest else -1.0
+    return Plane(name, np.array([0, 0, sign]), sign * level, float(area[on].sum()), spread, level, level)
+
+
+def _largest(normal: np.ndarray, place: np.ndarray, area: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """Direction and offset under which most of the area lies, by counting in bins of both."""
+    if not len(normal):
+        return None
+    bins = np.round(np.arctan2(normal[:, 1], normal[:, 0]) / (2 * np.pi) * ANGLE_BINS).astype(int) % ANGLE_BINS
+    angle = np.arange(ANGLE_BINS) / ANGLE_BINS * 2 * np.pi
+    directions = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    # of the bin's own direction: faces of one wall that fall into neighbouring bins are gathered by the fit
+    offset = np.einsum("ni,ni->n", place[:, :2], directions[bins])
+    start = offset.min()
+    cell = ((offset - start) / OFFSET_M).astype(int)
+    counts = np.bincount(bins * (cell.max() + 1) + cell, area, ANGLE_BINS * (cell.max() + 1))
+    best = int(counts.argmax())
+    if counts[best] <= 0:
+        return None
+    which, where = divmod(best, int(cell.max()) + 1)
+    return directions[which], float(start + (where + 0.5) * OFFSET_M)
+
+
+def _fitted(
+    normal: np.ndarray,
+    place: np.ndarray,
+    area: np.ndarray,
+    left: np.ndarray,
+    direction: np.ndarray,
+    offset: float,
+    snap: bool,
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """Direction (2,), offset and faces of the plane that is nearest to a first guess."""
+    on = left
+    for band in (2 * BAND_M, BAND_M, BAND_M):
+        on = left & _near(normal, place, direction, offset, ANGLE_DEG, band)
+        if not on.any():
+            break
+        direction = _line(place[on, :2], area[on], direction)
+        direction = _snapped(direction) if snap else direction
+        offset = _quantile(place[on, :2] @ direction, area[on], 0.5)
+    return direction, offset, on
+
+
+def _near(
+    normal: np.ndarray, place: np.ndarray, direction: np.ndarray, offset: float, angle_deg: float, band_m: float
+) -> np.ndarray:
+    return (normal @ direction > np.cos(np.radians(angle_deg))) & (np.abs(place[:, :2] @ direction - offset) < band_m)
+
+
+def _line(place: np.ndarray, weight: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """(2,) unit normal of the line through points in the plan, on the side of `direction`."""
+    off = place - np.average(place, axis=0, weights=weight)
+    found = np.linalg.eigh((off * weight[:, None]).T @ off)[1][:, 0]
+    # a narrow strip has no direction of its own
+    if abs(found @ direction) < np.cos(np.radians(ANGLE_DEG)):
+        return direction
+    return found if found @ direction > 0 else -found
+
+
+def _snapped(direction: np.ndarray) -> np.ndarray:
+    axis = np.zeros(2)
+    axis[np.abs(direction).argmax()] = np.sign(direction[np.abs(direction).argmax()])
+    return axis if direction @ axis > np.cos(np.radians(SNAP_DEG)) else direction
+
+
+def _distinct(planes: list[Plane]) -> list[Plane]:
+    """Largest first, without those that repeat a larger one."""
+    kept: list[Plane] = []
+    for one in sorted(planes, key=lambda plane: -plane.area_m2):
+        if not any(
+            one.normal @ other.normal > np.cos(np.radians(SNAP_DEG)) and abs(one.offset_m - other.offset_m) < SAME_M
+            for other in kept
+        ):
+            kept.append(one)
+    return kept
+
+
+def _quantile(values: np.ndarray, weight: np.ndarray, share: float) -> float:
+    """Weighted; between two values in the middle of which the share falls, their mean by weight."""
+    order = np.argsort(values, kind="stable")
+    reached = np.cumsum(weight[order]) - weight[order] / 2
+    return float(np.interp(share * weight.sum(), reached, values[order]))

@@ -1,0 +1,86 @@
+"""A mesh in a level frame: x and y across the floor, z up; the walls along x and y where most of them allow it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+UPRIGHT_DEG = 12.0  # faces that lean less are of walls
+LEVEL_DEG = 12.0
+BIN_DEG = 1.0
+WINDOW_DEG = 6.0
+
+
+@dataclass(frozen=True)
+class LevelSurface:
+    """The faces of a mesh that have an area, F of them.
+
+    Attributes:
+        level_from_world: (3, 3) rotation.
+        middle, normal: (F, 3) in the level frame; normals point to the side that was seen.
+        area: (F,) square metres.
+    """
+
+    level_from_world: np.ndarray
+    middle: np.ndarray
+    normal: np.ndarray
+    area: np.ndarray
+
+    @property
+    def upright(self) -> np.ndarray:
+        """(F,) bool: faces that may be a wall's."""
+        return np.abs(self.normal[:, 2]) < np.sin(np.radians(UPRIGHT_DEG))
+
+    @property
+    def upward(self) -> np.ndarray:
+        """(F,) bool: faces that may be the floor's."""
+        return self.normal[:, 2] > np.cos(np.radians(LEVEL_DEG))
+
+    @property
+    def downward(self) -> np.ndarray:
+        """(F,) bool: faces that may be the ceiling's."""
+        return self.normal[:, 2] < -np.cos(np.radians(LEVEL_DEG))
+
+
+def level_surface(mesh: trimesh.Trimesh, up: np.ndarray) -> LevelSurface:
+    """The mesh's faces in the level frame, turned about up so that most walls face along x or y.
+
+    Args:
+        mesh: world frame; its faces wind counter-clockwise seen from where they were seen.
+        up: (3,) unit, world.
+    """
+    corners = np.asarray(mesh.vertices, np.float64)[np.asarray(mesh.faces)]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    doubled = np.linalg.norm(cross, axis=1)
+    good = doubled > 0
+    normal, area = cross[good] / doubled[good, None], doubled[good] / 2
+    across = np.array([1.0, 0, 0]) if abs(up[0]) < 0.9 else np.array([0, 1.0, 0])
+    right = across - (across @ up) * up
+    right /= np.linalg.norm(right)
+    first = np.stack([right, np.cross(up, right), up])
+    walls = np.abs(normal @ up) < np.sin(np.radians(UPRIGHT_DEG))
+    surface = LevelSurface(first, corners[good].mean(axis=1) @ first.T, normal @ first.T, area)
+    return turned_about_up(surface, heading(surface.normal[walls, :2], area[walls]))
+
+
+def turned_about_up(surface: LevelSurface, angle: float) -> LevelSurface:
+    """The surface in a level frame whose x axis lies where `angle` (radians) points in this one."""
+    turn = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
+    return LevelSurface(turn @ surface.level_from_world, surface.middle @ turn.T, surface.normal @ turn.T, surface.area)
+
+
+def heading(normals: np.ndarray, weight: np.ndarray) -> float:
+    """Angle (radians, -45 to 45 degrees) along which or across which most of the normals (N, 2) point."""
+    if not len(normals):
+        return 0.0
+    angle = np.degrees(np.arctan2(normals[:, 1], normals[:, 0])) % 90.0
+    count = np.bincount((angle / BIN_DEG).astype(int) % int(90 / BIN_DEG), weight, int(90 / BIN_DEG))
+    smooth = sum(np.roll(count, shift) for shift in range(-2, 3))
+    mode = (float(np.argmax(smooth)) + 0.5) * BIN_DEG
+    for window in (WINDOW_DEG, WINDOW_DEG / 2, WINDOW_DEG / 4):
+        off = (angle - mode + 45.0) % 90.0 - 45.0
+        near = np.abs(off) < window
+        mode += float(np.average(off[near], weights=weight[near])) if near.any() else 0.0
+    return float(np.radians((mode + 45.0) % 90.0 - 45.0))

@@ -1,0 +1,90 @@
+"""A floor plan as SVG: walls, lengths along them, area and height, a scale."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from room2dgs.plan.floor_plan import FloorPlan
+from room2dgs.plan.outline import Side
+
+PX_PER_M = 100.0
+MARGIN_M = 0.8
+TEXT_M, SMALL_M = 0.14, 0.11
+LABEL_M = 0.18  # between a wall and its length
+SHORTEST_M = 0.15  # sides without a label
+
+
+def svg(plan: FloorPlan, title: str) -> str:
+    """The whole file; 100 units are 1 m, y of the plan points up."""
+    points = np.concatenate([[side.start for side in room.sides] for room in plan.rooms])
+    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+    width, height = (high - low) * PX_PER_M
+    root = ET.Element("svg", xmlns="http://www.w3.org/2000/svg", viewBox=f"0 0 {width:.1f} {height:.1f}")
+    root.set("width", f"{width / 10:.1f}mm")  # 1 : 100 on paper
+    root.set("height", f"{height / 10:.1f}mm")
+    root.set("font-family", "sans-serif")
+    ET.SubElement(root, "title").text = title
+    ET.SubElement(root, "rect", width=f"{width:.1f}", height=f"{height:.1f}", fill="white")
+
+    def place(point: np.ndarray) -> tuple[float, float]:
+        x, y = (np.asarray(point) - low) * PX_PER_M
+        return float(x), float(height - y)
+
+    def write(point: np.ndarray, text: str, size_m: float, turn_deg: float = 0.0) -> None:
+        x, y = place(point)
+        item = ET.SubElement(root, "text", x=f"{x:.2f}", y=f"{y:.2f}", fill="#222")
+        item.set("font-size", f"{size_m * PX_PER_M:.1f}")
+        item.set("text-anchor", "middle")
+        item.set("dominant-baseline", "central")
+        if turn_deg:
+            item.set("transform", f"rotate({turn_deg:.3f} {x:.2f} {y:.2f})")
+        item.text = text
+
+    for number, room in enumerate(plan.rooms, start=1):
+        rings = [room.sides, *room.islands]
+        path = " ".join(
+            "M " + " L ".join("{:.2f} {:.2f}".format(*place(side.start)) for side in ring) + " Z" for ring in rings
+        )
+        area = ET.SubElement(root, "path", d=path, fill="#f2efe8")
+        area.set("fill-rule", "evenodd")
+        for side in (side for ring in rings for side in ring):
+            (x1, y1), (x2, y2) = place(side.start), place(side.end)
+            line = ET.SubElement(root, "line", x1=f"{x1:.2f}", y1=f"{y1:.2f}", x2=f"{x2:.2f}", y2=f"{y2:.2f}")
+            line.set("stroke", "#222" if side.wall is not None else "#999")
+            line.set("stroke-width", "4" if side.wall is not None else "2")
+            line.set("stroke-linecap", "square")
+            if side.wall is None:
+                line.set("stroke-dasharray", "10 8")
+            if side.length_m >= SHORTEST_M:
+                write(*_label(side), TEXT_M, _turn(side))
+        ends = np.array([side.start for side in room.sides])
+        below = np.array([0, 0.12])
+        middle = (ends.min(axis=0) + ends.max(axis=0)) / 2
+        write(middle + below, f"room {number}: {room.area_m2:.2f} m²", TEXT_M)
+        if plan.height_m is not None:
+            write(middle - below, f"height {plan.height_m:.2f} m", SMALL_M)
+    _scale(root, height)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _label(side: Side) -> tuple[np.ndarray, str]:
+    """Where a side's length stands, outside the room, and what it says."""
+    along = (side.end - side.start) / side.length_m
+    return (side.start + side.end) / 2 + LABEL_M * np.array([along[1], -along[0]]), f"{side.length_m:.2f} m"
+
+
+def _turn(side: Side) -> float:
+    """Degrees clockwise on the page, never upside down."""
+    angle = np.degrees(np.arctan2(side.end[1] - side.start[1], side.end[0] - side.start[0]))
+    return float(-((angle + 89.0) % 180.0 - 89.0))
+
+
+def _scale(root: ET.Element, height: float) -> None:
+    y = height - 20
+    ET.SubElement(root, "path", d=f"M 20 {y - 5:.1f} v 5 h {PX_PER_M:.0f} v -5", fill="none", stroke="#222")
+    text = ET.SubElement(root, "text", x=f"{20 + PX_PER_M / 2:.1f}", y=f"{y - 8:.1f}", fill="#222")
+    text.set("font-size", f"{SMALL_M * PX_PER_M:.1f}")
+    text.set("text-anchor", "middle")
+    text.text = "1 m"

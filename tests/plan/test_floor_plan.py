@@ -1,0 +1,146 @@
+"""Floor plans of rooms whose dimensions are known."""
+
+from __future__ import annotations
+
+import io
+import json
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+import trimesh
+
+from room2dgs.errors import InputError
+from room2dgs.plan.dxf import dxf
+from room2dgs.plan.floor_plan import as_json, floor_plan, sentences
+from room2dgs.plan.svg import svg
+
+Z_UP = np.array([0, 0, 1.0])
+SPACING = 0.05
+
+
+def surface(corners: list, normal_to) -> trimesh.Trimesh:
+    """A rectangle in faces of 5 cm, wound so that it faces the point `normal_to`."""
+    a, b, d = (np.array(corner, float) for corner in corners)
+    n, m = (max(1, round(np.linalg.norm(side) / SPACING)) for side in (b - a, d - a))
+    u, v = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, m + 1), indexing="ij")
+    vertices = a + u.reshape(-1, 1) * (b - a) + v.reshape(-1, 1) * (d - a)
+    index = np.arange((n + 1) * (m + 1)).reshape(n + 1, m + 1)
+    p, q, r, s = (part.ravel() for part in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    faces = np.concatenate([np.stack([p, q, r], axis=1), np.stack([p, r, s], axis=1)])
+    facing = np.cross(b - a, d - a) @ (np.array(normal_to, float) - a) > 0
+    return trimesh.Trimesh(vertices, faces if facing else faces[:, ::-1], process=False)
+
+
+def room_of(outline: list, height: float, tiles: list, ceiling: bool = True) -> trimesh.Trimesh:
+    """Walls over an outline (counter-clockwise), floor and ceiling of rectangles (x0, y0, x1, y1)."""
+    parts = []
+    for (x0, y0), (x1, y1) in zip(outline, [*outline[1:], outline[0]], strict=True):
+        left = (x0 - (y1 - y0), y0 + (x1 - x0), 0)
+        parts.append(surface([(x0, y0, 0), (x1, y1, 0), (x0, y0, height)], left))
+    for x0, y0, x1, y1 in tiles:
+        parts.append(surface([(x0, y0, 0), (x1, y0, 0), (x0, y1, 0)], (x0, y0, 1)))
+        if ceiling:
+            parts.append(surface([(x0, y0, height), (x1, y0, height), (x0, y1, height)], (x0, y0, 0)))
+    return trimesh.util.concatenate(parts)
+
+
+def box(low, high) -> trimesh.Trimesh:
+    """Furniture: seen from outside."""
+    made = trimesh.creation.box(bounds=[low, high])
+    return made.subdivide_to_size(0.15)
+
+
+@pytest.fixture(scope="module")
+def furnished() -> trimesh.Trimesh:
+    """4.2 x 3.1 x 2.55 m, with a table, a wardrobe and a rough surface (3 mm)."""
+    empty = room_of([(0, 0), (4.2, 0), (4.2, 3.1), (0, 3.1)], 2.55, [(0, 0, 4.2, 3.1)])
+    whole = trimesh.util.concatenate([empty, box((1, 1, 0.0), (2.5, 2, 0.75)), box((3.5, 0, 0), (4.2, 1.2, 1.9))])
+    rough = np.random.default_rng(0).normal(scale=0.003, size=whole.vertices.shape)
+    return trimesh.Trimesh(whole.vertices + rough, whole.faces, process=False)
+
+
+def test_dimensions_of_a_furnished_room_to_a_few_millimetres(furnished):
+    plan = floor_plan(furnished, Z_UP)
+    (room,) = plan.rooms
+    assert sorted(side.length_m for side in room.sides) == pytest.approx([3.1, 3.1, 4.2, 4.2], abs=0.003)
+    assert plan.height_m == pytest.approx(2.55, abs=0.003)
+    assert room.area_m2 == pytest.approx(4.2 * 3.1, abs=0.02)
+    assert [one.name for one in plan.planes] == ["floor", "ceiling", "wall_1", "wall_2", "wall_3", "wall_4"]
+    assert plan.floor.spread_m < 0.006
+
+
+def test_any_world_and_any_heading_give_the_same_plan(furnished):
+    up = np.array([0.36, -0.48, 0.8])
+    turn = trimesh.geometry.align_vectors(Z_UP, up) @ trimesh.transformations.rotation_matrix(0.4, Z_UP)
+    turned = trimesh.Trimesh(furnished.vertices @ turn[:3, :3].T + (5, -7, 2), furnished.faces, process=False)
+    plan = floor_plan(turned, up)
+    assert sorted(side.length_m for side in plan.rooms[0].sides) == pytest.approx([3.1, 3.1, 4.2, 4.2], abs=0.003)
+    floor = as_json(plan)["planes"][0]
+    np.testing.assert_allclose(floor["normal"], up, atol=1e-9)
+    assert floor["offset_m"] == pytest.approx(up @ (5, -7, 2), abs=0.003)
+
+
+def test_a_room_with_a_corner_cut_out():
+    outline = [(0, 0), (5, 0), (5, 2), (3, 2), (3, 4), (0, 4)]
+    mesh = room_of(outline, 2.6, [(0, 0, 5, 2), (0, 2, 3, 4)])
+    (room,) = floor_plan(mesh, Z_UP).rooms
+    assert sorted(round(side.length_m, 4) for side in room.sides) == [2, 2, 2, 3, 4, 5]
+    assert room.area_m2 == pytest.approx(16, abs=1e-3)
+    assert all(side.wall is not None for side in room.sides)
+
+
+def test_a_slanted_wall_is_no_right_angle():
+    mesh = room_of([(0, 0), (4, 0), (4, 2), (2.5, 3.5), (0, 3.5)], 2.6, [(0, 0, 4, 2), (0, 2, 2.5, 3.5)])
+    mesh = trimesh.util.concatenate([mesh, *_half_tile()])
+    (room,) = floor_plan(mesh, Z_UP).rooms
+    assert sorted(side.length_m for side in room.sides) == pytest.approx([2, 1.5 * 2**0.5, 2.5, 3.5, 4], abs=0.005)
+
+
+def _half_tile() -> list[trimesh.Trimesh]:
+    corners = [(2.5, 2.0, 0.0), (4.0, 2.0, 0.0), (2.5, 3.5, 0.0)]
+    triangle = trimesh.Trimesh(corners, [[0, 1, 2]], process=False).subdivide_to_size(0.05)
+    roof = trimesh.Trimesh(triangle.vertices + np.array([0, 0, 2.6]), triangle.faces[:, ::-1], process=False)
+    return [triangle, roof]
+
+
+def test_two_rooms_with_a_wall_between():
+    left = room_of([(0, 0), (3, 0), (3, 3), (0, 3)], 2.5, [(0, 0, 3, 3)])
+    right = room_of([(3.12, 0), (5.12, 0), (5.12, 3), (3.12, 3)], 2.5, [(3.12, 0, 5.12, 3)])
+    plan = floor_plan(trimesh.util.concatenate([left, right]), Z_UP)
+    assert [round(room.area_m2, 2) for room in plan.rooms] == [9, 6]
+
+
+def test_what_was_not_seen_is_open_and_has_no_height():
+    mesh = room_of([(0, 0), (4, 0), (4, 3), (0, 3)], 2.5, [(0, 0, 4, 3)], ceiling=False)
+    east = (mesh.triangles_center[:, 0] > 3.999) & (mesh.triangles_center[:, 2] > 0)
+    plan = floor_plan(trimesh.Trimesh(mesh.vertices, mesh.faces[~east], process=False), Z_UP)
+    assert plan.height_m is None and plan.ceiling is None
+    assert sorted(plan.wall_name(side) for side in plan.rooms[0].sides) == ["open", "wall_1", "wall_2", "wall_3"]
+    assert "1 of 4 sides have no wall" in sentences(plan)[0]
+
+
+def test_a_mesh_without_a_floor_is_refused():
+    wall = surface([(0, 0, 0), (3, 0, 0), (0, 0, 2)], (0, 1, 0))
+    with pytest.raises(InputError, match="no floor"):
+        floor_plan(wall, Z_UP)
+
+
+def test_svg_and_json_say_the_lengths(furnished):
+    plan = floor_plan(furnished, Z_UP)
+    texts = [item.text for item in ET.fromstring(svg(plan, "a <room>")).iter("{http://www.w3.org/2000/svg}text")]
+    assert texts.count("4.20 m") == 2 and texts.count("3.10 m") == 2 and "height 2.55 m" in texts
+    told = json.loads(json.dumps(as_json(plan)))
+    assert {side["wall"] for side in told["rooms"][0]["sides"]} == {"wall_1", "wall_2", "wall_3", "wall_4"}
+
+
+def test_dxf_is_read_back_in_metres(furnished):
+    ezdxf = pytest.importorskip("ezdxf")
+    document = ezdxf.read(io.StringIO(dxf(floor_plan(furnished, Z_UP))))
+    assert document.header["$INSUNITS"] == 6
+    assert not document.audit().errors
+    walls = document.modelspace().query('LINE[layer=="WALLS"]')
+    lengths = sorted((line.dxf.end - line.dxf.start).magnitude for line in walls)
+    assert lengths == pytest.approx([3.1, 3.1, 4.2, 4.2], abs=0.003)
+    measured = sorted(one.get_measurement() for one in document.modelspace().query("DIMENSION"))
+    assert measured == pytest.approx(lengths, abs=1e-6)
