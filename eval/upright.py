@@ -12,7 +12,7 @@ PRIOR = 0.05  # weight of "up is against the mean image y axis", for captures th
 SNAP_DEG = 20.0  # surface normals within this angle of the first guess refine it
 
 
-def up_axis(cameras: Sequence[Camera], normals: np.ndarray) -> np.ndarray:
+def up_axis(cameras: Sequence[Camera], normals: np.ndarray, prior: float = PRIOR) -> np.ndarray:
     """(3,) unit vector, world, pointing up.
 
     A hand-held camera pitches and turns but hardly rolls, so its x axes lie in the horizontal plane: up is what
@@ -20,12 +20,13 @@ def up_axis(cameras: Sequence[Camera], normals: np.ndarray) -> np.ndarray:
 
     Args:
         normals: (N, 3) unit normals of area samples, either sign; may be empty.
+        prior: the less, the less must the cameras have turned for their x axes to tell.
     """
     right = np.stack([camera.cam_from_world[0, :3] for camera in cameras])
     against_y = -np.stack([camera.cam_from_world[1, :3] for camera in cameras]).mean(axis=0)
     length = np.linalg.norm(against_y)
     mean_up = against_y / length if length > 0 else np.array([0.0, 0.0, 1.0])
-    spread = right.T @ right / len(right) + PRIOR * (np.eye(3) - np.outer(mean_up, mean_up))
+    spread = right.T @ right / len(right) + prior * (np.eye(3) - np.outer(mean_up, mean_up))
     up = np.linalg.eigh(spread)[1][:, 0]
     up = up if up @ mean_up >= 0 else -up
     cosine = normals @ up

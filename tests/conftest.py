@@ -152,6 +152,17 @@ def corner_views() -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     return views
 
 
+@pytest.fixture(scope="session")
+def corner_walk():
+    """`corner_walk(eyes, targets)` gives (world_from_cam, photo) of cameras that look at the corner."""
+
+    def walk(eyes, targets) -> list[tuple[np.ndarray, np.ndarray]]:
+        poses = [look_at(np.array(eye), np.array(target)) for eye, target in zip(eyes, targets, strict=True)]
+        return [(pose, draw_corner(pose)[0]) for pose in poses]
+
+    return walk
+
+
 @pytest.fixture
 def capture(tmp_path: Path, corner_views) -> Path:
     """The capture's folder: frames 0, 5, 10, ... so that numerical and alphabetical order differ."""

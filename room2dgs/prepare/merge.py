@@ -7,7 +7,7 @@ from pathlib import Path
 from room2dgs.colmap import pycolmap
 from room2dgs.files import whole_folder
 from room2dgs.logs import Log
-from room2dgs.prepare.mapping import names_of
+from room2dgs.prepare.mapping import ONE_THREAD, names_of
 from room2dgs.sfm.matching import quiet
 
 LEAST_COMMON = 3  # photos in both
@@ -69,9 +69,12 @@ def _united(
                 pycolmap.Image(name=image.name, camera_id=image.camera_id, image_id=image_id), image.cam_from_world()
             )
     options = pycolmap.IncrementalPipelineOptions()
+    options.ba_min_num_residuals_for_cpu_multi_threading = ONE_THREAD
     options.random_seed = options.triangulation.random_seed = 0
     with quiet(), whole_folder(work / "merged") as partial:
         union = pycolmap.triangulate_points(union, database, images, partial, options=options)
-        pycolmap.bundle_adjustment(union)
+        adjustment = pycolmap.BundleAdjustmentOptions()
+        adjustment.ceres.min_num_residuals_for_cpu_multi_threading = ONE_THREAD
+        pycolmap.bundle_adjustment(union, adjustment)
         union.update_point_3d_errors()
     return union

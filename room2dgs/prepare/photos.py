@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import shutil
 from collections import Counter
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ from room2dgs.prepare.stages import Progress, Stages, key_of
 
 LEAST_PHOTOS = 5
 LEAST_WAY = 0.15  # of the picture, in its widths
-BLURRED = 0.3  # sharpness that half of the photos stay below; 11 pixels of blur in 640 do that (docs/captures.md)
+BLURRED = 0.22  # sharpness that half of the photos stay below; with 11 pixels of motion in 640 they do (sharp: 0.35)
 MOST_SIZES = 4  # of photos in one folder; upright and lying ones count as one
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 97, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
 ORIENTATION = 0x0112
@@ -173,6 +174,7 @@ def _scanned(path: Path, log: Log) -> dict[str, list]:
 
 
 def _opened(path: Path) -> cv2.VideoCapture:
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # what is wrong with a file is ours to say
     capture = cv2.VideoCapture(str(path))
     if not capture.isOpened():
         raise InputError(f"{path} cannot be read as a video; convert it to H.264 in .mp4")

@@ -7,6 +7,7 @@ import numpy as np
 
 REBLUR = 9  # pixels of the box; Crete et al. 2007
 SIDE = 1280
+GRAIN = 1.0  # pixels of a blur that comes first: noise of the sensor, which no motion blurs, must not count
 
 
 def sharpness(grey: np.ndarray) -> float:
@@ -21,7 +22,7 @@ def sharpness(grey: np.ndarray) -> float:
     scale = SIDE / max(grey.shape)
     if scale < 1:
         grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    image = grey.astype(np.float32)
+    image = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), GRAIN)
     lost = []
     for axis, size in ((1, (REBLUR, 1)), (0, (1, REBLUR))):
         before = np.abs(np.diff(image, axis=axis))

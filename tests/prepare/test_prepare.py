@@ -1,0 +1,261 @@
+"""A video of a known corner becomes a capture; what cannot become one is refused by a sentence."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from room2dgs import cli
+from room2dgs.captures.read import placed
+from room2dgs.colmap import pycolmap
+from room2dgs.config import load_config
+from room2dgs.eval.alignment import by_cameras, moved
+from room2dgs.prepare.merge import merged
+
+QUICK = ["prepare.features=700", "prepare.length=[height,1.3]"]
+VIEWS = 12
+
+
+def write_video(path: Path, pictures: list[np.ndarray]) -> Path:
+    height, width = pictures[0].shape[:2]
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 5, (width, height))
+    for picture in pictures:
+        writer.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    writer.release()
+    return path
+
+
+@pytest.fixture(scope="module")
+def walk(corner_walk) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(world_from_cam, photo) around the corner."""
+    angles = np.radians(np.linspace(15.0, 70.0, VIEWS))
+    eyes = [[(2.2 + 0.2 * np.sin(9 * a)) * np.cos(a), (2.2 + 0.2 * np.sin(9 * a)) * np.sin(a), 1.3] for a in angles]
+    return corner_walk(eyes, [[0.2, 0.2, 0.4]] * VIEWS)
+
+
+@pytest.fixture(scope="module")
+def prepared(walk, tmp_path_factory) -> tuple[Path, Path]:
+    """The video and the capture that was made of it, on one thread."""
+    folder = tmp_path_factory.mktemp("prepared")
+    video = write_video(folder / "walk.avi", [photo for _, photo in walk])
+    assert cli.main(["prepare", f"video={video}", f"out={folder / 'room'}", "prepare.threads=1", *QUICK]) == 0
+    return video, folder / "room"
+
+
+def scene_of(folder: Path):
+    return placed(load_config([f"scene.path={folder}", "out=unused", "scene.test_every=0"]).scene)
+
+
+def bits(folder: Path) -> list[str]:
+    return [hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted((folder / "sparse/0").iterdir())]
+
+
+@pytest.mark.slow
+def test_a_video_becomes_a_capture_that_lies_where_it_was_filmed(prepared, walk):
+    verdict = json.loads((prepared[1] / "prepare.json").read_text())
+    assert verdict["placed"] == VIEWS and not verdict["left_out"] and not verdict["film_again"]
+    assert verdict["reprojection_px"] < 0.5 and verdict["scale"]["source"] == "length"
+    scene = scene_of(prepared[1])
+    assert scene.metric and "prepare.json" in " ".join(scene.notes)
+    found = by_cameras(
+        {frame.name: frame.camera.centre for frame in scene.frames},
+        {f"view_{index}": pose[:3, 3] for index, (pose, _) in enumerate(walk)},
+        with_scale=True,
+    )
+    assert found.pairs == VIEWS and found.rms_m < 0.01
+    assert found.scale == pytest.approx(1.0, abs=0.03)  # by the height, not by the truth
+    up = found.truth_from_pred[:3, 2] / found.scale
+    assert np.degrees(np.arccos(up[2])) < 2.0
+    points = scene.given_points()
+    assert points.tracks is not None and len(points) > 300
+    off = np.abs(moved(points.xyz, found.truth_from_pred)).min(axis=1)  # from the corner's nearest plane
+    assert np.median(off) < 0.01
+    assert cv2.imread(str(prepared[1] / "camera_path.png")).std() > 5
+
+
+@pytest.mark.slow
+def test_a_killed_preparation_goes_on_to_the_same_bits_with_any_threads(prepared, tmp_path, capsys):
+    video, whole = prepared
+    out = tmp_path / "again"
+    shutil.copytree(whole, out)
+    for name in ("model.json", "room.json", "pairs.json", "scale.json"):
+        (out / "work" / name).unlink(missing_ok=True)
+    for name in ("prepare.json", "sparse", "work/model"):
+        path = out / name
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    with pycolmap.Database.open(out / "work/database.db") as database:  # killed among the features and the matches
+        database.clear_matches()
+        database.clear_two_view_geometries()
+    assert cli.main(["prepare", f"video={video}", f"out={out}", "prepare.threads=2", *QUICK]) == 0
+    assert bits(out) == bits(whole)
+    assert "features: " not in capsys.readouterr().out.replace("features, ", "")
+    assert cli.main(["prepare", f"video={video}", f"out={out}", *QUICK[:1], "prepare.length=[height,2.6]"]) == 0
+    assert "features, matches and model are there from before" in capsys.readouterr().out
+    one, other = (scene_of(folder).frames for folder in (whole, out))
+    assert np.linalg.norm(other[0].camera.centre - other[-1].camera.centre) == pytest.approx(
+        2 * np.linalg.norm(one[0].camera.centre - one[-1].camera.centre)
+    )
+
+
+@pytest.mark.slow
+def test_two_models_that_share_photos_become_one(prepared, tmp_path):
+    whole = pycolmap.Reconstruction(prepared[1] / "work/model")
+    ids = sorted(whole.reg_image_ids())
+
+    def part(kept: list[int]) -> pycolmap.Reconstruction:
+        model = pycolmap.Reconstruction(whole)
+        for image_id in ids:
+            if image_id not in kept:
+                model.deregister_frame(model.image(image_id).frame_id)
+        return model
+
+    first, second = part(ids[:8]), part(ids[4:])
+    turned = np.array([[0, -1.0, 0], [1, 0, 0], [0, 0, 1]])
+    second.transform(pycolmap.Sim3d(np.c_[3.0 * turned, [5.0, -2, 1]]))
+    database, images = prepared[1] / "work/database.db", prepared[1] / "images"
+    model, left = merged([first, second], database, images, tmp_path, lambda line: None)
+    assert not left and model.num_reg_images() == len(ids)
+    centre = {i: whole.image(i).projection_center() for i in ids}
+    found = by_cameras(
+        {str(i): model.image(i).projection_center() for i in ids}, {str(i): centre[i] for i in ids}, with_scale=True
+    )
+    reach = np.linalg.norm(centre[ids[0]] - centre[ids[-1]])
+    assert found.rms_m < 0.01 * reach
+    apart = part(ids[:6]), part(ids[6:])  # nothing in common
+    assert merged(list(apart), database, images, tmp_path, lambda line: None)[1] == [apart[1]]
+
+
+def test_a_camera_that_only_turns_is_named(corner_walk, tmp_path, capsys):
+    eyes = [[1.6, 1.5, 1.3]] * 8
+    photos = corner_walk(eyes, [[1.2 * a - 0.2, 0.9 - 1.2 * a, 0.4] for a in np.linspace(0, 0.9, 8)])
+    video = write_video(tmp_path / "turn.avi", [photo for _, photo in photos])
+    assert cli.main(["prepare", f"video={video}", f"out={tmp_path / 'out'}", "prepare.features=400"]) == 2
+    assert "taken from one place" in capsys.readouterr().err
+
+
+def noise(seed: int, size=(120, 160)) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 256, (*size, 3)).astype(np.uint8)
+
+
+def still(folder: Path) -> str:
+    return f"video={write_video(folder / 'v.avi', [cv2.GaussianBlur(noise(0), (0, 0), 2)] * 9)}"
+
+
+def no_video(folder: Path) -> str:
+    (folder / "v.mp4").write_bytes(b"\0\0\0\x20ftypisom" + bytes(4000))
+    return f"video={folder / 'v.mp4'}"
+
+
+def short(folder: Path) -> str:
+    return f"video={write_video(folder / 'v.avi', [noise(0), noise(1)])}"
+
+
+def strangers(folder: Path) -> str:
+    for seed in range(6):
+        cv2.imwrite(str(folder / f"{seed}.png"), cv2.GaussianBlur(noise(seed), (0, 0), 1))
+    return f"images={folder}"
+
+
+def blurred(folder: Path) -> str:
+    for seed in range(6):
+        smooth = cv2.GaussianBlur(noise(seed).astype(np.float32), (0, 0), 9)
+        grain = np.random.default_rng(seed).normal(0, 1.5, smooth.shape)  # which is as sharp as ever
+        cv2.imwrite(str(folder / f"{seed}.png"), (smooth - smooth.min()) * 10 + grain)
+    return f"images={folder}"
+
+
+def sizes(folder: Path) -> str:
+    for seed in range(6):
+        cv2.imwrite(str(folder / f"{seed}.png"), noise(seed, (120 + 7 * seed, 160)))
+    return f"images={folder}"
+
+
+def damaged(folder: Path) -> str:
+    strangers(folder)
+    data = (folder / "3.png").read_bytes()
+    (folder / "3.png").write_bytes(data[: len(data) // 2])
+    return f"images={folder}"
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (no_video, "cannot be read as a video|no frame that can be decoded"),
+        (short, "has 2 frames"),
+        (still, "hardly any motion"),
+        (strangers, "hardly any two show the same"),
+        (blurred, "blurred all over"),
+        (sizes, "photos of 6 sizes"),
+        (damaged, "3.png cannot be decoded"),
+        (lambda folder: f"images={folder}", "has no photos"),
+        (lambda folder: f"video={folder / 'none.mp4'}", "is not there"),
+        (lambda folder: "prepare.max_photos=20", "give video=FILE or images=DIR"),
+    ],
+)
+def test_what_cannot_be_used_is_one_sentence_and_leaves_nothing_half_made(make, said, tmp_path, capsys):
+    source = tmp_path / "source"
+    source.mkdir()
+    given = make(source)
+    before = sorted(source.iterdir())
+    out = tmp_path / "out"
+    assert cli.main(["prepare", given, f"out={out}", "prepare.features=300"]) == 2
+    error = capsys.readouterr().err
+    assert len(error.strip().splitlines()) == 1
+    assert re.search(said, error), error
+    assert sorted(source.iterdir()) == before
+    assert not (out / "prepare.json").exists() and not (out / "sparse").exists()
+    if make not in (strangers,):
+        assert not (out / "images").exists()
+
+
+def test_photos_are_copied_upright_with_the_focal_length_of_their_exif(tmp_path):
+    from PIL import Image
+
+    from room2dgs.prepare.photos import taken_photos
+    from room2dgs.prepare.stages import Stages
+
+    source = tmp_path / "source"
+    source.mkdir()
+    for index in range(6):
+        picture = noise(index)
+        picture[:10] = 255  # the top
+        image = Image.fromarray(np.rot90(picture, 1).copy() if index == 2 else picture)
+        exif = Image.Exif()
+        exif[0x0112] = 6 if index == 2 else 1
+        exif.get_ifd(0x8769)[0xA405] = 27
+        image.save(source / f"{index}.jpg", quality=95, exif=exif)
+    config = load_config([f"prepare.images={source}", "scene.path=unused", "out=unused"]).prepare
+    photos, _ = taken_photos(config, tmp_path / "images", Stages(tmp_path), lambda line: None)
+    assert [photo.name for photo in photos] == [f"{index}.jpg" for index in range(6)]
+    assert {photo.size for photo in photos} == {(160, 120)}
+    assert photos[2].focal_px == pytest.approx(27 / 43.27 * 200, rel=1e-3)
+    assert cv2.imread(str(tmp_path / "images/2.jpg"), cv2.IMREAD_IGNORE_ORIENTATION | 1)[:8].mean() > 240
+    assert (tmp_path / "images/1.jpg").read_bytes() == (source / "1.jpg").read_bytes()
+
+
+def test_run_of_a_video_makes_its_capture_in_the_runs_folder(monkeypatch, tmp_path):
+    """And goes on with it; a taken folder is refused before hours of matching."""
+    from room2dgs.commands import prepare as command
+    from room2dgs.errors import InputError
+
+    made = []
+    monkeypatch.setattr(command, "prepared", lambda config, out: made.append((config.prepare.video, out)))
+    video, out = tmp_path / "a=b.mp4", tmp_path / "run"
+    result = command.with_capture([f"prepare.video={video}", f"out={out}"])
+    assert made == [(str(video), out / "capture")] and result[-1] == f"scene.path={out / 'capture'}"
+    (out / "capture").mkdir(parents=True)
+    command.with_capture([f"prepare.video={video}", f"out={out}"])  # killed while it prepared: goes on
+    assert command.with_capture(["scene.path=room", f"out={out}"]) == ["scene.path=room", f"out={out}"]
+    (out / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="not empty"):
+        command.with_capture([f"prepare.video={video}", f"out={out}"])
+    with pytest.raises(InputError, match="poses already"):
+        command.with_capture([f"prepare.video={video}", "scene.path=room", f"out={out}"])
+    assert len(made) == 2
