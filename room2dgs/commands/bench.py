@@ -9,6 +9,7 @@ from room2dgs.errors import InputError
 # name -> where it is, and its line in the help
 BENCHES = {
     "raster": ("room2dgs.bench.raster", "the rasterizer's time on this machine"),
+    "numerics": ("room2dgs.commands.bench_numerics", "float32 against float64 on hard cases"),
     "prior": ("room2dgs.commands.bench_prior", "a prior's depth, normals and confidence where depth is known"),
     "memory": ("room2dgs.bench.memory", "the peak memory of training over the number of views"),
     "stereo": ("room2dgs.commands.bench_stereo", "dense stereo where depth is known, and its time"),

@@ -6,10 +6,12 @@ import cv2
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn.functional import hardshrink
 
 MIN_ALPHA = 0.5  # pixels less covered have no depth worth comparing
 MIN_PIXELS = 64  # fewer say nothing about scale and shift
 MIN_SPREAD = 1e-4  # standard deviation over mean; a flatter map fixes no scale and shift
+ROUNDING = 1e-6  # smaller differences of relative residuals are what float32 left of the maps: they have no sign
 MIN_CORRELATION = 0.1  # of rendering and prior; below it the fitted scale is noise, or upside down
 
 
@@ -32,7 +34,8 @@ def depth_prior_loss(
     paper aligns the rendering to the prior, which makes the loss grow with the prior's unit (and it has no solution
     for a flat rendering); here the prior is aligned to the rendering, and r is relative: no unit of either map
     changes the value. s, t and m are held constant in the gradient. The gradient term is that of MiDaS: neighbours of
-    r taken at strides 1, 2, 4, ..., each mean over the pairs whose two pixels are compared.
+    r taken at strides 1, 2, 4, ..., each mean over the pairs whose two pixels are compared. Differences below a
+    millionth count as none: they are rounding, and the term would push as hard by their signs as by real ones.
 
     w is the prior's confidence; a pair of neighbours has the smaller of its two. Means are over numbers
     of pixels and not over weights: a map that doubts itself everywhere has little to say. s and t are fitted with the
@@ -151,7 +154,7 @@ class _Penalty(torch.autograd.Function):
             for along, there, trust, push in ((r, m, w, g), (r.T, m.T, w.T, g.T)):
                 share = gradient_weight / max(1, int(torch.count_nonzero(there[1:] & there[:-1])))
                 trusted = torch.minimum(trust[1:], trust[:-1])  # 0 where one of the two is not compared
-                difference = (along[1:] - along[:-1]).mul_(trusted)
+                difference = hardshrink(along[1:] - along[:-1], ROUNDING).mul_(trusted)
                 value += share * difference.abs().sum()
                 sign = difference.sign_().mul_(trusted).mul_(share)
                 push[1:] += sign

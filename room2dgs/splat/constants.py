@@ -8,5 +8,6 @@ TRANSMITTANCE_MIN = 1e-4  # a pixel is finished once less light than this passes
 FILTER_INVERSE_VARIANCE = 2.0  # screen-space low-pass filter of 2DGS, sigma = sqrt(2)/2 px
 DEN_MIN = 1e-6  # a ray this close to the plane's horizon has no hit
 EDGE_ON = 1e-3  # |cos| between normal and view ray below which a disc is edge-on
+QUATERNION_MIN = 1e-30  # a smaller quaternion has no direction that float32 could pass a gradient to: no disc
 DISTORTION_NEAR_M, DISTORTION_FAR_M = 0.2, 100.0  # 2DGS's depth map for the distortion loss
 SH_DEGREE_OF = {1: 0, 4: 1, 9: 2, 16: 3}  # coefficients -> degree

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import torch
@@ -18,6 +19,7 @@ from room2dgs.splat.constants import (
     DISTORTION_NEAR_M,
     EDGE_ON,
     FILTER_INVERSE_VARIANCE,
+    QUATERNION_MIN,
     TRANSMITTANCE_MIN,
 )
 from room2dgs.splat.types import Rendering, Surfels
@@ -39,7 +41,7 @@ class Projected(NamedTuple):
         opacity: (N,).
         color: (N, 3).
         normal: (N, 3) unit, world frame, facing the camera.
-        visible: (N,) bool; the centre is beyond the near plane.
+        visible: (N,) bool; the centre is beyond the near plane, and the quaternion and the scales make a disc.
     """
 
     center_px: Tensor
@@ -62,7 +64,8 @@ def project(
     world_axes = rotation_matrices(surfels.rotations)
     p = surfels.centers @ R.T + t
     axes = R @ world_axes
-    visible = p[:, 2] >= near_m
+    disc = (surfels.rotations.detach().double().norm(dim=-1) > QUATERNION_MIN) & (surfels.scales.detach() > 0).all(-1)
+    visible = disc & (p[:, 2] >= near_m)
     # a culled centre may lie in the camera plane; it is never drawn, so any finite stand-in will do
     depth = torch.where(visible, p[:, 2], torch.ones_like(p[:, 2]))
     d = p / depth[:, None]
@@ -99,14 +102,18 @@ def render(
     background: Tensor | None = None,
     near_m: float = 0.05,
     center_px: Tensor | None = None,
+    stored: Callable[[Projected], Projected] = lambda projected: projected,
 ) -> Rendering:
-    """Render one view; same meaning as `room2dgs.splat.render`, any floating dtype and device."""
+    """Render one view; same meaning as `room2dgs.splat.render`, any floating dtype and device.
+
+    Args:
+        stored: what becomes of the surfels' numbers on their way from projection to pixels.
+    """
     dtype, device = surfels.centers.dtype, surfels.centers.device
     K = K.to(dtype=dtype, device=device)
     background = torch.zeros(3, dtype=dtype, device=device) if background is None else background.to(dtype)
-    projected = project(surfels, K, cam_from_world, near_m, center_px)
-    order = torch.argsort(projected.depth.detach(), stable=True)
-    order = order[projected.visible[order]]
+    projected = stored(project(surfels, K, cam_from_world, near_m, center_px))
+    order = depth_order(projected)
     reach = _angular_reach(surfels, cam_from_world.detach(), K.detach())[order]
     projected = Projected(*(x[order] for x in projected))
     bearing = torch.nn.functional.normalize(
@@ -128,6 +135,15 @@ def render(
             row.append([v.reshape(h, w, *v.shape[1:]) for v in part])
         rows.append([torch.cat(parts, dim=1) for parts in zip(*row, strict=True)])
     return Rendering(*(torch.cat(parts, dim=0) for parts in zip(*rows, strict=True)))
+
+
+def depth_order(projected: Projected) -> Tensor:
+    """Indices of the visible surfels, front to back: by depth in float32, equal ones by index.
+
+    Finer differences than float32 has are rounding; so all dtypes, and the kernels, blend in one order.
+    """
+    order = torch.argsort(projected.depth.detach().float(), stable=True)
+    return order[projected.visible[order]]
 
 
 def _angular_reach(surfels: Surfels, cam_from_world: Tensor, K: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""The compiled kernels against the float64 reference: images, every gradient, bounds, threads, bad values."""
+"""The compiled kernels: bounds, threads, bad values. Against the float64 reference: tests/bench/test_numerics.py."""
 
 from __future__ import annotations
 
@@ -12,58 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from room2dgs import _C, splat
-from room2dgs.geometry.rotations import rotation_matrices
+from room2dgs.bench.numerics.pairs import pairs_of, smooth
+from room2dgs.bench.numerics.scenes import HardScene
 from room2dgs.splat import Rendering, Surfels, reference
 from room2dgs.splat.backends import cpu_operators
-from room2dgs.splat.constants import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
 
-TOLERANCE = 1e-4
 BACKGROUND = torch.tensor([0.1, 0.4, 0.7])
-
-
-def near_a_jump(surfels, K, cam_from_world, width, height):
-    """(H, W) bool: pixels where rounding to float may take another branch.
-
-    The jumps are the opacity floor, the early stop, the half transmittance of the median, the clamp, the switch
-    between disc and filter (its depth jumps), and the order of two surfels of nearly the same depth.
-    """
-    p = reference.project(surfels, K, cam_from_world, 0.05)
-    order = torch.argsort(p.depth, stable=True)
-    order = order[p.visible[order]]
-    p = reference.Projected(*(x[order] for x in p))
-    y, x = torch.meshgrid(torch.arange(height) + 0.5, torch.arange(width) + 0.5, indexing="ij")
-    delta = torch.stack([x, y], -1).reshape(1, -1, 2).double() - p.center_px[:, None]
-    den = 1 + (delta * p.b[:, None]).sum(-1)
-    near = 1e-5
-    hit = p.plane[:, None] & (den > 1e-6) & (0.05 * den <= p.depth[:, None])
-    safe = torch.where(hit, den, 1.0)
-    u, v = ((delta * a[:, None]).sum(-1) / safe for a in (p.a_u, p.a_v))
-    plane, screen = u * u + v * v, 2 * (delta * delta).sum(-1)
-    rho = torch.where(hit, torch.minimum(plane, screen), screen)
-    raw = p.opacity[:, None] * torch.exp(-rho / 2)
-    alpha = torch.where(raw >= ALPHA_MIN, raw.clamp_max(ALPHA_MAX), 0.0)
-    T = torch.cumprod(1 - alpha, 0)
-
-    def close(a, b, band):
-        return (a - b).abs() <= band * b
-
-    counted = raw > 0.9 * ALPHA_MIN
-    jump = close(raw, ALPHA_MIN, 20 * near) | close(raw, ALPHA_MAX, near)
-    jump |= counted & (close(T, TRANSMITTANCE_MIN, 20 * near) | close(T, 0.5, near))
-    jump |= counted & hit & close(plane, screen, 10 * near)
-    jump |= counted & close(0.05 * den, p.depth[:, None], near)
-    edge = (torch.einsum("ni,ni->n", *_cosine(surfels, cam_from_world, order)).abs() - 1e-3).abs() < 1e-6
-    jump |= counted & edge[:, None]
-    if len(order) > 1:
-        tie = torch.diff(p.depth) < 2e-7 * p.depth[1:]
-        jump[1:] |= counted[1:] & counted[:-1] & tie[:, None]
-    return jump.any(0).reshape(height, width)
-
-
-def _cosine(surfels, cam_from_world, order):
-    centers = surfels.centers[order] @ cam_from_world[:3, :3].T + cam_from_world[:3, 3]
-    normals = (cam_from_world[:3, :3] @ rotation_matrices(surfels.rotations[order]))[:, :, 2]
-    return normals, centers / centers.norm(dim=-1, keepdim=True)
 
 
 def differentiate(render, surfels, K, cam_from_world, width, height, weights, dtype):
@@ -75,39 +29,6 @@ def differentiate(render, surfels, K, cam_from_world, width, height, weights, dt
     names = [*Surfels._fields, "K", "cam_from_world", "background", "center_px"]
     gradients = torch.autograd.grad(total, [*surfels, K, pose, background, center_px])
     return images, dict(zip(names, gradients, strict=True))
-
-
-def assert_close(name, actual, expected):
-    """|a - b| <= 1e-4 (|b| + the tensor's root mean square)."""
-    assert torch.isfinite(actual).all(), name
-    scale = expected.abs() + expected.pow(2).mean().sqrt()
-    error = (actual.double() - expected).abs()
-    worst = (error / scale.clamp_min(1e-30)).max().item() if error.max() > 1e-9 else 0.0
-    assert worst <= TOLERANCE, f"{name}: relative error {worst:.1e}"
-
-
-def test_images_and_gradients_equal_the_reference(hard_scene):
-    surfels, K, cam_from_world, width, height = hard_scene
-    exact = Surfels(*(x.double() for x in surfels))
-    smooth = ~near_a_jump(exact, K.double(), cam_from_world.double(), width, height)
-    assert smooth.float().mean() > 0.93 or smooth.numel() == 1
-    g = torch.Generator().manual_seed(1)
-    shapes = [
-        (height, width, 3),
-        (height, width),
-        (height, width),
-        (height, width),
-        (height, width, 3),
-        (height, width),
-    ]
-    weights = [torch.randn(s, generator=g) * (smooth[..., None] if len(s) == 3 else smooth) for s in shapes]
-    view = (K, cam_from_world, width, height, weights)
-    expected, expected_gradients = differentiate(reference.render, surfels, *view, torch.float64)
-    actual, gradients = differentiate(splat.render, surfels, *view, torch.float32)
-    for name, a, b in zip(expected._fields, actual, expected, strict=True):
-        assert_close(name, a[smooth], b[smooth])
-    for name, gradient in gradients.items():
-        assert_close("gradient of " + name, gradient, expected_gradients[name])
 
 
 @pytest.mark.parametrize("threads", [2, 3, 5])
@@ -144,10 +65,11 @@ def test_no_visible_pixel_is_lost(seed, distance, scale, floor):
     surfels = Surfels(center, rotation, scales, torch.rand(1, generator=g) * 0.9 + 0.05, torch.zeros(1, 1, 3))
     K = torch.tensor([[60.0, 0, 40.2], [0, 60.0, 29.5], [0, 0, 1]])
     exact = Surfels(*(x.double() for x in surfels))
-    smooth = ~near_a_jump(exact, K.double(), torch.eye(4).double(), 80, 60)
+    scene = HardScene(surfels, K, torch.eye(4).double(), 80, 60)
+    kept = smooth(pairs_of(scene), scene)
     expected = reference.render(exact, K.double(), torch.eye(4).double(), 80, 60)
     actual = splat.render(surfels, K, torch.eye(4), 80, 60)
-    lost = ((expected.alpha > 0) != (actual.alpha > 0)) & smooth
+    lost = ((expected.alpha > 0) != (actual.alpha > 0)) & kept
     assert not lost.any(), f"{int(lost.sum())} pixels differ"
 
 

@@ -111,7 +111,8 @@ def overlap(
     """
     cameras = [frame.camera for frame in frames]
     step = max(1, max(camera.width for camera in cameras) // COLUMNS)
-    sampled = [_subsampled(depths[frame.name], step).copy() for frame in frames]  # not views of the whole maps
+    # copies: not views of the whole maps. A depth that is not finite is none; it would spoil all views' sums
+    sampled = [np.nan_to_num(_subsampled(depths[frame.name], step), posinf=0.0, neginf=0.0) for frame in frames]
     height, width = (max(2, *(part.shape[axis] for part in sampled)) for axis in (0, 1))
     depth = np.zeros((len(frames), height, width), dtype=np.float32)
     normal, region_normal = (np.zeros((*depth.shape, 3), dtype=np.float32) for _ in range(2))

@@ -26,6 +26,7 @@ R2_INLINE Surfel<double> load_surfel(const SurfelArrays& s, int64_t i) {
 // The four side planes of the view, through the camera's centre, normals inwards, for a quick test of spheres.
 struct Frustum {
   float R[9], t[3], near;
+  float shift;  // |t|: what rounding can do to a place follows from it and from the place
   float left[2], right[2], top[2], bottom[2];  // (x or y, z) of the unit normal
 };
 R2_INLINE void side_plane(double slope, double sign, float* plane) {
@@ -37,6 +38,7 @@ Frustum frustum_of(const View& view) {
   for (int k = 0; k < 9; ++k) f.R[k] = static_cast<float>(view.R[k]);
   for (int k = 0; k < 3; ++k) f.t[k] = static_cast<float>(view.t[k]);
   f.near = static_cast<float>(view.near);
+  f.shift = static_cast<float>(::fabs(view.t[0]) + ::fabs(view.t[1]) + ::fabs(view.t[2]));
   const double margin = 4;  // pixels, for the screen-space filter
   side_plane((-margin - view.cx) / view.fx, 1, f.left);
   side_plane((view.width + margin - view.cx) / view.fx, -1, f.right);
@@ -57,8 +59,10 @@ R2_INLINE uint32_t maybe_seen(const SurfelArrays& s, const Frustum& f, int64_t i
   const f8 px = f.R[0] * x + f.R[1] * y + f.R[2] * z + f.t[0];
   const f8 py = f.R[3] * x + f.R[4] * y + f.R[5] * z + f.t[1];
   const f8 pz = f.R[6] * x + f.R[7] * y + f.R[8] * z + f.t[2];
-  const f8 reach = -3.34f * scale - 1e-4f * pz;
-  const i8 seen = (pz >= 0.999f * f.near) & (opacity >= kAlphaMin) & (f.left[0] * px + f.left[1] * pz >= reach) &
+  // far from the world's origin the sums above lose digits: kilometres away, millimetres
+  const f8 lost = 1e-6f * (vmax(x, -x) + vmax(y, -y) + vmax(z, -z) + f.shift);
+  const f8 reach = -3.34f * scale - 1e-4f * pz - lost;
+  const i8 seen = (pz >= 0.999f * f.near - lost) & (opacity >= kAlphaMin) & (f.left[0] * px + f.left[1] * pz >= reach) &
                   (f.right[0] * px + f.right[1] * pz >= reach) & (f.top[0] * py + f.top[1] * pz >= reach) &
                   (f.bottom[0] * py + f.bottom[1] * pz >= reach);
   uint32_t bits = 0;
@@ -131,7 +135,7 @@ void project(const View& view, const SurfelArrays& s, int64_t begin, int64_t end
       if (!(seen >> k & 1)) continue;
       const Surfel<double> surfel = load_surfel(s, i);
       const Axes<double> axes = axes_of(surfel);
-      // a zero quaternion and scales that are not positive have no disc
+      // a quaternion of no norm (kept in step with splat/constants.py) and scales that are not positive have no disc
       if (!(axes.inverse_norm > 0 && axes.inverse_norm < 1e30 && surfel.su > 0 && surfel.sv > 0)) continue;
       const Projected<double> o = project(surfel, axes, view);
       if (!o.front) continue;

@@ -1,0 +1,130 @@
+"""Hard cases: the corpus of `room2dgs bench numerics` within its bounds, and new cases drawn at random."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from room2dgs import cli, splat
+from room2dgs.bench.numerics import compare as comparing
+from room2dgs.bench.numerics.alternatives import choices
+from room2dgs.bench.numerics.compare import compare
+from room2dgs.bench.numerics.invariances import invariances
+from room2dgs.bench.numerics.scenes import ILL_CONDITIONED, SCENES, HardScene, intrinsics, pose, random_surfels
+from room2dgs.bench.numerics.stages import STAGES
+from room2dgs.bench.numerics.terms import TERMS, compare_term
+from room2dgs.losses import depth_prior
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Of torch: its tensors are small here."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_kernels_equal_the_float64_reference(name):
+    scene = SCENES[name]()
+    found = compare(scene, name in ILL_CONDITIONED)
+    assert found.passed, found
+    assert found.left_out < 0.05  # what lies beside jumps is not compared
+    still = invariances(scene)
+    assert still.within(found.bound), still
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_terms_equal_themselves_in_float64(name):
+    found = compare_term(TERMS[name])
+    assert found.passed, found
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_stages_survive_where_there_is_nothing_to_go_by(name):
+    found = STAGES[name]()
+    assert found.passed, found
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    unit=st.floats(-3, 3),
+    distance=st.floats(0, 5),
+    size=st.floats(-3, 1),
+    stretch=st.floats(0, 3),
+    opacity=st.sampled_from([(0.0, 0.01), (0.01, 0.99), (0.98, 1.0)]),
+    focal=st.floats(0, 3),
+    angle=st.floats(0, 3.1),
+    from_origin=st.sampled_from([0.0, 10.0, 1e4]),
+)
+def test_cases_drawn_at_random(seed, unit, distance, size, stretch, opacity, focal, angle, from_origin):
+    """Any unit, distance, size, shape, opacity, focal length and place, all at once; exponents of ten."""
+    unit = 10.0**unit
+    surfels = random_surfels(40, seed, (0.3, 1.0), distance, opacity=opacity)
+    scales = surfels.scales * 10**size
+    scales[:, 0] *= 10**-stretch
+    turned = pose(angle, t=(0.1, -0.05, 0.2))
+    away = unit * from_origin * torch.tensor([0.8, -0.6, 0.05], dtype=torch.float64)
+    turned[:3, 3] = unit * turned[:3, 3] - turned[:3, :3] @ away
+    centers = (unit * (surfels.centers.double() @ turned[:3, :3]) + away).float()
+    K = intrinsics(10**focal, 1.1 * 10**focal, 13.3, 9.1)
+    scene = HardScene(surfels._replace(centers=centers, scales=unit * scales), K, turned, 29, 19, 0.05 * unit)
+    found = compare(scene)
+    assert found.passed, found
+
+
+@pytest.mark.parametrize(("image", "factor"), [("depth", 1 + 3e-4), ("distortion", 0.999)])
+def test_a_kernel_that_is_a_little_wrong_fails(monkeypatch, image, factor):
+    right = splat.render
+
+    def wrong(*args, **options):
+        out = right(*args, **options)
+        return out._replace(**{image: getattr(out, image) * factor})
+
+    monkeypatch.setattr(splat, "render", wrong)
+    found = compare(SCENES["ordinary"]())
+    assert not found.passed and found.finite
+
+
+def test_the_chosen_forms_are_the_better_ones():
+    """Needles by three planes, and the distortion of a far wall by running sums."""
+    needles, far = choices(SCENES["needles"]()), choices(SCENES["at 100 m"]())
+    assert 10 * needles.opacity[0] < needles.opacity[1]
+    assert far.distortion[0] < 1e-5 and far.distortion[1] > 0.1
+
+
+def test_rounding_does_not_push_depth_that_is_right():
+    """float32's steps have signs; by the gradient term's L1 they would push as hard as real edges."""
+    depth = 2 + torch.rand(30, 40, generator=torch.Generator().manual_seed(1))
+    prior = (depth.double() * 0.3).float()
+    leaf = depth.requires_grad_()
+    ones = torch.ones(30, 40)
+    depth_prior.depth_prior_loss(leaf, ones, prior, ones.bool()).backward()
+    real = torch.rand(30, 40, generator=torch.Generator().manual_seed(2)) * 1e-3
+    other = (depth.detach() + real).requires_grad_()
+    depth_prior.depth_prior_loss(other, ones, prior, ones.bool()).backward()
+    assert leaf.grad.abs().max() < 1e-4 * other.grad.abs().max()
+
+
+def test_the_command_prints_writes_and_judges(tmp_path, capsys, monkeypatch):
+    out, page = tmp_path / "sub" / "n.json", tmp_path / "n.md"
+    command = ["bench", "numerics", "--quick", "--only", "pixel", "--json", str(out), "--markdown", str(page)]
+    assert cli.main(command) == 0
+    said = capsys.readouterr().out
+    assert "within their bounds" in said and "commit" in said and "one pixel" in page.read_text()
+    found = json.loads(out.read_text())
+    assert {row["case"] for row in found["raster"]} == {"one pixel", "below a pixel"}
+    assert found["machine"]["cores"] and found["failed"] == []
+    assert found["raster"][0]["gradients"].keys() == set(comparing.GRADIENTS)
+
+    monkeypatch.setattr(comparing, "TOLERANCE", 0.0)
+    assert cli.main([*command[:4], "one pixel"]) == 1
+    assert "beyond them: one pixel" in capsys.readouterr().out
+    assert cli.main(["bench", "numerics", "--only", "nonsense"]) == 2
+    assert "nonsense" in capsys.readouterr().err
