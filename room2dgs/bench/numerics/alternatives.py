@@ -23,7 +23,8 @@ class Choices(NamedTuple):
     Attributes:
         opacity: absolute error of exp(-rho / 2) of counted hits on the disc: centre form, three planes.
         depth: relative error of their depth: centre form, three planes.
-        distortion: error of the distortion over its largest value in the image: shifted form, running sums.
+        distortion: error of the distortion over its largest value in the image (absolute where that is 0): shifted
+            form, running sums.
     """
 
     opacity: tuple[float, float]
@@ -46,7 +47,7 @@ def choices(scene: HardScene) -> Choices | None:
         z.append(((found - depth[on_plane]) / depth[on_plane]).abs().nan_to_num(nan=1.0, posinf=1.0).max().item())
     w, z64 = blended(pairs, depth)
     exact = shifted(w, z64)
-    largest = exact.max().clamp_min(1e-300)
+    largest = exact.max() if exact.any() else 1.0
     errors = [
         ((form(w.float(), z64.float()).double() - exact).abs().max() / largest).item() for form in (shifted, sums)
     ]
