@@ -25,6 +25,7 @@ VERBS = {
     "mesh": "mesh an earlier run (again)",
     "eval": "score an earlier run, or any mesh against a ground truth",
     "render": "pictures of an earlier run's views beside the photos",
+    "view": "walk through an earlier run in a browser",
     "report": "one page of an earlier run that opens in any browser",
     "export": "an earlier run for other programs: splats, GLB, COLMAP, depth maps and more",
     "plan": "floor, ceiling and walls of an earlier run by name: a floor plan with dimensions",

@@ -30,7 +30,21 @@ FLOW = (
     ),
     *("report",),
     *("config", "geometry", "captures", "sfm", "stereo", "priors", "seeds", "splat", "losses", "train", "mesh"),
-    *("eval", "runs", "prepare", "export", "plan", "bench", "study", "tools", "doctor", "commands", "cli", "__main__"),
+    *(
+        "eval",
+        "runs",
+        "prepare",
+        "export",
+        "plan",
+        "viewer",
+        "bench",
+        "study",
+        "tools",
+        "doctor",
+        "commands",
+        "cli",
+        "__main__",
+    ),
 )
 # `eval` is a library of its own: these alone.
 EVAL_NEEDS = {"errors", "files", "json_files", "config", "geometry", "captures", "mesh", "eval"}

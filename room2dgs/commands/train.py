@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.settings_help import asked_for_help, show
@@ -12,6 +12,9 @@ from room2dgs.config import Config
 from room2dgs.logs import Log, run_log
 from room2dgs.runs.folder import POINTS, claimed, new_run
 from room2dgs.runs.metrics import peak_memory_mb, record, stale, timed
+
+if TYPE_CHECKING:
+    from room2dgs.train import Hook
 
 # of the surfels before a run went on
 IMAGE_SCORES = ("psnr_db", "ssim", "test_views")
@@ -41,6 +44,7 @@ def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict
     from room2dgs.train import train
 
     use_threads(config)
+    watchers = _watchers(config)
     for note in scene.notes:
         log(note)
     for dropped in scene.dropped:
@@ -51,7 +55,7 @@ def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict
     with timed(seconds, "priors"):
         priors = read_priors(scene, points, config, out, log)
     with timed(seconds, "train"):
-        result = train(scene, points, config, out, log, priors.by_frame)
+        result = train(scene, points, config, out, log, priors.by_frame, watchers)
     # The loop's own clock also has what an interrupted run took before it was resumed.
     seconds["train"] = max(seconds["train"], round(sum(result.seconds.values()), 3))
     part: dict[str, Any] = {
@@ -66,3 +70,11 @@ def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict
         "training_seconds": result.seconds,
     }
     record(out, part, seconds)
+
+
+def _watchers(config: Config) -> list[Hook]:
+    if not config.train.viewer:
+        return []
+    from room2dgs.viewer.hook import ShowTraining
+
+    return [ShowTraining()]

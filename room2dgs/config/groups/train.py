@@ -59,6 +59,7 @@ class TrainConfig:
     test_every: Int = Field(ge=0, description="iterations between two evaluations of the held-out views (0: none)")
     checkpoint_every: Int = Field(ge=1, description="iterations between two checkpoints")
     keep_checkpoints: Int = Field(ge=1, description="the last ones are kept")
+    viewer: bool = Field(description="show the run in a browser on this machine while it trains (needs viser)")
     tensorboard: bool = Field(description="write curves for TensorBoard")
 
     @model_validator(mode="after")

@@ -1,0 +1,1 @@
+"""A run to walk through in a browser: our rasterizer on the CPU draws, viser shows."""

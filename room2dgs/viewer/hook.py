@@ -1,0 +1,40 @@
+"""A run while it trains, in a browser: `train.viewer=true`."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from room2dgs.eval.upright import up_axis
+from room2dgs.train.trainer import Hook, Iteration, Trainer
+from room2dgs.viewer.server import Viewer, found_viser
+
+EVERY_S = 1.0  # surfels are copied no more often, and only while somebody looks
+FPS = 5.0  # pictures take time from the training
+
+
+class ShowTraining(Hook):
+    """Serves the surfels as they are; nothing that it does changes the run's result."""
+
+    def __init__(self) -> None:
+        found_viser()  # before hours of work, not after them
+
+    def on_start(self, trainer: Trainer) -> None:
+        cameras = [frame.camera for frame in trainer.scene.train]
+        self.viewer = Viewer(trainer.surfels(), up_axis(cameras, np.zeros((0, 3))), fps=FPS)
+        self.viewer.look_from(cameras[0])
+        self.viewer.start()
+        self._shown = time.monotonic()
+        trainer.log(f"watch the training at {self.viewer.url}")
+
+    def after_step(self, trainer: Trainer, iteration: Iteration) -> None:
+        now = time.monotonic()
+        if self.viewer.watched and now - self._shown >= EVERY_S:
+            self._shown = now
+            self.viewer.show(trainer.surfels())
+            self.viewer.say(f"iteration {iteration.done} of {trainer.config.train.iterations}")
+
+    def on_end(self, trainer: Trainer) -> None:
+        if hasattr(self, "viewer"):
+            self.viewer.stop()

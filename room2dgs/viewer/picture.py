@@ -1,0 +1,87 @@
+"""One picture of a viewer, and what lies under a point of it; nothing here knows of a server."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.camera_tensors import view_matrices
+from room2dgs.geometry.poses import inverse_pose, rigid_pose
+from room2dgs.runs.pictures import depth_picture, normal_picture
+from room2dgs.splat import render
+from room2dgs.splat.types import Surfels
+
+KINDS = ("colour", "depth", "normals")
+MIN_ALPHA = 0.5  # less covered pixels have no depth
+BACKGROUND = (0.1, 0.1, 0.1)
+PROBE = 9  # pixels across the small picture that a click is looked up in
+PROBE_HALF = 0.004  # tangent of half its opening
+
+
+class Picture(NamedTuple):
+    """What a camera sees.
+
+    Attributes:
+        pixels: (H, W, 3) uint8.
+        depth: (H, W) float32 z-depth, metres; 0 = nothing there.
+    """
+
+    pixels: np.ndarray
+    depth: np.ndarray
+
+
+def picture(surfels: Surfels, camera: Camera, kind: str, near_m: float = 0.05) -> Picture:
+    """Draw colour, depth or normals.
+
+    Raises:
+        ValueError: another kind.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"{kind!r} is none of {', '.join(KINDS)}")
+    with torch.no_grad():
+        view = render(
+            surfels,
+            *view_matrices(camera),
+            *camera.size,
+            background=torch.tensor(BACKGROUND),
+            near_m=near_m,
+            with_normal=kind == "normals",
+            with_distortion=False,
+        )
+    covered = (view.alpha >= MIN_ALPHA).numpy()
+    depth = np.where(covered, view.median_depth.numpy(), 0).astype(np.float32)
+    if kind == "depth":
+        pixels = depth_picture(depth, covered)
+    elif kind == "normals":
+        pixels = normal_picture(view.normal.numpy(), camera, covered)
+    else:
+        pixels = np.round(view.color.clamp(0, 1).numpy() * 255).astype(np.uint8)
+    return Picture(pixels, depth)
+
+
+def camera_at(wxyz: np.ndarray, position: np.ndarray, fov: float, size: tuple[int, int]) -> Camera:
+    """A camera as viser has it: world from camera, OpenCV axes, upright opening in radians; size in pixels."""
+    from scipy.spatial.transform import Rotation
+
+    rotation = Rotation.from_quat(np.asarray(wxyz, np.float64), scalar_first=True).as_matrix()
+    width, height = size
+    focal = height / 2 / np.tan(fov / 2)
+    K = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])
+    return Camera(K, width, height, inverse_pose(rigid_pose(rotation, np.asarray(position, np.float64))))
+
+
+def hit(surfels: Surfels, origin: np.ndarray, direction: np.ndarray, near_m: float = 0.05) -> np.ndarray | None:
+    """(3,) metres: the surface along a ray, from a tiny picture around it; None: nothing is there."""
+    forward = np.asarray(direction, np.float64) / np.linalg.norm(direction)
+    beside = np.cross(forward, np.eye(3)[np.abs(forward).argmin()])
+    beside /= np.linalg.norm(beside)
+    rotation = np.stack([beside, np.cross(forward, beside), forward])  # rows: the camera's axes
+    focal = PROBE / 2 / PROBE_HALF
+    K = np.array([[focal, 0, PROBE / 2], [0, focal, PROBE / 2], [0, 0, 1.0]])
+    origin = np.asarray(origin, np.float64)
+    camera = Camera(K, PROBE, PROBE, rigid_pose(rotation, -rotation @ origin))
+    depth = float(picture(surfels, camera, "colour", near_m).depth[PROBE // 2, PROBE // 2])
+    return origin + depth * forward if depth > 0 else None

@@ -1,0 +1,313 @@
+"""The server: a browser's camera in, our pictures out; meshes, seeds and cameras are drawn by the browser over them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from room2dgs.errors import InputError
+from room2dgs.geometry.camera import Camera
+from room2dgs.logs import Log
+from room2dgs.splat.types import Surfels
+from room2dgs.viewer.pace import Pace
+from room2dgs.viewer.picture import KINDS, camera_at, hit, picture
+
+LOOPBACK = "127.0.0.1"
+NAMES_OF_LOOPBACK = (LOOPBACK, "localhost", "::1")
+STILL_S = 0.3  # so long after its last move a camera stands: then the picture is drawn at full size
+WIDEST = 1280  # pixels of a picture that stands
+MOVING_QUALITY, STILL_QUALITY = 70, 90  # of the JPEGs
+MESH, ERROR = "mesh", "error"
+BEHIND_M, FAR_M = 0.03, 1e4  # seeds on a surface are not hidden by it; nothing is hidden where there is none
+LINE = 0.03  # of a camera's size: the thickness of its frame
+MARK_M = 0.015  # radius of a measured point
+
+
+@dataclass
+class Eye:
+    """One browser's window: what it wants to see, and what it was shown last.
+
+    Attributes:
+        client: viser's handle.
+        moved: when its camera moved last, `time.monotonic`.
+        drawn: what was drawn last: (number of the surfels, kind, moved, still).
+    """
+
+    client: Any
+    pace: Pace
+    moved: float = 0.0
+    drawn: tuple = ()
+    marks: list = field(default_factory=list)
+
+
+class Viewer:
+    """Shows surfels to every browser that connects; `start` it, and `stop` it.
+
+    Args:
+        surfels: to begin with; `show` replaces them.
+        up: (3,) unit, world.
+        host, port: where it listens; another port if that one is taken. Another host than the loopback lets everyone
+            who reaches this machine look.
+        fps: wanted while a camera moves.
+
+    Raises:
+        InputError: viser is missing, or the address cannot be used.
+    """
+
+    def __init__(
+        self, surfels: Surfels, up: np.ndarray, host: str = LOOPBACK, port: int = 8080, fps: float = 15.0
+    ) -> None:
+        viser = found_viser()
+        self._surfels, self._number, self._fps = surfels, 0, fps
+        try:
+            self._server = viser.ViserServer(host=host, port=port, label="room2dgs", verbose=False)
+        except OSError as error:
+            raise InputError(
+                f"{host}:{port} cannot be listened at ({error.strerror}); give another host= or port="
+            ) from error
+        # viser can open a tunnel to the outside when any browser asks for it: not from here
+        self._server.request_share_url = lambda *_, **__: None
+        self._server.gui.configure_theme(show_share_button=False, show_logo=False)
+        self._server.scene.set_up_direction(tuple(float(x) for x in up))
+        self.host, self.port = host, self._server.get_port()
+        self._eyes: dict[int, Eye] = {}
+        self._drawing = threading.Lock()
+        self._wake, self._ended = threading.Event(), threading.Event()
+        self._thread: threading.Thread | None = None
+        self._meshes: dict[str, Any] = {}
+        self._server.scene.on_click()(self._clicked)
+        self._server.on_client_connect(self._connected)
+        self._server.on_client_disconnect(self._gone)
+        self._controls()
+
+    @property
+    def url(self) -> str:
+        """Where a browser finds it."""
+        return f"http://{self.host}:{self.port}"
+
+    @property
+    def watched(self) -> bool:
+        """Whether any browser is connected."""
+        return bool(self._eyes)
+
+    def start(self) -> None:
+        """Draw from now on, in a thread."""
+        self._thread = threading.Thread(target=self._loop, name="viewer", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread and the server; what browsers show stays as it is."""
+        self._ended.set()
+        self._wake.set()
+        if self._thread is not None:
+            self._thread.join()
+        self._server.stop()
+
+    def show(self, surfels: Surfels) -> None:
+        """Other surfels, from the next picture on."""
+        self._surfels, self._number = surfels, self._number + 1
+        self._wake.set()
+
+    def say(self, line: str) -> None:
+        """A line among the controls."""
+        self._said.content = line
+
+    def look_from(self, camera: Camera) -> None:
+        """Where browsers that connect begin."""
+        centre = camera.centre
+        self._server.initial_camera.position = tuple(centre)
+        self._server.initial_camera.look_at = tuple(centre + camera.forward)
+
+    def add_mesh(self, name: str, vertices: np.ndarray, faces: np.ndarray, colors: np.ndarray) -> None:
+        """A mesh that `name` (MESH, ERROR) in the list of pictures shows; colours (N, 3) uint8."""
+        import trimesh
+
+        made = trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)
+        self._meshes[name] = self._server.scene.add_mesh_trimesh(f"/{name}", made, visible=False)
+        self._kind.options = (*KINDS, *self._meshes)
+
+    def add_seeds(self, positions: np.ndarray, size_m: float) -> None:
+        """Points (N, 3), metres."""
+        points = self._server.scene.add_point_cloud(
+            "/seeds",
+            positions.astype(np.float32),
+            (230, 120, 30),
+            point_size=size_m,
+            precision="float32",
+            visible=False,
+        )
+        self._switch("seeds", [points])
+
+    def add_cameras(self, cameras: Sequence[Camera], photos: Sequence[np.ndarray], size_m: float) -> None:
+        """Frames of the cameras, with small photos (h, w, 3) uint8 in them; a click on one leads there."""
+        from scipy.spatial.transform import Rotation
+
+        bare, filled = [], []
+        for index, (camera, photo) in enumerate(zip(cameras, photos, strict=True)):
+            fov = 2 * np.arctan(camera.height / 2 / camera.K[1, 1])
+            wxyz = Rotation.from_matrix(camera.rotation.T).as_quat(scalar_first=True)
+            common = {
+                "scale": size_m,
+                "thickness": LINE * size_m,
+                "wxyz": wxyz,
+                "position": camera.centre,
+                "visible": False,
+            }
+            aspect = camera.width / camera.height
+            bare.append(self._server.scene.add_camera_frustum(f"/cameras/{index}", fov, aspect, **common))
+            filled.append(self._server.scene.add_camera_frustum(f"/photos/{index}", fov, aspect, image=photo, **common))
+            for handle in (bare[-1], filled[-1]):
+                handle.on_click(lambda event, wxyz=wxyz, at=camera.centre: _go(event.client, wxyz, at))
+        self._switch("cameras", bare)
+        self._switch("photos", filled)
+
+    def draw(self) -> int:
+        """One picture for each browser that wants one; how many were drawn."""
+        drawn = 0
+        with self._drawing:
+            for eye in list(self._eyes.values()):
+                drawn += self._draw(eye)
+        return drawn
+
+    def _controls(self) -> None:
+        gui = self._server.gui
+        self._kind = gui.add_dropdown("show", KINDS, initial_value=KINDS[0])
+        self._kind.on_update(lambda _: self._chosen())
+        rate = gui.add_slider("pictures a second", 2, 30, 1, min(max(round(self._fps), 2), 30))
+        rate.on_update(lambda _: self._paced(rate.value))
+        self._measure = gui.add_checkbox("measure: click two points", False)
+        self._measure.on_update(lambda _: self._clear())
+        self._said = gui.add_markdown("")
+
+    def _switch(self, label: str, handles: Sequence[Any]) -> None:
+        box = self._server.gui.add_checkbox(label, False)
+
+        def switched(_: Any) -> None:
+            with self._server.atomic():
+                for handle in handles:
+                    handle.visible = box.value
+            self._again()
+
+        box.on_update(switched)
+
+    def _chosen(self) -> None:
+        for name, mesh in self._meshes.items():
+            mesh.visible = self._kind.value == name
+        self._again()
+
+    def _again(self) -> None:
+        for eye in list(self._eyes.values()):
+            eye.drawn = ()
+        self._wake.set()
+
+    def _paced(self, fps: float) -> None:
+        for eye in self._eyes.values():
+            eye.pace.fps = fps
+
+    def _connected(self, client: Any) -> None:
+        eye = Eye(client, Pace(self._fps), time.monotonic())
+        self._eyes[client.client_id] = eye
+
+        def moved(_: Any) -> None:
+            eye.moved = time.monotonic()
+            self._wake.set()
+
+        client.camera.on_update(moved)
+        self._wake.set()
+
+    def _gone(self, client: Any) -> None:
+        self._eyes.pop(client.client_id, None)
+
+    def _loop(self) -> None:
+        while not self._ended.is_set():
+            self._wake.wait(STILL_S / 2)
+            self._wake.clear()
+            while not self._ended.is_set() and self.draw():
+                pass
+
+    def _draw(self, eye: Eye) -> bool:
+        kind, moved, number = self._kind.value, eye.moved, self._number
+        still = time.monotonic() - moved > STILL_S
+        if eye.drawn == (number, kind, moved, still):
+            return False
+        eye.drawn = (number, kind, moved, still)
+        scene = eye.client.scene
+        if kind not in KINDS:  # the browser draws it
+            scene.set_background_image(None)
+            return False
+        camera = eye.client.camera
+        widest = min(camera.image_width or WIDEST, WIDEST)
+        aspect = max(float(camera.aspect), 0.1)
+        size = (widest, max(1, round(widest / aspect))) if still else eye.pace.size(aspect, widest)
+        start = time.perf_counter()
+        seen = picture(self._surfels, camera_at(camera.wxyz, camera.position, camera.fov, size), kind)
+        eye.pace.took(size, time.perf_counter() - start)
+        # what the browser draws is hidden behind surfaces by their depth; it costs more to send than the picture
+        depth = np.where(seen.depth > 0, seen.depth + BEHIND_M, FAR_M)[..., None] if still else None
+        quality = STILL_QUALITY if still else MOVING_QUALITY
+        scene.set_background_image(seen.pixels, format="jpeg", jpeg_quality=quality, depth=depth)
+        return True
+
+    def _clicked(self, event: Any) -> None:
+        eye = self._eyes.get(event.client_id)
+        if eye is None or not self._measure.value:
+            return
+        point = hit(self._surfels, np.array(event.ray_origin), np.array(event.ray_direction))
+        if point is None:
+            self.say("Nothing was reconstructed there.")
+            return
+        if len(eye.marks) >= 2:
+            self._clear()
+        eye.marks.append(point)
+        self.say("Now the second point.")
+        scene = self._server.scene
+        index = len(eye.marks)
+        scene.add_icosphere(f"/measured/{index}", radius=MARK_M, color=(194, 24, 91), position=tuple(point))
+        if index == 2:
+            one, other = eye.marks
+            words = distance_in_words(one, other)
+            scene.add_line_segments("/measured/line", np.stack([one, other])[None], (194, 24, 91), thickness=MARK_M / 2)
+            scene.add_label("/measured/words", words, position=tuple((one + other) / 2))
+            self.say(f"Distance: {words}")
+
+    def _clear(self) -> None:
+        for eye in self._eyes.values():
+            eye.marks.clear()
+        for name in ("1", "2", "line", "words"):
+            self._server.scene.remove_by_name(f"/measured/{name}")
+        self.say("")
+
+
+def found_viser() -> Any:
+    """The module.
+
+    Raises:
+        InputError: it is missing.
+    """
+    try:
+        import viser
+    except ImportError as error:
+        raise InputError("viser is missing; install it with: pip install 'room2dgs[view]'") from error
+    return viser
+
+
+def distance_in_words(one: np.ndarray, other: np.ndarray) -> str:
+    """Between two points in metres, to the millimetre."""
+    return f"{np.linalg.norm(np.asarray(other) - np.asarray(one)):.3f} m"
+
+
+def warn_of_host(host: str, log: Log) -> None:
+    """Says so where others can look."""
+    if host not in NAMES_OF_LOOPBACK:
+        log(f"WARNING: everyone who reaches this machine at {host} can look; leave host= out for this machine alone")
+
+
+def _go(client: Any, wxyz: np.ndarray, position: np.ndarray) -> None:
+    with client.atomic():
+        client.camera.wxyz = wxyz
+        client.camera.position = position

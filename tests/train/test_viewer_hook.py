@@ -1,0 +1,32 @@
+"""train.viewer=true: a server while it trains, and the same bits as without."""
+
+from __future__ import annotations
+
+import pytest
+
+from room2dgs.config import load_config
+from room2dgs.train import load_surfels, train
+
+pytest.importorskip("viser", reason="viser is missing (the extra `view`)")
+
+
+def test_a_run_that_is_watched_gives_the_same_bits_and_its_server_ends(capture, tmp_path, monkeypatch):
+    from room2dgs.viewer import hook
+
+    scene, points = capture
+    monkeypatch.setattr(hook, "EVERY_S", 0.0)
+    monkeypatch.setattr(hook.Viewer, "watched", True)
+    shown, ended = [], []
+    monkeypatch.setattr(hook.Viewer, "show", lambda self, surfels: shown.append(len(surfels.centers)))
+    stop = hook.Viewer.stop
+    monkeypatch.setattr(hook.Viewer, "stop", lambda self: (ended.append(True), stop(self)))
+    said = []
+    paths = []
+    for name, hooks in (("alone", []), ("watched", [hook.ShowTraining()])):
+        out = tmp_path / name
+        config = load_config([f"scene.path={tmp_path}", f"out={out}", "train.iterations=6", "train.tensorboard=false"])
+        paths.append(train(scene, points, config, out, said.append, hooks=hooks).surfels_path)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    assert len(shown) == 6 and ended == [True]
+    assert shown[-1] == len(load_surfels(paths[1]).centers)
+    assert [line for line in said if "watch the training at http://127.0.0.1:" in line]

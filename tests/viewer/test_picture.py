@@ -1,0 +1,59 @@
+"""What a viewer draws and finds, and how it keeps its pace; no server, no browser."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from room2dgs.viewer.pace import LEAST, Pace
+from room2dgs.viewer.picture import KINDS, camera_at, hit, picture
+
+UPRIGHT = np.array([1.0, 0, 0, 0])
+FOV = np.radians(60)
+
+
+def test_each_kind_shows_the_wall(wall_surfels):
+    camera = camera_at(UPRIGHT, np.zeros(3), FOV, (96, 64))
+    seen = {kind: picture(wall_surfels, camera, kind) for kind in KINDS}
+    for one in seen.values():
+        assert one.pixels.shape == (64, 96, 3) and one.pixels.dtype == np.uint8
+        assert np.abs(one.depth[32, 20:70] - 2.0).max() < 1e-3
+    color = seen["colour"].pixels
+    assert color[32, 30].argmax() == 0 and color[32, 66].argmax() == 2
+    assert np.abs(seen["normals"].pixels[32, 30].astype(int) - (128, 128, 255)).max() <= 2  # towards the camera
+    with pytest.raises(ValueError, match="error"):
+        picture(wall_surfels, camera, "error")
+
+
+def test_a_camera_is_as_viser_means_it():
+    turn = Rotation.from_euler("y", 90, degrees=True)  # looks along +x of the world
+    camera = camera_at(turn.as_quat(scalar_first=True), np.array([1.0, 2, 3]), FOV, (200, 100))
+    assert np.allclose(camera.forward, [1, 0, 0]) and np.allclose(camera.centre, [1, 2, 3])
+    top, _ = camera.project(np.array([2.0, 2 - np.tan(FOV / 2), 3]))  # at half the opening above the axis
+    assert np.allclose(top, [100, 0])
+
+
+def test_a_click_finds_the_surface_along_any_ray(wall_surfels):
+    origin = np.array([0.3, -0.2, 0.1])
+    for target in ([-1.0, 0.4, 2.0], [0.7, -0.6, 2.0], [0.3, -0.2, 2.0]):
+        found = hit(wall_surfels, origin, 7.0 * (np.array(target) - origin))
+        assert np.linalg.norm(found - target) < 2e-3
+    assert hit(wall_surfels, origin, np.array([0, 0, -1.0])) is None
+
+
+def test_pictures_become_as_large_as_the_rate_allows():
+    pace = Pace(10.0)
+    for _ in range(60):
+        size = pace.size(4 / 3, 4000)
+        pace.took(size, size[0] * size[1] * 1e-6)  # a microsecond a pixel: 100,000 pixels in a tenth of a second
+    assert 0.9e5 < size[0] * size[1] < 1.1e5
+    assert abs(size[0] / size[1] - 4 / 3) < 0.02
+    before = size[0]
+    pace.fps = 20.0
+    assert before / 1.3 < pace.size(4 / 3, 4000)[0] < before  # step by step
+    for _ in range(60):
+        size = pace.size(4 / 3, 4000)
+        pace.took(size, 1.0)  # however slow it gets
+    assert size[0] == LEAST
+    assert pace.size(4 / 3, 50)[0] <= LEAST

@@ -1,0 +1,112 @@
+"""The server with a client that speaks viser's protocol: pictures arrive, clicks measure, only the loopback listens."""
+
+from __future__ import annotations
+
+import socket
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from room2dgs.viewer.server import Viewer, distance_in_words, found_viser, warn_of_host
+
+pytest.importorskip("viser", reason="viser is missing (the extra `view`)")
+client_of = pytest.importorskip("websockets.sync.client")
+
+
+@contextmanager
+def serving(surfels, **options):
+    viewer = Viewer(surfels, np.array([0, -1.0, 0]), port=_free_port(), fps=20, **options)
+    try:
+        viewer.start()
+        yield viewer
+    finally:
+        viewer.stop()
+
+
+@contextmanager
+def connected(viewer):
+    import viser
+
+    protocol = f"viser-v{viser.__version__}"
+    with client_of.connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[protocol], max_size=None) as socket_:
+        yield socket_
+
+
+def send(socket_, message) -> None:
+    import msgspec
+
+    socket_.send(msgspec.msgpack.encode(message.as_serializable_dict()))
+
+
+def moved_to(x: float):
+    from viser import _messages
+
+    return _messages.ViewerCameraMessage(
+        (1.0, 0, 0, 0), (x, 0.0, 0.0), 1.0, 0.01, 100.0, 120, 160, (x, 0.0, 1.0), (0.0, -1.0, 0.0)
+    )
+
+
+def clicked_along(direction):
+    from viser import _messages
+
+    return _messages.ScenePointerMessage("click", (0.0, 0, 0), direction, ((0.5, 0.5),), None)
+
+
+def until(condition, seconds: float = 20.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "nothing came of it"
+        time.sleep(0.02)
+
+
+def _free_port() -> int:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+def test_a_client_is_shown_what_it_looks_at_and_can_measure(wall_surfels):
+    with serving(wall_surfels) as viewer:
+        assert viewer.url.startswith("http://127.0.0.1:") and not viewer.watched
+        with connected(viewer) as socket_:
+            send(socket_, moved_to(0.0))
+            until(lambda: viewer.watched)
+            (eye,) = viewer._eyes.values()
+            until(lambda: eye.drawn and eye.drawn[-1])  # it stands: drawn at full size
+            first = eye.drawn
+            send(socket_, moved_to(0.1))
+            until(lambda: eye.drawn != first and eye.drawn[-1])
+            viewer.show(wall_surfels)
+            until(lambda: eye.drawn[0] == 1)
+            viewer._measure.value = True
+            send(socket_, clicked_along((0.0, 0.0, 1.0)))
+            until(lambda: len(eye.marks) == 1)
+            send(socket_, clicked_along((-0.5, 0.0, 1.0)))
+            until(lambda: "1.000 m" in viewer._said.content)  # from (0, 0, 2) to (-1, 0, 2)
+        until(lambda: not viewer.watched)
+    with pytest.raises(OSError):
+        socket.create_connection(("127.0.0.1", viewer.port), timeout=1)
+
+
+def test_nobody_can_open_a_tunnel_and_only_the_loopback_listens(wall_surfels):
+    with serving(wall_surfels) as viewer:
+        assert viewer._server.request_share_url() is None and viewer._server._share_tunnel is None
+        assert viewer._server.get_host() == "127.0.0.1"
+        others = {one[4][0] for one in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)}
+        for address in others - {"127.0.0.1", "127.0.1.1"}:
+            with pytest.raises(OSError):
+                socket.create_connection((address, viewer.port), timeout=1)
+
+
+def test_another_host_is_warned_of():
+    said = []
+    for host in ("127.0.0.1", "localhost", "0.0.0.0"):
+        warn_of_host(host, said.append)
+    assert len(said) == 1 and "0.0.0.0" in said[0]
+
+
+def test_distances_are_said_to_the_millimetre():
+    assert distance_in_words(np.zeros(3), np.array([0.3, 0.4, 1.2])) == "1.300 m"
+    assert found_viser().__name__ == "viser"
