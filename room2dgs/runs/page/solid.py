@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from room2dgs.eval.shading import CLAY
 from room2dgs.mesh.io import read_mesh
+from room2dgs.mesh.simplify import decimated
 from room2dgs.runs.page.packing import packed, stepped
 
 FINE = 4  # times the wanted triangles: what is beyond is first joined on a grid, which takes no time
@@ -40,30 +41,35 @@ class Solid(NamedTuple):
 
 
 def solid(mesh: trimesh.Trimesh, faces: int) -> Solid:
-    """The mesh with at most so many triangles, with the layers "color" and "shape"."""
+    """The mesh with at most about so many triangles, with the layers "color" and "shape"."""
+    if len(mesh.faces) > FINE * faces:
+        mesh = _joined(mesh, float(np.sqrt(mesh.area / (FINE * faces))))
+    if len(mesh.faces) > faces:
+        mesh = decimated(mesh, faces)
+    colors = np.tile(np.round(CLAY * 255).astype(np.uint8), (len(mesh.vertices), 1))
+    layers = {"color": colors, "shape": colors}
+    if mesh.visual.kind == "vertex":
+        layers["color"] = np.asarray(mesh.visual.vertex_colors)[:, :3].astype(np.uint8)
+    normals = np.asarray(mesh.vertex_normals, np.float64)
+    return Solid(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64), normals, layers)
+
+
+def _joined(mesh: trimesh.Trimesh, side_m: float) -> trimesh.Trimesh:
+    """Vertices in the same cell of a grid are one."""
     import open3d as o3d
 
-    colors = np.tile(CLAY, (len(mesh.vertices), 1))
-    if mesh.visual.kind == "vertex":
-        colors = np.asarray(mesh.visual.vertex_colors)[:, :3] / 255
     made = o3d.geometry.TriangleMesh(
         o3d.utility.Vector3dVector(np.asarray(mesh.vertices, np.float64)),
         o3d.utility.Vector3iVector(np.asarray(mesh.faces, np.int32)),
     )
-    made.vertex_colors = o3d.utility.Vector3dVector(np.ascontiguousarray(colors))
-    if len(mesh.faces) > FINE * faces:
-        side = np.sqrt(mesh.area / (FINE * faces))
-        made = made.simplify_vertex_clustering(max(side, 1e-6))
-    if len(made.triangles) > faces:
-        made = made.simplify_quadric_decimation(faces)
+    if mesh.visual.kind == "vertex":
+        colors = np.asarray(mesh.visual.vertex_colors)[:, :3] / 255
+        made.vertex_colors = o3d.utility.Vector3dVector(colors)
+    made = made.simplify_vertex_clustering(max(side_m, 1e-6))
     made.remove_degenerate_triangles()
     made.remove_unreferenced_vertices()
-    made.compute_vertex_normals()
-    color = np.round(np.clip(np.asarray(made.vertex_colors), 0, 1) * 255).astype(np.uint8)
-    grey = np.broadcast_to(np.round(CLAY * 255).astype(np.uint8), color.shape)
-    layers = {"color": color, "shape": grey}
-    triangles = np.asarray(made.triangles, np.int64)
-    return Solid(np.asarray(made.vertices).copy(), triangles, np.asarray(made.vertex_normals).copy(), layers)
+    colors = np.round(np.asarray(made.vertex_colors) * 255).astype(np.uint8) if made.has_vertex_colors() else None
+    return trimesh.Trimesh(np.asarray(made.vertices), np.asarray(made.triangles), vertex_colors=colors, process=False)
 
 
 def with_error(one: Solid, error_file: Path) -> Solid:
