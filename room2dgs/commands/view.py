@@ -91,7 +91,7 @@ def _add_meshes(viewer: Viewer, out: Path) -> None:
 
     if not (out / MESH).is_file():
         return
-    room = with_error(solid(read_mesh(out / MESH), FACES), out / "eval" / "error.ply")
+    room = with_error(solid(read_mesh(out / MESH), FACES), out)
     for name, layer in ((SHOWN_MESH, "color"), (ERROR, "error")):
         if layer in room.layers:
             viewer.add_mesh(name, room.vertices, room.faces, room.layers[layer])

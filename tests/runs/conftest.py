@@ -31,6 +31,7 @@ iteration 20/20: held-out PSNR 22.50 dB
 WARNING: <b>the normals</b> are poor
 """
 METRICS = {
+    "protocol": "area",
     "f_score_5cm": 0.625,
     "psnr_db": 19.0,
     "test_views": {"0": {}},

@@ -53,7 +53,7 @@ def test_a_hole_is_found_and_the_rim_is_none(make):
     cameras = [looking_down(make, x) for x in (-0.1, 0, 0.1)]
     (hole,) = spots(room, coverage(room, cameras), [Photo("p", cameras[0])])
     assert np.allclose(hole.at, 0, atol=0.05)
-    assert "a hole of 1.4 m" in hole.words  # a square of 1 m, from corner to corner
+    assert "A hole of 1.4 m" in hole.words  # a square of 1 m, from corner to corner
 
 
 def test_a_surface_seen_only_at_a_slant_is_named(make):

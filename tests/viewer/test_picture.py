@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from room2dgs.errors import InputError
 from room2dgs.viewer.pace import LEAST, Pace
 from room2dgs.viewer.picture import KINDS, camera_at, hit, picture
+from room2dgs.viewer.server import found_viser
 
 UPRIGHT = np.array([1.0, 0, 0, 0])
 FOV = np.radians(60)
+
+
+def test_without_viser_a_sentence_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(InputError, match=r"pip install 'room2dgs\[view\]'"):
+        found_viser()
 
 
 def test_each_kind_shows_the_wall(wall_surfels):

@@ -8,7 +8,14 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+import trimesh
 
+from room2dgs.commands.view import viewer_of
+from room2dgs.config import load_config
+from room2dgs.eval.pictures import error_mesh
+from room2dgs.eval.surface import Surface
+from room2dgs.mesh.io import write_mesh
+from room2dgs.train import save_surfels
 from room2dgs.viewer.server import Viewer, distance_in_words, found_viser, warn_of_host
 
 pytest.importorskip("viser", reason="viser is missing (the extra `view`)")
@@ -110,3 +117,22 @@ def test_another_host_is_warned_of():
 def test_distances_are_said_to_the_millimetre():
     assert distance_in_words(np.zeros(3), np.array([0.3, 0.4, 1.2])) == "1.300 m"
     assert found_viser().__name__ == "viser"
+
+
+def test_a_run_is_shown_with_its_mesh_its_error_and_its_cameras(wall, wall_surfels, tmp_path):
+    config = load_config([f"scene.path={wall}", f"out={tmp_path}"])
+    save_surfels(tmp_path / "surfels.safetensors", wall_surfels, {})
+    mesh = trimesh.load(wall / "gt_mesh.ply", process=False)
+    write_mesh(tmp_path / "mesh.ply", mesh)
+    write_mesh(tmp_path / "eval" / "error.ply", error_mesh(mesh, Surface(mesh), 0.05))
+    kinds = []
+    for scores in ("{}", '{"protocol": "area"}'):  # the error of an earlier mesh is not this one's
+        (tmp_path / "metrics.json").write_text(scores)
+        viewer = viewer_of(config, "127.0.0.1", _free_port(), 15)
+        kinds.append(viewer._kind.options)
+        names = {
+            name for name in viewer._server.scene._handle_from_node_name if name.startswith(("/cameras/", "/photos/"))
+        }
+        viewer.stop()
+        assert len(names) == 16
+    assert kinds == [("colour", "depth", "normals", "mesh"), ("colour", "depth", "normals", "mesh", "error")]

@@ -87,7 +87,7 @@ def spots(room: Solid, seen: Coverage, frames: Sequence[Frame]) -> list[Spot]:
         for at, area in _patches(room, bad):
             found.append(Spot(at, sentence.format(area=area) + _beside(at, frames)))
     for at, across in _holes(room):
-        sentence = f"a hole of {across:.1f} m: film into it, slowly, with its edges in the picture"
+        sentence = f"A hole of {across:.1f} m: film into it, slowly, with its edges in the picture"
         found.append(Spot(at, sentence + _beside(at, frames)))
     return found
 

@@ -13,7 +13,7 @@ TRAIN_PSNR = re.compile(r"(?:^|, )PSNR ([\d.]+) dB")
 TEST_PSNR = re.compile(r"^held-out PSNR ([\d.]+) dB")
 COUNT = re.compile(r", (\d+) surfels")
 COLORS = ("#1565c0", "#c2185b")
-LEFT, RIGHT, TOP, BOTTOM = 40.0, 310.0, 10.0, 150.0  # of the drawing
+LEFT, RIGHT, TOP, BOTTOM = 56.0, 310.0, 10.0, 150.0  # of the drawing
 PSNR, HELD_OUT, SURFELS, WHOLE = "PSNR, dB", "held-out views", "surfels", "loss"
 
 Line = dict[int, float]
@@ -63,8 +63,8 @@ def drawings(curves: Mapping[str, Mapping[str, Line]]) -> list[dict[str, Any]]:
         drawn.append(
             {
                 "title": title,
-                "top": f"{high:.4g}",
-                "bottom": f"{low:.4g}",
+                "top": _number(high),
+                "bottom": _number(low),
                 "first": min(steps),
                 "last": max(steps),
                 "lines": [
@@ -74,6 +74,10 @@ def drawings(curves: Mapping[str, Mapping[str, Line]]) -> list[dict[str, Any]]:
             }
         )
     return drawn
+
+
+def _number(value: float) -> str:
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
 def _points(line: Line, steps: tuple[int, int], values: tuple[float, float]) -> str:

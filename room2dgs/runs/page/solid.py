@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from room2dgs.eval.shading import CLAY
 from room2dgs.mesh.io import read_mesh
 from room2dgs.mesh.simplify import decimated
+from room2dgs.runs.metrics import earlier
 from room2dgs.runs.page.packing import packed, stepped
 
 FINE = 4  # times the wanted triangles: what is beyond is first joined on a grid, which takes no time
@@ -72,9 +73,11 @@ def _joined(mesh: trimesh.Trimesh, side_m: float) -> trimesh.Trimesh:
     return trimesh.Trimesh(np.asarray(made.vertices), np.asarray(made.triangles), vertex_colors=colors, process=False)
 
 
-def with_error(one: Solid, error_file: Path) -> Solid:
-    """With the layer "error", if the mesh was scored: colours of eval/error.ply, each vertex its nearest."""
-    if not error_file.is_file():
+def with_error(one: Solid, out: Path) -> Solid:
+    """With the layer "error", if the run's mesh was scored: colours of eval/error.ply, each vertex its nearest."""
+    error_file = out / "eval" / "error.ply"
+    # meshing anew takes the scores out of metrics.json; the picture of the earlier mesh's error stays on the disk
+    if not error_file.is_file() or earlier(out).get("protocol") is None:
         return one
     scored = read_mesh(error_file)
     nearest = cKDTree(np.asarray(scored.vertices)).query(one.vertices)[1]

@@ -26,7 +26,7 @@ KINDS = (
     ("normals", "normals"),
     ("trust", "where depth was trusted"),
 )
-WIDTH = 480  # pixels of a picture
+LONGEST = 480  # pixels of a picture
 MIN_ALPHA = 0.5  # less covered pixels are drawn black in depth and normals
 FULL = 0.25  # of the brightest: a difference from here on is red
 Rendered = Callable[[Iterable[Frame]], Iterator[tuple[Frame, "Rendering"]]]
@@ -70,6 +70,8 @@ def _view(frame: Frame, view: Rendering, sort: str, trusted: Trust | None) -> di
 
 def _small(picture: np.ndarray) -> np.ndarray:
     height, width = picture.shape[:2]
-    if width <= WIDTH:
+    scale = LONGEST / max(height, width)
+    if scale >= 1:
         return picture
-    return cv2.resize(picture, (WIDTH, max(1, round(height * WIDTH / width))), interpolation=cv2.INTER_AREA)
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    return cv2.resize(picture, size, interpolation=cv2.INTER_AREA)

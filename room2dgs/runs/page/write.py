@@ -91,7 +91,7 @@ def _room(scene: Scene, config: Config, out: Path) -> tuple[Solid | None, Covera
     room = solid(read_mesh(out / MESH), config.report.faces)
     if not len(room.faces):
         return None, None, []
-    room = with_error(room, out / "eval" / "error.ply")
+    room = with_error(room, out)
     seen = coverage(room, [frame.camera for frame in scene.train])
     return with_photos(room, seen.photos), seen, spots(room, seen, scene.frames)
 
