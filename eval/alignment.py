@@ -16,7 +16,7 @@ from room2dgs.geometry.poses import inverse_pose
 
 LEAST_PHOTOS = 4
 SAMPLES = 20_000  # of each surface
-ROUNDS = 60
+ROUNDS = 40
 REACH_M = (0.5, 0.03)  # what counts as the same surface, from the first round to the last
 LEAST_MET = 0.3  # of the prediction
 STILL = 1e-7

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import struct
+import subprocess
+import sys
 import zipfile
+import zlib
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -115,3 +120,60 @@ def test_an_entry_that_is_larger_than_it_may_be_is_not_unpacked(tmp_path: Path):
     with pytest.raises(InputError, match="300 MiB"):
         Archive(path, "keyframes/").read("keyframes/x")
     shutil.rmtree(tmp_path)
+
+
+SENS_GB, SENS_PART = 5, 4 << 20  # of the whole file, and of what follows a photo in each frame
+
+
+@pytest.mark.slow
+def test_a_sens_of_5_gb_is_read_frame_by_frame(written, tmp_path):
+    """Sparse on the disk: behind each photo lie 4 MB of zeros, which decoders leave alone."""
+    small = (written("sens") / "scene0000_00.sens").read_bytes()
+    header, pose = bytearray(small[: 12 + 15 + 4 * 64 + 36]), small[12 + 15 + 4 * 64 + 36 :][:64]
+    width, height = 640, 480
+    header[-28:-12] = struct.pack("<4I", width, height, 16, 12)
+    header[12 + 15 : 12 + 15 + 64] = np.array(
+        [[600.0, 0, 319.5, 0], [0, 600, 239.5, 0], [0, 0, 1, 0], [0, 0, 0, 1]], "<f4"
+    ).tobytes()
+    header[12 + 15 + 128 : 12 + 15 + 192] = np.array(
+        [[15.0, 0, 7.5, 0], [0, 15, 5.5, 0], [0, 0, 1, 0], [0, 0, 0, 1]], "<f4"
+    ).tobytes()
+    frames = (SENS_GB << 30) // SENS_PART
+    header[-8:] = struct.pack("<Q", frames)
+    photo = cv2.imencode(".jpg", np.full((height, width, 3), 99, np.uint8))[1].tobytes()
+    depth = zlib.compress(np.full((12, 16), 1500, "<u2").tobytes())
+    path = tmp_path / "large.sens"
+    with path.open("wb") as file:
+        file.write(header)
+        for index in range(frames):
+            file.write(pose + struct.pack("<4Q", index, index, len(photo) + SENS_PART, len(depth)) + photo)
+            file.seek(SENS_PART, os.SEEK_CUR)
+            file.write(depth)
+    assert path.stat().st_size > SENS_GB << 30
+    code = f"""
+import resource
+from room2dgs.config import load_config
+from room2dgs.captures.read import read_scene
+scene = read_scene(load_config(["scene.path={path}", "out=unused", "scene.frames=12", "scene.test_every=0"]).scene)
+assert len(scene.frames) == 12 and scene.frames[-1].index > 1200
+assert abs(scene.frames[-1].depth().max() - 1.5) < 1e-6 and scene.frames[5].color()[0, 0, 0] == 99
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    path.unlink()
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout.split()[-1]) < 700  # MB
+
+
+def test_a_frame_that_claims_gigabytes_is_refused_before_it_is_read(written, default_config):
+    from dataclasses import replace
+
+    path = written("sens") / "scene0000_00.sens"
+    data = bytearray(path.read_bytes())
+    place = 12 + 15 + 4 * 64 + 36 + 64 + 16
+    data[place : place + 8] = struct.pack("<Q", 3 << 30)
+    with path.open("wb") as file:
+        file.write(data)
+        file.truncate(4 << 30)
+    with pytest.raises(InputError, match="3221225472 bytes for 96x72 pixels"):
+        read_scene(replace(default_config.scene, path=str(path)))

@@ -30,6 +30,8 @@ JPEG_OR_PNG = (1, 2)
 RAW_U16, ZLIB_U16 = 0, 1
 FRAME_HEADER = struct.Struct("<16f4Q")
 MAX_NAME, MAX_SIDE = 4096, 1 << 15
+# Bytes of a pixel that no JPEG, PNG or zlib of noise needs, and what their headers may take.
+MOST_PER_PIXEL, MOST_BESIDE = 16, 1 << 20
 
 
 class _Header(NamedTuple):
@@ -127,6 +129,9 @@ def _scanned(path: Path) -> tuple[_Header, list[_Place]]:
                 start = file.tell()
                 if color + depth > size - start:
                     raise _damaged(path, f"it ends in frame {index} of {header.frames}")
+                for part, (width, height) in ((color, header.color), (depth, header.depth)):
+                    if part > MOST_PER_PIXEL * width * height + MOST_BESIDE:
+                        raise _damaged(path, f"frame {index} has {part} bytes for {width}x{height} pixels")
                 pose = np.array(numbers, np.float64).reshape(4, 4)
                 places.append(_Place((start, color), (start + color, depth), pose))
                 file.seek(start + color + depth)
