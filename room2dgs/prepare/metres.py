@@ -23,8 +23,9 @@ MOST_PHOTOS = 60
 NETWORK_SIGMA = 0.3
 SENSOR_SIGMA = 0.01
 HEIGHT_SIGMA = 0.03  # of where the floor is found
-FLOOR_BINS = 60  # between the cameras and twice the points' median depth below them
-FLOOR_SHARE = 0.25  # of the fullest level's points: the lowest level with so many is the floor
+FLOOR_BINS = 60  # of the heights from the cameras down to the lowest points
+FLOOR_PEAK = 4.0  # times as full as the levels around it: the lowest such level is the floor
+FLOOR_SHARE = 0.03  # of all points below the cameras
 
 DepthOf = Callable[[Frame], tuple[np.ndarray, np.ndarray] | None]
 
@@ -140,7 +141,7 @@ def scale_by_length(
 
 
 def height_over_floor(xyz: np.ndarray, centres: np.ndarray) -> float | None:
-    """How far the cameras are over the lowest level that many points lie in; None without one.
+    """How far the cameras are over the lowest level that points crowd in; None without one.
 
     Args:
         xyz, centres: (P, 3) points and (N, 3) cameras, z up, any unit.
@@ -152,17 +153,18 @@ def height_over_floor(xyz: np.ndarray, centres: np.ndarray) -> float | None:
     reach = float(np.quantile(below, 0.98)) * 1.1
     counts, edges = np.histogram(below[below < reach], FLOOR_BINS, (0.0, reach))
     smooth = np.convolve(counts, [0.5, 1.0, 0.5], "same")
-    levels = [
-        i
-        for i in range(1, FLOOR_BINS)
-        if smooth[i] >= FLOOR_SHARE * smooth.max()
-        and smooth[i] >= smooth[i - 1]
-        and (i + 1 == FLOOR_BINS or smooth[i] >= smooth[i + 1])
-    ]
+    levels = [i for i in range(1, FLOOR_BINS - 1) if _stands_out(smooth, i) and smooth[i] >= FLOOR_SHARE * len(below)]
     if not levels:
         return None
     near = np.abs(below - (edges[levels[-1]] + edges[levels[-1] + 1]) / 2) < 1.5 * (edges[1] - edges[0])
     return float(np.median(below[near]))
+
+
+def _stands_out(smooth: np.ndarray, i: int) -> bool:
+    """A level is fuller than those around it, not counting those next to it."""
+    around = np.concatenate([smooth[max(0, i - 8) : max(0, i - 2)], smooth[i + 3 : i + 9]])
+    peak = smooth[i] >= smooth[i - 1] and smooth[i] >= smooth[i + 1]
+    return bool(peak and smooth[i] > FLOOR_PEAK * np.median(around))
 
 
 def _metres(text: str) -> float:

@@ -105,7 +105,7 @@ def test_a_length_that_cannot_be_is_refused(length, said):
 
 def test_the_floor_is_the_lowest_full_level_not_the_table_nor_stray_points():
     rng = np.random.default_rng(0)
-    floor = np.c_[rng.uniform(-2, 2, (400, 2)), rng.normal(0, 0.01, 400)]
+    floor = np.c_[rng.uniform(-2, 2, (120, 2)), rng.normal(0, 0.01, 120)]
     table = np.c_[rng.uniform(-1, 1, (700, 2)), rng.normal(0.75, 0.01, 700)]
     walls = np.c_[rng.uniform(-2, 2, (500, 2)), rng.uniform(0, 2.5, 500)]
     stray = np.c_[rng.uniform(-2, 2, (6, 2)), rng.uniform(-3, -0.5, 6)]
