@@ -11,6 +11,7 @@ import numpy as np
 from room2dgs.files import whole_file
 
 SIDE, MARGIN = 900, 60
+VIEW_PX = 32  # of the line that shows where a camera looks
 INSIDE = (0.02, 0.98)  # quantiles of the points that the picture shows
 
 
@@ -25,9 +26,7 @@ def draw_path(
         weak: (N,).
         metric: whether a bar of 1 m means something.
     """
-    low, high = np.quantile(xyz[:, :2], INSIDE, axis=0) if len(xyz) else centres[:, :2].min(0), centres[:, :2].max(0)
-    if len(xyz):
-        low, high = np.quantile(xyz[:, :2], INSIDE[0], axis=0), np.quantile(xyz[:, :2], INSIDE[1], axis=0)
+    low, high = np.quantile(xyz[:, :2] if len(xyz) else centres[:, :2], INSIDE, axis=0)
     low, high = np.minimum(low, centres[:, :2].min(0)), np.maximum(high, centres[:, :2].max(0))
     scale = (SIDE - 2 * MARGIN) / max(float((high - low).max()), 1e-9)
 
@@ -36,16 +35,9 @@ def draw_path(
         place[:, 1] = SIDE - place[:, 1]
         return place.round().astype(int)
 
-    picture = np.full((SIDE, SIDE, 3), 255, np.uint8)
-    inside = pixel(xyz)
-    inside = inside[((inside >= 0) & (inside < SIDE)).all(axis=1)]
-    dark = np.zeros((SIDE, SIDE), np.float32)
-    np.add.at(dark, (inside[:, 1], inside[:, 0]), 1.0)
-    dark = cv2.GaussianBlur(dark, (0, 0), 1.0)
-    picture[:] = (
-        255 - 150 * np.minimum(1, dark / max(float(np.quantile(dark[dark > 0], 0.95)), 1e-6) if len(inside) else dark)
-    )[..., None].astype(np.uint8)
-    ends = pixel(centres + 0.35 * np.median(np.linalg.norm(xyz - centres.mean(0), axis=1)) * 0.3 * forwards)
+    picture = np.repeat(_shade(pixel(xyz))[..., None], 3, axis=2)
+    length = VIEW_PX / scale
+    ends = pixel(centres + length * forwards)
     places = pixel(centres)
     colors = cv2.applyColorMap(np.linspace(20, 235, len(places)).astype(np.uint8)[None], cv2.COLORMAP_PLASMA)[0]
     for index in range(1, len(places)):
@@ -64,3 +56,13 @@ def draw_path(
         cv2.putText(picture, "1 m", (MARGIN, y - 8), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
     with whole_file(path) as temporary:
         temporary.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
+
+
+def _shade(places: np.ndarray) -> np.ndarray:
+    """(SIDE, SIDE) uint8: white, the darker the more points lie there."""
+    places = places[((places >= 0) & (places < SIDE)).all(axis=1)]
+    dark = np.zeros((SIDE, SIDE), np.float32)
+    np.add.at(dark, (places[:, 1], places[:, 0]), 1.0)
+    dark = cv2.GaussianBlur(dark, (0, 0), 1.0)
+    most = float(np.quantile(dark[dark > 0], 0.95)) if len(places) else 1.0
+    return (255 - 150 * np.minimum(1, dark / most)).astype(np.uint8)
