@@ -15,7 +15,7 @@ from room2dgs.mesh.simplify import decimated
 from room2dgs.runs.metrics import earlier
 from room2dgs.runs.page.packing import packed, stepped
 
-FINE = 4  # times the wanted triangles: what is beyond is first joined on a grid, which takes no time
+FINE = 2  # times the wanted triangles: what is beyond is first joined on a grid, which takes no time
 # photos that see a place, from so many on -> colour and words
 SEEN = (
     (0, (0.75, 0.10, 0.10), "by no photo or one"),
