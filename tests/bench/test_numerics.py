@@ -11,13 +11,16 @@ from hypothesis import strategies as st
 
 from room2dgs import cli, splat
 from room2dgs.bench.numerics import compare as comparing
+from room2dgs.bench.numerics import tradeoff
 from room2dgs.bench.numerics.alternatives import choices
 from room2dgs.bench.numerics.compare import compare
 from room2dgs.bench.numerics.invariances import invariances
 from room2dgs.bench.numerics.scenes import ILL_CONDITIONED, SCENES, HardScene, intrinsics, pose, random_surfels
 from room2dgs.bench.numerics.stages import STAGES
 from room2dgs.bench.numerics.terms import TERMS, compare_term
+from room2dgs.bench.numerics.variants import EXACT, ROOT, VARIANTS
 from room2dgs.losses import depth_prior
+from room2dgs.report.table import terminal
 
 
 @pytest.fixture(autouse=True)
@@ -128,3 +131,39 @@ def test_the_command_prints_writes_and_judges(tmp_path, capsys, monkeypatch):
     assert "beyond them: one pixel" in capsys.readouterr().out
     assert cli.main(["bench", "numerics", "--only", "nonsense"]) == 2
     assert "nonsense" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("variant", [EXACT, *VARIANTS], ids=lambda v: f"{v.part} {v.name}")
+def test_variants_of_the_kernels_edit_what_is_there(variant):
+    """A change of the sources that leaves a variant without its place would leave its row without a meaning."""
+    for edit in variant.edits:
+        assert (ROOT / edit.file).read_text(encoding="utf-8").count(edit.old) == 1, edit.old
+    assert variant.edits or variant.isa
+
+
+def test_the_tradeoffs_rows_are_errors_against_the_exact_build(tmp_path, monkeypatch):
+    """Without a compiler: the "builds" are files that name a made-up result."""
+
+    class Builder:
+        def __init__(self, folder):
+            folder.mkdir()
+
+        def library(self, variant, keep):
+            return tmp_path / (variant.name or "shipped")
+
+    def run(library, out, isa):
+        factor = {"none of them": 1.0, "shipped": 1.001}.get(library.name, 1.01)
+        depth = torch.full((2, 3), 2.0)
+        images = [factor * torch.ones(2, 3, 3), torch.ones(2, 3), factor * depth]
+        torch.save({"images": images, "gradients": [factor * torch.ones(5), torch.ones(4)]}, out)
+        return {"forward": factor * 2, "backward": factor * 3}
+
+    monkeypatch.setattr(tradeoff, "Builder", Builder)
+    monkeypatch.setattr(tradeoff, "_run", run)
+    rows = tradeoff.tradeoff(tmp_path / "builds", "1e-2")
+    assert [row["variant"] for row in rows] == ["shipped", "1e-2"]
+    assert rows[1]["forward"] == pytest.approx(1.01 / 1.001) and rows[0]["forward"] == 1
+    assert [row["color"] for row in rows] == pytest.approx([0.001, 0.01], rel=1e-3)
+    assert [row["depth"] for row in rows] == pytest.approx([0.001, 0.01], rel=1e-3)
+    assert [row["gradient"] for row in rows] == pytest.approx([0.001, 0.01], rel=1e-3)
+    assert "1e-2" in terminal(tradeoff.tradeoff_table(rows))

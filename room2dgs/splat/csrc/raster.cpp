@@ -92,26 +92,31 @@ void RasterFrame::list_tiles() {
   tile_begin.grow(tiles + 1);
   block_counts.grow(blocks * tiles);
   const int tiles_x = camera.tiles_x();
-  auto for_tiles = [&](int64_t block, auto&& visit) {
+  placed.grow(visible);
+  auto for_tiles = [&](const Placed& p, auto&& visit) {
+    uint32_t entry = p.entry;
+    for (int row = 0; row < p.rows; ++row)
+      for (int x = p.spans[row].x0; x < p.spans[row].x1; ++x) visit((p.row + row) * tiles_x + x, Item{p.record, entry++});
+  };
+  parallel_for(blocks, [&](int64_t block, int) {
     const int64_t begin = block * kListBlock, end = std::min(begin + kListBlock, visible);
+    uint32_t* counts = block_counts.data() + block * tiles;
+    std::fill(counts, counts + tiles, 0u);
+    // depth order is no order in memory: what a surfel needs is asked for well before, its spans once it is known
+    // where they are
+    auto spans_of = [&](uint32_t surfel) { return spans[surfel / kProjectBlock].data() + extents[surfel].span; };
     for (int64_t k = begin; k < end; ++k) {
-      if (k + kPrefetch < end) {  // depth order is no order in memory
-        const uint32_t ahead = order[k + kPrefetch].index;
+      if (k + 2 * kPrefetch < end) {
+        const uint32_t ahead = order[k + 2 * kPrefetch].index;
         __builtin_prefetch(&extents[ahead]);
         __builtin_prefetch(&first_entry[ahead]);
       }
+      if (k + kPrefetch < end) __builtin_prefetch(spans_of(order[k + kPrefetch].index));
       const uint32_t surfel = order[k].index;
       const Extent& extent = extents[surfel];
-      const Span* span = spans[surfel / kProjectBlock].data() + extent.span;
-      uint32_t entry = first_entry[surfel];
-      for (int row = 0; row < extent.rows; ++row)
-        for (int x = span[row].x0; x < span[row].x1; ++x) visit((extent.row + row) * tiles_x + x, Item{extent.record, entry++});
+      placed[k] = {spans_of(surfel), extent.record, first_entry[surfel], extent.row, extent.rows};
+      for_tiles(placed[k], [&](int tile, Item) { ++counts[tile]; });
     }
-  };
-  parallel_for(blocks, [&](int64_t block, int) {
-    uint32_t* counts = block_counts.data() + block * tiles;
-    std::fill(counts, counts + tiles, 0u);
-    for_tiles(block, [&](int tile, Item) { ++counts[tile]; });
   });
   uint32_t total = 0;
   for (int64_t tile = 0; tile < tiles; ++tile) {
@@ -121,8 +126,12 @@ void RasterFrame::list_tiles() {
   tile_begin[tiles] = total;
   items.grow(total);
   parallel_for(blocks, [&](int64_t block, int) {
+    const int64_t begin = block * kListBlock, end = std::min(begin + kListBlock, visible);
     uint32_t* next = block_counts.data() + block * tiles;
-    for_tiles(block, [&](int tile, Item item) { items[next[tile]++] = item; });
+    for (int64_t k = begin; k < end; ++k) {
+      if (k + kPrefetch < end) __builtin_prefetch(placed[k + kPrefetch].spans);
+      for_tiles(placed[k], [&](int tile, Item item) { items[next[tile]++] = item; });
+    }
   });
 }
 

@@ -80,6 +80,13 @@ struct RasterFrame {
     uint32_t key, index;
   };
   Buffer<Keyed> order, order_scratch;
+  // Visible surfels in depth order, as the tile lists need them: read in a row, where `extents` lie scattered.
+  struct Placed {
+    const Span* spans;
+    uint32_t record, entry;
+    uint16_t row, rows;
+  };
+  Buffer<Placed> placed;
   Buffer<Item> items;
   Buffer<float> transmittance, first_z, m1, m2, entry_sums;
   Buffer<int32_t> last, median;
