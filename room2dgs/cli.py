@@ -28,6 +28,7 @@ VERBS = {
     "view": "walk through an earlier run in a browser",
     "report": "one page of an earlier run that opens in any browser",
     "export": "an earlier run for other programs: splats, GLB, COLMAP, depth maps and more",
+    "table": "runs and other methods' meshes in the columns of the paper's Table I: CSV, Markdown, HTML, LaTeX",
     "plan": "floor, ceiling and walls of an earlier run by name: a floor plan with dimensions",
     "ablate": "run the method without each of its parts: one table, pictures side by side",
     "doctor": "what is installed here, and what will run on what",

@@ -14,9 +14,12 @@ from room2dgs.runs.metrics import earlier, machine
 from room2dgs.study.ablation import Run
 from room2dgs.study.jobs import Job, batches, executed, finished, study_folder
 from room2dgs.study.launch import of_hydra
+from room2dgs.study.scene_lists import expanded
 from room2dgs.study.suite import JSON, MARKDOWN, Suite, planned, rows_so_far, write_tables
 
-USAGE = "room2dgs bench suite DIR... out=DIR [train.seed=0,1] [KEY=VALUE ...] [hydra/launcher=joblib]"
+USAGE = (
+    "room2dgs bench suite DIR...|scenes=LIST root=DIR out=DIR [train.seed=0,1] [KEY=VALUE ...] [hydra/launcher=joblib]"
+)
 OURS = ("out", "resume")
 
 
@@ -26,14 +29,15 @@ def main(argv: list[str]) -> int:
     Captures with an even number at the end of their name are the half to tune on, those with an odd one the half to
     report. Each run is a `room2dgs run` in out/<capture>/seed_<n>. What is finished is not run again: after a kill or
     a failure the same command goes on. A failed run is named in the table, and the others go on; the exit code is
-    that of the first one's cause. The tables are suite.md and suite.json in `out`.
+    that of the first one's cause. The tables are suite.md and suite.json in `out`. scenes=scannet_paper,
+    scannetpp_paper or scannet_manhattan stands for the scenes of papers in the folder root.
     """
     if asked_for_help(argv):
         return show(USAGE, main.__doc__)
     out = study_folder(argv, JSON)
     hydra_settings = [text for text in argv if of_hydra(text)]
     rest = [text for text in argv if text.partition("=")[0] not in OURS and text not in hydra_settings]
-    scenes, settings = split_scenes(rest)
+    scenes, settings = split_scenes(expanded(rest))
     jobs = planned(scenes, settings, out)
     todo = [job for job in jobs if not finished(job)]
     out.mkdir(parents=True, exist_ok=True)

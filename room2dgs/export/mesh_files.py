@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 from trimesh.visual.material import PBRMaterial
 
+ARRAY, ELEMENTS = 34962, 34963  # what a glTF buffer holds
 SRGB_KNEE = 0.04045
 COLOR = "_COLOR"  # trimesh's name of an attribute that it does not know; glTF's is COLOR_0
 
@@ -83,6 +84,9 @@ def linear(colors: np.ndarray) -> np.ndarray:
 def _named(tree: dict[str, Any]) -> None:
     for mesh in tree["meshes"]:
         for primitive in mesh["primitives"]:
+            for index in primitive["attributes"].values():
+                tree["bufferViews"][tree["accessors"][index]["bufferView"]]["target"] = ARRAY
+            tree["bufferViews"][tree["accessors"][primitive["indices"]]["bufferView"]]["target"] = ELEMENTS
             accessor = primitive["attributes"].pop(COLOR, None)
             if accessor is not None:
                 primitive["attributes"]["COLOR_0"] = accessor

@@ -86,6 +86,12 @@ def _ply(source: Source) -> bytes:
     return ply(source.hand_over)
 
 
+def _textured(source: Source) -> bytes:
+    from room2dgs.export.texture.write import textured_glb
+
+    return textured_glb(source)
+
+
 def _points(source: Source) -> bytes:
     import numpy as np
 
@@ -125,6 +131,7 @@ _ALL = (
     Format("glb", "mesh.glb", "glTF: browsers, Windows, Blender, engines", _file(_glb), ("mesh",)),
     Format("obj", "mesh.obj", "everything", _file(_obj), ("mesh",)),
     Format("ply", "mesh.ply", "MeshLab, CloudCompare, Blender; the capture's own world", _file(_ply), ("mesh",)),
+    Format("textured", "textured.glb", "few faces and a picture, for the web", _file(_textured), ("mesh", "surfels")),
     Format("points", "points.ply", "a point a surfel, with normals: CloudCompare", _file(_points), ("surfels",)),
     Format("depth", "depth", "16-bit PNG, millimetres, a view each", _maps("depth_png", ".png"), ("surfels",)),
     Format("depth_npy", "depth_npy", "float32, metres", _maps("depth_npy", ".npy"), ("surfels",)),

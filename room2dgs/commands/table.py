@@ -1,0 +1,144 @@
+"""`room2dgs table`: runs, and meshes of other methods, in the columns of the paper's Table I."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from room2dgs.commands.eval import ground_truth
+from room2dgs.commands.settings_help import asked_for_help
+from room2dgs.commands.stages import read, with_poses_of_run
+from room2dgs.config import Config
+from room2dgs.errors import InputError
+from room2dgs.files import whole_file
+from room2dgs.json_files import update_json
+from room2dgs.runs.folder import CONFIG, earlier_run, last_value
+from room2dgs.runs.metrics import earlier
+
+if TYPE_CHECKING:
+    from room2dgs.study.score_table import Score
+
+USAGE = "room2dgs table RUN... [out=table] [meshes=DIR] [protocol=NAME] [name=room2dgs]"
+OURS = ("out", "meshes", "protocol", "name")
+MESHES = (".ply", ".obj", ".off", ".stl", ".glb")
+SCORES = "scores"
+
+
+def main(argv: list[str]) -> int:
+    """Write table.csv, table.md, table.html and table.tex of finished runs, with means over the scenes of each dataset.
+
+    RUN is the folder of a run, or a folder of such (of a suite or a multirun). meshes=DIR has the meshes of other
+    methods as DIR/METHOD/SCENE.ply, where SCENE is the name of a run's capture: they are scored as that run was, by its
+    cameras against its truth. What was scored is kept in out/scores and not scored again; what fails is named, and
+    the rest goes on. protocol= is the runs' first unless given.
+    """
+    if asked_for_help(argv):
+        print(f"{USAGE}\n\n{main.__doc__}")
+        return 0
+    unknown = next((text for text in argv if "=" in text and text.partition("=")[0] not in OURS), None)
+    if unknown and not Path(unknown).exists():
+        raise InputError(f"{unknown} is not known here; give runs, and of settings {', '.join(OURS)} alone")
+    given = [text for text in argv if text.partition("=")[0] not in OURS]
+    configs = [earlier_run([f"out={folder}"]) for folder in _runs(given)]
+    protocol = last_value(argv, "protocol") or str(configs[0].eval.protocols[0])
+    out = Path(last_value(argv, "out") or "table").expanduser().absolute()
+    scores = [_of_run(config, last_value(argv, "name") or "room2dgs", protocol) for config in configs]
+    meshes = last_value(argv, "meshes")
+    if meshes:
+        scores += _of_meshes(Path(meshes).expanduser(), configs, protocol, out)
+    title = f"Protocol {protocol}, {configs[0].eval.threshold_m * 100:g} cm"
+    return _written(scores, title, out)
+
+
+def _written(scores: list[Score], title: str, out: Path) -> int:
+    from room2dgs.study.score_table import as_csv, as_html, as_latex, as_markdown
+
+    texts = {"table.csv": as_csv(scores), "table.md": as_markdown(scores, title)}
+    texts |= {"table.html": as_html(scores, title), "table.tex": as_latex(scores, title)}
+    for name, text in texts.items():
+        with whole_file(out / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    print(texts["table.md"])
+    print(f"tables: {out}")
+    return 2 if any(score.failed for score in scores) else 0
+
+
+def _runs(given: list[str]) -> list[Path]:
+    found: list[Path] = []
+    for text in given:
+        folder = Path(text).expanduser()
+        inside = (
+            [folder] if (folder / CONFIG).is_file() else sorted(path.parent for path in folder.glob(f"*/**/{CONFIG}"))
+        )
+        if not inside:
+            raise InputError(f"{folder} holds no run ({CONFIG} is missing); give folders of earlier runs")
+        found += inside
+    if not found:
+        raise InputError("no run is given; name the folders of earlier runs: room2dgs table runs/a runs/b")
+    return list(dict.fromkeys(found))
+
+
+def _of_run(config: Config, name: str, protocol: str) -> Score:
+    from room2dgs.eval.geometry_scores import threshold_name
+    from room2dgs.study.score_table import Score, values_of
+
+    scene = Path(config.scene.path).name
+    metrics = earlier(Path(config.out))
+    values = values_of(metrics, protocol, threshold_name(config.eval.threshold_m))
+    if values is not None:
+        return Score(name, scene, values)
+    why = f"not scored by {protocol}; run `room2dgs eval out={config.out} eval.protocols=[{protocol}]`"
+    return Score(
+        name, scene, {}, why if metrics.get("protocols") else f"not finished or without a ground truth: {config.out}"
+    )
+
+
+def _of_meshes(folder: Path, configs: list[Config], protocol: str, out: Path) -> list[Score]:
+    """Raises InputError if there is none."""
+    by_scene = {Path(config.scene.path).name: config for config in reversed(configs)}
+    files = sorted(path for path in folder.glob("*/*") if path.suffix.lower() in MESHES)
+    if not files:
+        raise InputError(f"{folder} has no meshes; give meshes=DIR with DIR/METHOD/SCENE.ply")
+    from room2dgs.study.score_table import Score
+
+    found = []
+    for path in files:
+        method, scene = path.parent.name, path.stem
+        if scene not in by_scene:
+            found.append(Score(method, scene, {}, f"{path} belongs to no run's capture ({', '.join(by_scene)})"))
+            continue
+        try:
+            values = _scored(path, by_scene[scene], protocol, out / SCORES / method / f"{scene}.json")
+            found.append(Score(method, scene, values))
+        except InputError as error:
+            found.append(Score(method, scene, {}, str(error)))
+    return found
+
+
+def _scored(path: Path, config: Config, protocol: str, kept: Path) -> dict[str, float]:
+    from room2dgs.eval import evaluate
+    from room2dgs.eval.geometry_scores import threshold_name
+    from room2dgs.study.score_table import values_of
+
+    scene = with_poses_of_run(read(config), Path(config.out))
+    gt = ground_truth(config) or scene.gt_mesh
+    if gt is None:
+        raise InputError(f"{config.scene.path} has no ground truth; give the run eval.gt=MESH")
+    settings = config.eval
+    key = hashlib.sha256(path.read_bytes() + gt.read_bytes())
+    key.update(repr((protocol, settings.threshold_m, settings.samples, settings.seed, str(config.out))).encode())
+    if kept.is_file():
+        earlier_scores = json.loads(kept.read_text(encoding="utf-8"))
+        if earlier_scores.get("key") == key.hexdigest():
+            return earlier_scores["values"]
+    options = {"threshold_m": settings.threshold_m, "samples": settings.samples, "seed": settings.seed}
+    result = evaluate(path, gt, [frame.camera for frame in scene.frames], (protocol,), **options)
+    values = values_of(result.as_dict(), protocol, threshold_name(settings.threshold_m))
+    if values is None:
+        raise InputError(f"{path} has no surface that a camera sees; check its frame and its units")
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    update_json(kept, {"key": key.hexdigest(), "values": values})
+    print(f"scored {path}")
+    return values

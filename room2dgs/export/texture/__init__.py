@@ -1,0 +1,1 @@
+"""A mesh with a picture on it, baked from the photos."""

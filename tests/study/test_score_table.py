@@ -1,0 +1,113 @@
+"""Tables in the columns of the paper's Table I, and the lists of its scenes."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+
+from room2dgs import cli
+from room2dgs.config import load_config
+from room2dgs.errors import InputError
+from room2dgs.json_files import update_json
+from room2dgs.runs.folder import write_config
+from room2dgs.study.scene_lists import expanded, lists
+from room2dgs.study.score_table import Score, as_csv, as_html, as_latex, as_markdown, dataset_of, means, notes
+
+FIGURES = ("accuracy_m", "completion_m", "precision", "recall", "f_score")
+A, B, PLUS = "scene0050_00", "scene0085_00", "8b5caf3398"
+
+
+def score(method: str, scene: str, *values: float) -> Score:
+    return Score(method, scene, dict(zip(FIGURES, values, strict=True)))
+
+
+SCORES = (
+    score("ours", A, 0.05, 0.09, 0.6, 0.5, 0.55),
+    score("ours", B, 0.07, 0.11, 0.8, 0.7, 0.75),
+    score("ours", B, 0.09, 0.13, 0.6, 0.5, 0.55),  # another seed
+    score("ours", PLUS, 0.26, 0.11, 0.45, 0.5, 0.46),
+    score("2DGS & co", A, 0.04, 0.15, 0.3, 0.3, 0.3),
+    Score("2DGS & co", B, {}, "mesh is empty"),
+)
+
+
+def test_means_are_over_scenes_not_runs_and_by_dataset():
+    frame = means(SCORES)
+    assert frame.loc["ours", ("ScanNet", "Acc.")] == pytest.approx((0.05 + 0.08) / 2)
+    assert frame.loc["ours", ("ScanNet", "F-score")] == pytest.approx((0.55 + 0.65) / 2)
+    assert frame.loc["ours", ("ScanNet++", "Acc.")] == 0.26
+    assert frame.loc["2DGS & co"].isna().sum() == 5
+    assert [dataset_of(one) for one in (A, PLUS, "kitchen")] == ["ScanNet", "ScanNet++", "other scenes"]
+
+
+def test_failures_and_missing_scenes_are_named():
+    said = notes(SCORES)
+    assert said[0] == f"2DGS & co, {B}: mesh is empty"
+    assert said[1] == f"2DGS & co: mean of 1 of 2 scenes of ScanNet, without {B}"
+
+
+def test_the_best_of_a_column_is_bold_low_or_high_as_its_arrow_says():
+    ours, other = (line for line in as_latex(SCORES, "t").splitlines() if line.startswith(("ours", "2DGS")))
+    assert ours.startswith("ours & 0.065 & \\textbf{0.105} & \\textbf{0.650}")
+    assert other.startswith("2DGS \\& co & \\textbf{0.040} & 0.150 & 0.300")
+    assert "Acc. $\\downarrow$ & Comp. $\\downarrow$ & Prec. $\\uparrow$" in as_latex(SCORES, "t")
+    assert "<td>2DGS &amp; co</td><td><b>0.040</b></td>" in as_html(SCORES, "t")
+    assert "| 2DGS & co | **0.040** " in " ".join(as_markdown(SCORES, "t").split())
+
+
+def test_csv_has_a_line_for_each_mesh():
+    rows = list(csv.DictReader(io.StringIO(as_csv(SCORES))))
+    assert len(rows) == 6 and float(rows[2]["recall"]) == 0.5 and rows[5]["failed"] == "mesh is empty"
+
+
+def test_scene_lists_become_captures_and_settings():
+    assert lists() == ["scannet_manhattan", "scannet_paper", "scannetpp_paper"]
+    found = expanded(["scenes=scannet_paper", "root=/data", "scene.image_width=320", "out=x"])
+    paths = [text for text in found if "=" not in text]
+    assert len(paths) == 8 and paths[0] == "/data/scene0050_00" and dataset_of(Path(paths[3]).name) == "ScanNet"
+    assert "scene.test_every=10" in found and found.count("scene.image_width=640") == 0
+    settings = [text for text in found if "=" in text]
+    for name in lists():
+        load_config(
+            [*(text for text in expanded([f"scenes={name}", "root=r", "out=x"]) if "=" in text), "scene.path=a"]
+        )
+    assert load_config([*settings, "scene.path=a"]).eval.protocols == ["neuris", "area"]
+    assert len([text for text in expanded(["scenes=scannetpp_paper", "root=r"]) if "=" not in text]) == 4
+    with pytest.raises(InputError, match="scannet_paper"):
+        expanded(["scenes=mine", "root=r"])
+    with pytest.raises(InputError, match="root=DIR"):
+        expanded(["scenes=scannet_paper"])
+
+
+def test_meshes_of_others_are_scored_beside_a_run_once_and_failures_do_not_stop(wall, tmp_path, capsys):
+    run, meshes, out = tmp_path / "run", tmp_path / "meshes", tmp_path / "table"
+    run.mkdir()
+    write_config(run, load_config([f"scene.path={wall}", f"out={run}", "eval.samples=2000"]))
+    at = {f"{figure}_5cm": 0.5 for figure in ("precision", "recall", "f_score")}
+    update_json(run / "metrics.json", {"protocols": {"area": {"accuracy_m": 0.01, "completion_m": 0.02, **at}}})
+    (meshes / "exact").mkdir(parents=True)
+    (meshes / "exact/wall.ply").write_bytes((wall / "gt_mesh.ply").read_bytes())
+    (meshes / "exact/attic.ply").write_bytes(b"")
+    (meshes / "torn").mkdir()
+    (meshes / "torn/wall.ply").write_bytes(b"ply\n")
+    command = ["table", str(run), f"meshes={meshes}", f"out={out}"]
+    assert cli.main(command) == 2
+    rows = {(row["method"], row["scene"]): row for row in csv.DictReader(io.StringIO((out / "table.csv").read_text()))}
+    assert float(rows["exact", "wall"]["f_score"]) == pytest.approx(1)
+    assert float(rows["room2dgs", "wall"]["completion_m"]) == 0.02
+    assert "decoded" in rows["torn", "wall"]["failed"] and "no run's capture" in rows["exact", "attic"]["failed"]
+    assert {path.name for path in out.iterdir()} == {"table.csv", "table.md", "table.html", "table.tex", "scores"}
+    assert "scored" in capsys.readouterr().out
+    assert cli.main(command) == 2
+    assert "scored /" not in capsys.readouterr().out
+
+
+def test_what_is_no_run_is_refused(tmp_path, capsys):
+    assert cli.main(["table", str(tmp_path)]) == 2
+    assert "holds no run" in capsys.readouterr().err
+    assert cli.main(["table"]) == 2
+    assert cli.main(["table", str(tmp_path), "train.seed=1"]) == 2
+    assert "train.seed=1" in capsys.readouterr().err
