@@ -187,7 +187,10 @@ def _frames(path: Path):
     try:
         index = 0
         while True:
-            good, image = capture.read()
+            try:
+                good, image = capture.read()
+            except cv2.error:  # of a damaged frame
+                return
             if not good:
                 return
             yield index, image
