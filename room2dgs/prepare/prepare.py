@@ -24,6 +24,7 @@ from room2dgs.files import remove_leftovers, whole_file, whole_folder
 from room2dgs.json_files import plain
 from room2dgs.logs import Log
 from room2dgs.prepare.features import descriptors, extracted, matched, new_database, verified_pairs
+from room2dgs.prepare.loose import loose_photos, take_out
 from room2dgs.prepare.mapping import mapped, names_of, triangulation_angles
 from room2dgs.prepare.merge import merged
 from room2dgs.prepare.metres import (
@@ -121,6 +122,10 @@ def _model(
     if not models:
         raise InputError(_why_none(photos, database, settings))
     model, others = merged(models, database, images, work, log)
+    loose = loose_photos(model)
+    if loose:
+        log(f"{len(loose)} photos hang on hardly any point of the others: they are left out")
+        take_out(model, loose)
     angle = float(np.median(triangulation_angles(model))) if model.num_points3D() else 0.0
     if angle < MIN_ANGLE_DEG:
         raise InputError(

@@ -14,7 +14,7 @@ from room2dgs.logs import Log
 
 REPORT_SECONDS = 8.0
 # Raise it when a stage would come out differently from the same input.
-FORMAT = 1
+FORMAT = 2
 
 
 def key_of(*parts: Any) -> str:

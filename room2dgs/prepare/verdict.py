@@ -15,6 +15,9 @@ FEW_POINTS = 60  # of a photo
 FEW_FEATURES = 500
 MUCH_BLURRED = 0.75  # of the median sharpness
 SHORT_GAP = 2  # photos between two weak ones belong to one stretch
+# A stretch that has to be filmed again lacks so many photos, or has so many that hang on little: single ones between
+# good ones leave no hole.
+LEAST_MISSING, LEAST_WEAK = 2, 3
 
 
 def weak_stretches(
@@ -32,6 +35,8 @@ def weak_stretches(
     for first, last in _runs(weak):
         part = photos[first : last + 1]
         missing = sum(photo.name not in placed_points for photo in part)
+        if missing < LEAST_MISSING and len(part) < LEAST_WEAK:
+            continue
         if np.median(features[first : last + 1]) < FEW_FEATURES:
             why = "blank surfaces: keep furniture or edges in the picture"
         elif np.median([photo.sharpness for photo in part]) < MUCH_BLURRED * median:
