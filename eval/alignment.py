@@ -17,7 +17,7 @@ from room2dgs.geometry.poses import inverse_pose
 LEAST_PHOTOS = 4
 SAMPLES = 20_000  # of each surface
 ROUNDS = 40
-REACH_M = (0.5, 0.03)  # what counts as the same surface, from the first round to the last
+REACH_M = (0.5, 0.1)  # what counts as the same surface, first and last: samples lie centimetres apart
 LEAST_MET = 0.3  # of the prediction
 STILL = 1e-7
 
@@ -153,10 +153,12 @@ def by_surfaces(
         if step > ROUNDS // 2 and np.abs(step_matrix - np.eye(4)).max() < STILL:
             break
     if met < LEAST_MET:
-        raise InputError(
-            f"eval.align=icp brings only {met:.0%} of the mesh to the ground truth; give eval.align_scene=DIR, the "
-            "capture with the true poses of the same photos, to start from"
+        mend = (
+            "give eval.align_scene=DIR, the capture with the true poses of the same photos, to start from"
+            if start is None
+            else "give eval.align=cameras"
         )
+        raise InputError(f"eval.align=icp brings only {met:.0%} of the mesh to the ground truth; {mend}")
     return Alignment("icp", matrix, float(np.sqrt(np.mean(np.minimum(np.abs(error), REACH_M[1]) ** 2))), len(error))
 
 

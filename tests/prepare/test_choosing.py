@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 
 from room2dgs.prepare.choice import LEAST, chosen_frames
+from room2dgs.prepare.loose import loose_photos
 from room2dgs.prepare.motion import JUMP, Motion, filled
 from room2dgs.prepare.pairs import loop_pairs, sequential_pairs
 from room2dgs.prepare.sharpness import sharpness
@@ -60,3 +63,21 @@ def test_sequential_pairs_reach_ahead_and_loops_come_back():
     assert looks[6, 1] > 2 * np.delete(looks[6], [1, 6]).max()
     assert (1, 6) in loop_pairs(looks, 1, 2)
     assert (5, 6) not in loop_pairs(looks, 3, 2)  # neighbours are matched anyway
+
+
+def test_photos_that_only_hang_on_each_other_are_loose():
+    """A chain of ten; a far room behind a door; a photo with few points that all others know; two of a blank wall."""
+    tracks = [[i, i + 1, i + 2] for i in range(1, 9) for _ in range(60)]
+    tracks += [[i, i + 1, i + 2] for i in range(21, 29) for _ in range(200)]  # much that is seen there alone
+    tracks += [[9, 10, 21] for _ in range(70)]  # through the door
+    tracks += [[3, 4, 31] for _ in range(24)]
+    tracks += [[41, 42] for _ in range(46)] + [[41, i] for i in range(1, 9) for _ in range(4)] + [[1, 2, 42]] * 10
+
+    def point(track):
+        return SimpleNamespace(track=SimpleNamespace(elements=[SimpleNamespace(image_id=i) for i in track]))
+
+    model = SimpleNamespace(
+        points3D={number: point(track) for number, track in enumerate(tracks)},
+        reg_image_ids=lambda: {*range(1, 11), *range(21, 31), 31, 41, 42},
+    )
+    assert loose_photos(model) == [41, 42]
