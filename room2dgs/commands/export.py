@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -120,8 +121,11 @@ def _check(run: Path, formats: Sequence[Format]) -> None:
     """Reported before anything is written."""
     for one in formats:
         for need in one.needs:
-            name, verb = NEEDS[need]
-            required(run / name, verb)
+            if need in NEEDS:
+                name, verb = NEEDS[need]
+                required(run / name, verb)
+            elif importlib.util.find_spec(need) is None:
+                raise InputError(f"to={one.name} needs {need}; install it with pip install 'room2dgs[export]'")
 
 
 def _written_out(text: str) -> str:

@@ -20,7 +20,7 @@ class Format(NamedTuple):
         place: the file or folder that it becomes, in the folder of exports.
         words: what opens it, in a line.
         write: writes it to the path; returns the files, whole ones alone.
-        needs: what the run must have come to: surfels, mesh.
+        needs: what the run must have come to (surfels, mesh), and optional libraries.
     """
 
     name: str
@@ -131,7 +131,7 @@ _ALL = (
     Format("glb", "mesh.glb", "glTF: browsers, Windows, Blender, engines", _file(_glb), ("mesh",)),
     Format("obj", "mesh.obj", "everything", _file(_obj), ("mesh",)),
     Format("ply", "mesh.ply", "MeshLab, CloudCompare, Blender; the capture's own world", _file(_ply), ("mesh",)),
-    Format("textured", "textured.glb", "few faces and a picture, for the web", _file(_textured), ("mesh", "surfels")),
+    Format("textured", "textured.glb", "few faces and a picture: web", _file(_textured), ("mesh", "surfels", "xatlas")),
     Format("points", "points.ply", "a point a surfel, with normals: CloudCompare", _file(_points), ("surfels",)),
     Format("depth", "depth", "16-bit PNG, millimetres, a view each", _maps("depth_png", ".png"), ("surfels",)),
     Format("depth_npy", "depth_npy", "float32, metres", _maps("depth_npy", ".npy"), ("surfels",)),

@@ -161,13 +161,16 @@ def test_every_setting_of_after_run_is_a_format():
     assert len({one.place for one in FORMATS.values()}) == len(FORMATS)
 
 
-def test_what_cannot_be_exported_is_said_in_a_sentence(run, tmp_path, capsys):
+def test_what_cannot_be_exported_is_said_in_a_sentence(run, tmp_path, capsys, monkeypatch):
     out = tmp_path / "out"
     assert "run=DIR" in refused(capsys, "to=spz")
     assert "holds no run" in refused(capsys, f"run={tmp_path}", "to=spz")
     assert "splats_2dgs" in refused(capsys, f"run={run}", f"out={out}")
     assert "'stl'" in refused(capsys, f"run={run}", "to=spz,stl", f"out={out}")
     assert "export.faces=3" in refused(capsys, f"run={run}", "to=glb", "faces=3", f"out={out}")
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert "room2dgs[export]" in refused(capsys, f"run={run}", "to=spz,textured", f"out={out}")
+    monkeypatch.undo()
     bare = Path(shutil.copytree(run, tmp_path / "bare"))
     (bare / "mesh.ply").unlink()
     assert "room2dgs mesh" in refused(capsys, f"run={bare}", "to=spz,glb", f"out={out}")

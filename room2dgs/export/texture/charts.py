@@ -9,8 +9,6 @@ import open3d as o3d
 import open3d.core as o3c
 import trimesh
 
-from room2dgs.errors import InputError
-
 PADDING_PX = 4  # between charts; twice that is seen by a viewer's first two smaller versions of the picture
 BENT = 8.0  # cost at which a chart ends: 2, xatlas's own, cuts a rough surface into shreds
 ABOVE = 1.0  # where rays that look for texels start
@@ -50,15 +48,9 @@ class Texels(NamedTuple):
 
 
 def charts(mesh: trimesh.Trimesh, side_px: int) -> Charts:
-    """Cut and packed for a picture of this side.
+    """Cut and packed for a picture of this side; needs xatlas."""
+    import xatlas
 
-    Raises:
-        InputError: xatlas is not installed.
-    """
-    try:
-        import xatlas
-    except ImportError as error:
-        raise InputError("textured meshes need xatlas; install it with pip install 'room2dgs[export]'") from error
     atlas = xatlas.Atlas()
     atlas.add_mesh(
         np.ascontiguousarray(mesh.vertices, np.float32),
