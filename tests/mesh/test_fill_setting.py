@@ -1,0 +1,27 @@
+"""`mesh.fill` in fusion: what comes out is what was asked for, and the log says so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from room2dgs.config import load_config
+from room2dgs.mesh import fuse as fusion
+
+
+@pytest.mark.parametrize(("fill", "closed"), [("none", False), ("holes", True), ("watertight", True)])
+def test_a_hole_is_closed_if_asked_for(monkeypatch, fill, closed):
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
+    torn = trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 2] < 0.99][:, ::-1], process=False)
+    torn.visual = trimesh.visual.ColorVisuals(torn, vertex_colors=np.full((len(torn.vertices), 3), 90, np.uint8))
+    monkeypatch.setattr(fusion, "integrate", lambda views, config: torn)
+    config = replace(load_config(["scene.path=a", "out=b"]).mesh, fill=fill, fill_hole_m=0.6, voxel_m=0.05)
+    said: list[str] = []
+    mesh = fusion.fuse([], config, said.append)
+    assert mesh.is_watertight is closed
+    assert any(f"mesh.fill={fill}" in line for line in said) is closed
+    assert mesh.volume == pytest.approx(-4 / 3 * np.pi, rel=0.03)
+    assert (np.asarray(mesh.visual.vertex_colors)[:, 0] == 90).all()
