@@ -22,7 +22,7 @@ class ExportConfig:
     )
     faces: Int | None = Field(ge=100, description="simplify meshes to this many faces (null: as max_error_m has it)")
     max_error_m: Float | None = Field(
-        gt=0, description="simplify meshes as far as they stay this close to the whole one (null: as faces has it)"
+        gt=0, description="simplify meshes as far as 99.9 % stay this close to the whole one (null: as faces has it)"
     )
     texture_px: Int = Field(ge=256, le=8192, description="side of the textured mesh's picture")
     texture_faces: Int = Field(ge=100, le=200000, description="of the textured mesh, unless faces is given")
