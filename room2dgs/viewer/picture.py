@@ -66,7 +66,7 @@ def camera_at(wxyz: np.ndarray, position: np.ndarray, fov: float, size: tuple[in
     """A camera as viser has it: world from camera, OpenCV axes, upright opening in radians; size in pixels."""
     from scipy.spatial.transform import Rotation
 
-    rotation = Rotation.from_quat(np.asarray(wxyz, np.float64), scalar_first=True).as_matrix()
+    rotation = Rotation.from_quat(np.asarray(wxyz, np.float64)[[1, 2, 3, 0]]).as_matrix()
     width, height = size
     focal = height / 2 / np.tan(fov / 2)
     K = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])

@@ -12,6 +12,7 @@ import numpy as np
 
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.rotations import quaternions_from
 from room2dgs.logs import Log
 from room2dgs.splat.types import Surfels
 from room2dgs.viewer.pace import Pace
@@ -145,12 +146,10 @@ class Viewer:
 
     def add_cameras(self, cameras: Sequence[Camera], photos: Sequence[np.ndarray], size_m: float) -> None:
         """Frames of the cameras, with small photos (h, w, 3) uint8 in them; a click on one leads there."""
-        from scipy.spatial.transform import Rotation
-
         bare, filled = [], []
         for index, (camera, photo) in enumerate(zip(cameras, photos, strict=True)):
             fov = 2 * np.arctan(camera.height / 2 / camera.K[1, 1])
-            wxyz = Rotation.from_matrix(camera.rotation.T).as_quat(scalar_first=True)
+            wxyz = quaternions_from(camera.rotation.T[None])[0]
             common = {
                 "scale": size_m,
                 "thickness": LINE * size_m,

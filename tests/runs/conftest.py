@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 from types import SimpleNamespace
 
-import cv2
 import numpy as np
 import pytest
 import torch
@@ -87,13 +86,3 @@ def reported(wall, tmp_path_factory):
     surfels = discs_on(mesh)
     path = write_report(scene, surfels, lambda frames: rendered(surfels, frames, config), config, out)
     return SimpleNamespace(path=path, out=out, capture=capture, mesh=mesh, surfels=surfels, scene=scene, config=config)
-
-
-@pytest.fixture(scope="session")
-def has_picture():
-    """Whether a PNG shows more than one colour."""
-
-    def has(path: Path) -> bool:
-        return float(cv2.imread(str(path)).std()) > 5
-
-    return has

@@ -37,8 +37,8 @@ def test_each_kind_shows_the_wall(wall_surfels):
 
 
 def test_a_camera_is_as_viser_means_it():
-    turn = Rotation.from_euler("y", 90, degrees=True)  # looks along +x of the world
-    camera = camera_at(turn.as_quat(scalar_first=True), np.array([1.0, 2, 3]), FOV, (200, 100))
+    wxyz = np.roll(Rotation.from_euler("y", 90, degrees=True).as_quat(), 1)  # looks along +x of the world
+    camera = camera_at(wxyz, np.array([1.0, 2, 3]), FOV, (200, 100))
     assert np.allclose(camera.forward, [1, 0, 0]) and np.allclose(camera.centre, [1, 2, 3])
     top, _ = camera.project(np.array([2.0, 2 - np.tan(FOV / 2), 3]))  # at half the opening above the axis
     assert np.allclose(top, [100, 0])
