@@ -43,6 +43,8 @@ def manhattan(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: 
         min_weight=MIN_WEIGHT,
         min_triangles=0,
         keep_clusters=1,
+        fill="none",
+        fill_hole_m=0.0,
     )
     fused = clean(integrate(_depth_views(pred.surface, cameras), fusion))
     constants = {
