@@ -109,7 +109,8 @@ def load_priors(
         depths = logged_joint_depths(frames, depths, normals, points, config.depth.manhattan, log, both)
         if config.depth.completion:
             given = (depths, confidences, normals, normal_confidences)
-            complete_views(frames, *given, points, fine, log, take)
+            misfits = {name: fit.residual for name, fit in fits.items()}
+            complete_views(frames, *given, points, fine, misfits, log, take)
             depths = {}
     for name, depth in depths.items():
         take(name, depth, _by_fit(depth, confidences.get(name), fits.get(name)))

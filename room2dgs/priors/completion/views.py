@@ -24,6 +24,7 @@ from room2dgs.stereo.neighbours import choose_neighbours
 COLUMNS = 160  # of the small images that are solved
 ASKED = 10  # views that are asked whether they agree
 MAX_PX, MAX_RELATIVE = 2.0, 0.03
+HALF_MISFIT = 0.1  # relative residual at the points, before any optimisation, that halves the weight of a map
 LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
 
 
@@ -52,6 +53,7 @@ def complete_views(
     normal_confidences: Mapping[str, np.ndarray],
     points: PointCloud,
     stereo: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    misfits: Mapping[str, float],
     log: Log,
     take: Callable[[str, np.ndarray, np.ndarray], None],
 ) -> None:
@@ -64,6 +66,8 @@ def complete_views(
         normals, normal_confidences: frame name -> (H, W, 3) unit, world frame, and (H, W).
         points: sparse points and stereo's (`with_stereo`).
         stereo: frame name -> depth and agreeing views of stereo, of any size; may be empty.
+        misfits: frame name -> median relative residual of the prior at the points before any optimisation, NaN =
+            unknown: maps of a network that does badly here bend to the points.
         take: gets each frame's name, its (H, W) depth in metres, 0 = invalid, and (H, W) confidence.
     """
     frames = [frame for frame in frames if frame.name in depths]
@@ -72,7 +76,7 @@ def complete_views(
         for frame in frames:
             name = frame.name
             maps = (depths[name], confidences.get(name), normals.get(name), normal_confidences.get(name))
-            solving.append(pool.submit(_completed, _small_maps(frame, *maps, points)))
+            solving.append(pool.submit(_completed, _small_maps(frame, *maps, points, misfits.get(name, 0.0))))
         small = [one.result() for one in solving]
     tracked = points if points.tracks is None else points.chosen(points.track_length > 1)
     cameras = [frame.camera for frame in frames]
@@ -114,11 +118,13 @@ def _small_maps(
     normal: np.ndarray | None,
     normal_sure: np.ndarray | None,
     points: PointCloud,
+    misfit: float,
 ) -> _SmallMaps:
     camera = frame.camera.resized_to_width(min(COLUMNS, frame.camera.width))
     anchor, trust = _anchors(frame, points, camera)
     prior = cv2.resize(depth, camera.size, interpolation=cv2.INTER_NEAREST_EXACT)
     weight = np.ones(prior.shape, np.float32) if sure is None else _small(sure, camera)
+    weight = weight / np.float32(1 + (np.nan_to_num(misfit) / HALF_MISFIT) ** 4)
     slopes, tie = prior_slopes(prior), np.ones(prior.shape)
     if normal is not None:
         in_cam = camera.turned_to_camera(_small(normal, camera))

@@ -89,7 +89,7 @@ def views(box_room):
     return frames, depths
 
 
-def everything(frames, depths, points, stereo=None):
+def everything(frames, depths, points, stereo=None, misfits=None):
     found = {}
     complete_views(
         frames,
@@ -99,6 +99,7 @@ def everything(frames, depths, points, stereo=None):
         {},
         points,
         stereo or {},
+        misfits or {},
         lambda line: None,
         lambda *one: found.update({one[0]: one[1:]}),
     )
@@ -117,6 +118,17 @@ def anchors_at(frames, depths, step=4) -> PointCloud:
     names, count = tuple(frame.name for frame in frames), sum(map(len, xyz))
     tracks = Tracks(names, np.concatenate(frame_of), np.arange(count), np.concatenate(pixels).astype(np.float32))
     return PointCloud(np.concatenate(xyz), np.zeros((count, 3), np.uint8), tracks)
+
+
+def test_a_map_that_fitted_badly_bends_more_to_its_anchors(views):
+    frames, depths = views
+    wrong = {name: (depth * 1.025).astype(np.float32) for name, depth in depths.items()}
+    points = anchors_at(frames, depths, step=8)
+    off = []
+    for misfit in (float("nan"), 0.02, 0.2):
+        found = everything(frames, wrong, points, misfits={frame.name: misfit for frame in frames})
+        off.append(np.median([np.median(np.abs(found[name][0] / depths[name] - 1)) for name in found]))
+    assert off[2] < 0.5 * off[1] and off[0] == pytest.approx(off[1], rel=0.1)
 
 
 def test_anchors_mend_what_the_maps_have_wrong(views):
