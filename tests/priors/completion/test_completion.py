@@ -125,7 +125,7 @@ def test_a_map_that_fitted_badly_bends_more_to_its_anchors(views):
     wrong = {name: (depth * 1.025).astype(np.float32) for name, depth in depths.items()}
     points = anchors_at(frames, depths, step=8)
     off = []
-    for misfit in (float("nan"), 0.02, 0.2):
+    for misfit in (float("nan"), 0.02, 0.25):  # half at 0.1
         found = everything(frames, wrong, points, misfits={frame.name: misfit for frame in frames})
         off.append(np.median([np.median(np.abs(found[name][0] / depths[name] - 1)) for name in found]))
     assert off[2] < 0.5 * off[1] and off[0] == pytest.approx(off[1], rel=0.1)
