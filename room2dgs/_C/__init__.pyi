@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy
 from numpy.typing import NDArray
 
-from room2dgs._C import bench as bench
+from room2dgs._C import bench as bench, device as device
 
 
 def isa() -> str:

@@ -43,6 +43,14 @@ class Arguments {
  public:
   using Shape = std::initializer_list<int64_t>;
 
+  Arguments() = default;
+  // Arrays of a GPU.
+  static Arguments on_cuda(int device_id) {
+    Arguments arguments;
+    arguments.device_type_ = nb::device::cuda::value, arguments.device_id_ = device_id;
+    return arguments;
+  }
+
   template <class T>
   const T* input(const char* name, const Input& array, Shape shape) {
     check<T>(name, array, shape);
@@ -74,6 +82,7 @@ class Arguments {
     bool written;
   };
   std::vector<Range> ranges_;
+  int device_type_ = nb::device::cpu::value, device_id_ = 0;
 
   template <class T>
   static T* at_offset(T* data, uint64_t bytes) {
@@ -82,9 +91,11 @@ class Arguments {
   }
 
   template <class T, class Array>
-  static void check(const char* name, const Array& array, Shape shape) {
+  void check(const char* name, const Array& array, Shape shape) const {
     const std::string argument = name;
-    if (array.device_type() != nb::device::cpu::value) throw nb::type_error((argument + " is not on the CPU").c_str());
+    const bool cuda = device_type_ == nb::device::cuda::value;
+    if (array.device_type() != device_type_ || (cuda && array.device_id() != device_id_))
+      throw nb::type_error((argument + " is not on " + (cuda ? "GPU " + std::to_string(device_id_) : "the CPU")).c_str());
     if (array.dtype() != nb::dtype<T>())
       throw nb::type_error((argument + " has another dtype than " + dtype_text<T>()).c_str());
     bool same = array.ndim() == shape.size();

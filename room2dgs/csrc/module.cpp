@@ -17,6 +17,10 @@ bool has_avx2() {
 }
 }  // namespace room2dgs
 
+namespace isa_blocks {
+void bind_device(nanobind::module_& m);
+}
+
 NB_MODULE(_C, m) {
   nanobind::set_leak_warnings(false);  // graphs that are alive when the interpreter ends hold frames
   m.doc() = "Compiled kernels of room2dgs; use the Python functions that wrap them.";
@@ -34,4 +38,6 @@ NB_MODULE(_C, m) {
   room2dgs::bind_losses(m);
   room2dgs::bind_bench(m.def_submodule("bench", "What `room2dgs bench raster` measures by."));
   room2dgs::bind_stereo(m);
+  nanobind::module_ device = m.def_submodule("device", "The CUDA kernels as plain C++ on the CPU, for tests.");
+  isa_blocks::bind_device(device);
 }

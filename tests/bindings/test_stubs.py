@@ -15,7 +15,7 @@ def test_the_stubs_are_those_of_the_extension(tmp_path):
     subprocess.run(command, check=True, cwd=tmp_path)
     written = {path.relative_to(tmp_path): path.read_text() for path in tmp_path.rglob("*.pyi")}
     committed = {path.relative_to(PACKAGE): path.read_text() for path in PACKAGE.rglob("*.pyi")}
-    assert len(written) == 2 and written == committed
+    assert len(written) == 3 and written == committed
 
 
 def test_the_package_is_marked_as_typed():

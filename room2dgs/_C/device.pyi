@@ -1,0 +1,5 @@
+"""The CUDA kernels as plain C++ on the CPU, for tests."""
+
+
+
+cuda: bool = False

@@ -1,0 +1,13 @@
+#include "bind_device.h"
+
+namespace R2_ISA {
+
+void bind_device(nb::module_& m) {
+#if defined(R2_CUDA)
+  m.attr("cuda") = true;
+#else
+  m.attr("cuda") = false;
+#endif
+}
+
+}  // namespace R2_ISA
