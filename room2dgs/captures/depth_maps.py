@@ -43,7 +43,8 @@ class DepthMap:
         stored = self.read()
         if stored.ndim != 2:
             raise InputError(f"{self.label} is not a one-channel depth map; replace it")
-        depth = stored.astype(np.float32) * np.float32(self.unit_m)
+        with np.errstate(invalid="ignore", over="ignore"):  # a file's numbers may be anything
+            depth = stored.astype(np.float32) * np.float32(self.unit_m)
         good = np.isfinite(depth) & (depth > 0)
         if self.invalid is not None:
             good &= stored != self.invalid

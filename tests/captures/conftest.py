@@ -488,6 +488,195 @@ def metashape(root: Path, made: Made) -> None:
     )
 
 
+def ros_header(store, frame: str, nanoseconds: int):
+    stamp = store.types["builtin_interfaces/msg/Time"](sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+    counted = {"seq": 0} if "seq" in store.types["std_msgs/msg/Header"].__dataclass_fields__ else {}
+    return store.types["std_msgs/msg/Header"](**counted, stamp=stamp, frame_id=frame)
+
+
+class RosMessages:
+    """Messages of ROS 1 or 2 with the fields that their definitions name."""
+
+    def __init__(self, ros1: bool) -> None:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        self.ros1 = ros1
+        self.store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+        self.tf = "tf2_msgs/msg/TFMessage"
+        if self.tf not in self.store.types:
+            self.store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", self.tf))
+
+    def make(self, kind: str, **fields):
+        return self.store.types[kind](**fields)
+
+    def header(self, frame: str, stamp: int):
+        return ros_header(self.store, frame, stamp)
+
+    def image(self, frame: str, stamp: int, pixels: np.ndarray, encoding: str, pad: int = 0):
+        """Rows are `pad` bytes longer than their pixels."""
+        rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
+        data = np.pad(rows, ((0, 0), (0, pad)), constant_values=77)
+        return self.make(
+            "sensor_msgs/msg/Image",
+            header=self.header(frame, stamp),
+            height=len(pixels),
+            width=pixels.shape[1],
+            encoding=encoding,
+            is_bigendian=0,
+            step=data.shape[1],
+            data=data.ravel(),
+        )
+
+    def packed(self, frame: str, stamp: int, data: bytes, form: str):
+        header = self.header(frame, stamp)
+        data = np.frombuffer(data, np.uint8)
+        return self.make("sensor_msgs/msg/CompressedImage", header=header, format=form, data=data)
+
+    def info(self, frame: str, stamp: int, K: np.ndarray, D=(), model: str = "plumb_bob"):
+        roi = self.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+        names = "DKRP" if self.ros1 else "dkrp"
+        P = np.c_[K, np.zeros(3)]
+        values = np.array(D, np.float64), K.ravel(), np.eye(3).ravel(), P.ravel()
+        matrices = dict(zip(names, values, strict=True))
+        return self.make(
+            "sensor_msgs/msg/CameraInfo",
+            header=self.header(frame, stamp),
+            height=HEIGHT,
+            width=WIDTH,
+            distortion_model=model,
+            binning_x=0,
+            binning_y=0,
+            roi=roi,
+            **matrices,
+        )
+
+    def placed(self, pose: np.ndarray, where: str, how: str, point: str, of: str):
+        x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat()
+        at = self.make(f"geometry_msgs/msg/{point}", **dict(zip("xyz", pose[:3, 3], strict=True)))
+        turned = self.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+        return self.make(f"geometry_msgs/msg/{of}", **{where: at, how: turned})
+
+    def transform(self, parent: str, child: str, stamp: int, pose: np.ndarray):
+        return self.make(
+            "geometry_msgs/msg/TransformStamped",
+            header=self.header(parent, stamp),
+            child_frame_id=child,
+            transform=self.placed(pose, "translation", "rotation", "Vector3", "Transform"),
+        )
+
+    def transforms(self, *each):
+        return self.make(self.tf, transforms=list(each))
+
+    def pose(self, parent: str, stamp: int, pose: np.ndarray):
+        inner = self.placed(pose, "position", "orientation", "Point", "Pose")
+        return self.make("geometry_msgs/msg/PoseStamped", header=self.header(parent, stamp), pose=inner)
+
+    def odometry(self, parent: str, child: str, stamp: int, pose: np.ndarray):
+        inner = self.placed(pose, "position", "orientation", "Point", "Pose")
+        nothing = self.make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
+        still = self.make("geometry_msgs/msg/Twist", linear=nothing, angular=nothing)
+        unsure = np.zeros(36)
+        return self.make(
+            "nav_msgs/msg/Odometry",
+            header=self.header(parent, stamp),
+            child_frame_id=child,
+            pose=self.make("geometry_msgs/msg/PoseWithCovariance", pose=inner, covariance=unsure),
+            twist=self.make("geometry_msgs/msg/TwistWithCovariance", twist=still, covariance=unsure),
+        )
+
+    def write(self, path: Path, messages, storage: str = "SQLITE3", packing: str = "") -> None:
+        """(topic, nanoseconds of the recording, message) in a .bag or a folder."""
+        from rosbags.rosbag1 import Writer as Writer1
+        from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+        from rosbags.rosbag2 import Writer as Writer2
+
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if self.ros1:
+            writer = Writer1(path)
+            if packing:
+                writer.set_compression(Writer1.CompressionFormat[packing])
+        else:
+            writer = Writer2(path, version=9, storage_plugin=StoragePlugin[storage])
+            if packing:
+                writer.set_compression(CompressionMode[packing], CompressionFormat.ZSTD)
+        with writer:
+            topics = {}
+            for topic, time, message in messages:
+                kind = message.__msgtype__
+                if topic not in topics:
+                    topics[topic] = writer.add_connection(topic, kind, typestore=self.store)
+                pack = self.store.serialize_ros1 if self.ros1 else self.store.serialize_cdr
+                writer.write(topics[topic], time, pack(message, kind))
+
+
+ROS_START = 1_700_000_000_123_456_789
+# the camera on a robot: x of the base is forward, z is up
+BASE_FROM_OPTICAL = np.array([[0.0, 0, 1, 0.2], [-1, 0, 0, 0.05], [0, -1, 0, 1.1], [0, 0, 0, 1]])
+
+
+def ros_stamps() -> list[int]:
+    return [ROS_START + 400_000_000 * i for i in range(COUNT)]
+
+
+def int_K33(made: Made) -> np.ndarray:
+    return int_K44(made)[:3, :3]
+
+
+def ros1(root: Path, made: Made) -> None:
+    """Raw pictures, depth in millimetres, a robot in /tf with its camera in /tf_static; recorded later than stamped."""
+    ros, messages = RosMessages(True), []
+    fixed = ros.transform("base_link", "optical", ROS_START, BASE_FROM_OPTICAL)
+    messages.append(("/tf_static", ROS_START, ros.transforms(fixed)))
+    for i, (pose, stamp) in enumerate(zip(made.poses, ros_stamps(), strict=True)):
+        time = stamp + 30_000_000
+        base = ros.transform("/odom", "/base_link", stamp, pose @ np.linalg.inv(BASE_FROM_OPTICAL))
+        messages.append(("/tf", time, ros.transforms(base)))
+        info = ros.info("optical", stamp, int_K33(made))
+        messages.append(("/camera/color/camera_info", time, info))
+        messages.append(("/camera/color/image_raw", time, ros.image("optical", stamp, made.photos[i], "bgr8", pad=5)))
+        messages.append(("/camera/aligned_depth/camera_info", time, info))
+        messages.append(("/camera/aligned_depth/image_raw", time, ros.image("optical", stamp, made.depths[i], "16UC1")))
+    ros.write(root / "walk.bag", messages, packing="LZ4")
+
+
+def ros2(root: Path, made: Made) -> None:
+    """Packed pictures, depth in metres, odometry of the robot; each message packed too."""
+    ros, messages = RosMessages(False), []
+    fixed = ros.transform("base_link", "optical", ROS_START, BASE_FROM_OPTICAL)
+    messages.append(("/tf_static", ROS_START, ros.transforms(fixed)))
+    for i, (pose, stamp) in enumerate(zip(made.poses, ros_stamps(), strict=True)):
+        base = pose @ np.linalg.inv(BASE_FROM_OPTICAL)
+        metres = np.where(made.depths[i] > 0, made.depths[i] / 1000, np.nan).astype(np.float32)
+        photo = cv2.imencode(".png", made.photos[i])[1].tobytes()
+        info = ros.info("optical", stamp, int_K33(made))
+        messages += [
+            ("/odom", stamp, ros.odometry("odom", "base_link", stamp, base)),
+            ("/rgb/image/compressed", stamp, ros.packed("optical", stamp, photo, "bgr8; png compressed bgr8")),
+            ("/rgb/camera_info", stamp, info),
+            ("/depth/image", stamp + 9_000_000, ros.image("optical", stamp + 9_000_000, metres, "32FC1")),
+            ("/depth/camera_info", stamp, info),
+        ]
+    root.mkdir(parents=True)
+    ros.write(root / "walk", messages, packing="MESSAGE")
+    for path in (root / "walk").iterdir():
+        path.rename(root / path.name)
+    (root / "walk").rmdir()
+
+
+def ros_mcap(root: Path, made: Made) -> None:
+    """Poses that do not say whose they are; depth as compressedDepth has it: 12 bytes, then a PNG."""
+    ros, messages = RosMessages(False), []
+    for i, (pose, stamp) in enumerate(zip(made.poses, ros_stamps(), strict=True)):
+        depth = struct.pack("<i2f", 0, 0.0, 0.0) + cv2.imencode(".png", made.depths[i])[1].tobytes()
+        messages += [
+            ("/vicon/pose", stamp, ros.pose("world", stamp, pose)),
+            ("/camera/image_raw", stamp, ros.image("optical", stamp, made.photos[i][..., ::-1], "rgb8")),
+            ("/camera/camera_info", stamp, ros.info("optical", stamp, int_K33(made))),
+            ("/camera/depth/compressedDepth", stamp, ros.packed("optical", stamp, depth, "16UC1; compressedDepth")),
+        ]
+    ros.write(root, messages, "MCAP", packing="STORAGE")
+
+
 LAYOUTS: dict[str, Callable[[Path, Made], None]] = {
     function.__name__: function
     for function in (
@@ -516,6 +705,9 @@ LAYOUTS: dict[str, Callable[[Path, Made], None]] = {
         arkitscenes,
         open3d,
         metashape,
+        ros1,
+        ros2,
+        ros_mcap,
     )
 }
 
@@ -542,3 +734,9 @@ def colmap_writer():
 def settings(default_config):
     """`settings(path, **changes)` gives a SceneConfig with nothing held out."""
     return lambda path, **changes: replace(default_config.scene, **{"path": str(path), "test_every": 0, **changes})
+
+
+@pytest.fixture
+def ros_messages():
+    """`ros_messages(ros1)` makes messages and bags."""
+    return RosMessages

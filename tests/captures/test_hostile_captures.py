@@ -47,6 +47,9 @@ PARSED = {
     "arkitscenes": "41069021_frames/lowres_wide.traj",
     "open3d": "scene/trajectory.log",
     "metashape": "cameras.xml",
+    "ros1": "walk.bag",
+    "ros2": "walk.db3",
+    "ros_mcap": "ros_mcap.mcap",
 }
 WORDS = st.sampled_from(
     [b"nan", b"-inf", b"1e999", b"-1", b"null", b"[]", b"{}", b"\x00", b"\xff\xfe", b"", b"9" * 400]
@@ -71,7 +74,9 @@ def test_damage_gives_a_scene_or_a_sentence(written, default_config, name):
     root = written(name)
     path = root / PARSED[name]
     whole = path.read_bytes()
-    told = {"intrinsics": INTRINSICS, "pixel_centres": "integer"} if name in NO_INTRINSICS else {}
+    told = (
+        {"intrinsics": INTRINSICS, "pixel_centres": "integer"} if name in NO_INTRINSICS else {"pose_frame": "optical"}
+    )
     config = replace(default_config.scene, path=str(root), test_every=0, **told)
 
     @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck), database=None)

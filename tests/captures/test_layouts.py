@@ -13,7 +13,13 @@ from room2dgs.captures.readers.registry import READERS, reader_of
 
 INTEGER = {"intrinsics": [81.0, 84.0, 46.0, 36.75], "pixel_centres": "integer"}
 # what layouts without intrinsics, or with those of one camera, have to be told
-TOLD = {"tum": INTEGER, "sevenscenes": INTEGER, "neuralrgbd": INTEGER, "open3d": INTEGER}
+TOLD = {
+    "tum": INTEGER,
+    "sevenscenes": INTEGER,
+    "neuralrgbd": INTEGER,
+    "open3d": INTEGER,
+    "ros_mcap": {"pose_frame": "camera"},
+}
 # name of the fixture -> layout, exactness of the poses, whether it has depth, points with tracks
 LAYOUTS = {
     "scannet": ("scannet", 1e-12, True, False),
@@ -41,6 +47,9 @@ LAYOUTS = {
     "arkitscenes": ("arkitscenes", 1e-9, True, False),
     "open3d": ("open3d", 1e-9, True, False),
     "metashape": ("metashape", 1e-9, False, False),
+    "ros1": ("ros", 1e-9, True, False),
+    "ros2": ("ros", 1e-9, True, False),
+    "ros_mcap": ("ros", 1e-9, True, False),
 }
 
 

@@ -18,6 +18,7 @@ from room2dgs.captures.readers import (
     polycam,
     record3d,
     replica,
+    ros,
     scannet,
     scannetpp,
     sdfstudio,
@@ -52,6 +53,7 @@ READERS: dict[str, Reader] = {
     reader.name: reader
     for reader in (
         Reader("sens", sens.is_sens, sens.read_sens, sens.LAYOUT),
+        Reader("ros", ros.is_ros, ros.read_ros, ros.LAYOUT),
         Reader("record3d", record3d.is_record3d, record3d.read_record3d, record3d.LAYOUT),
         Reader(
             "scannetpp", scannetpp.is_scannetpp, scannetpp.read_scannetpp, scannetpp.LAYOUT, ("colmap", "nerfstudio")

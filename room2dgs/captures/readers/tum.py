@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from room2dgs.captures.capture import Capture, Lost, Shot
+from room2dgs.captures.capture import Capture, Shot
 from room2dgs.captures.depth_maps import DepthMap, depth_file
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.listing import Listing, gt_mesh_in, inside
 from room2dgs.captures.text_files import floats, lines_of, quaternion_pose
+from room2dgs.captures.trajectories import MAX_APART_S, pose_at_time
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
@@ -27,8 +28,6 @@ CAMERAS = {
     "freiburg3": (535.4, 539.2, 320.1, 247.6, 0.0, 0.0, 0.0, 0.0, 0.0),
 }
 DEPTH_UNIT_M = 1 / 5000
-MAX_APART_S = 0.02  # of a photo and its depth
-MAX_GAP_S = 0.2  # of the poses around a photo
 
 
 def is_tum(files: Listing) -> bool:
@@ -102,31 +101,3 @@ def trajectory(path: Path) -> tuple[np.ndarray, np.ndarray]:
         raise InputError(f"{path} has no poses; copy it again")
     order = np.argsort(stamps, kind="stable")
     return np.array(stamps)[order], np.stack(poses)[order]
-
-
-def pose_at_time(stamp: float, stamps: np.ndarray, poses: np.ndarray, max_gap_s: float = MAX_GAP_S):
-    """(4, 4) at a time: the poses around it blended, the rotation along the shortest arc; None if they are far."""
-    after = int(np.searchsorted(stamps, stamp))
-    if after < len(stamps) and stamps[after] == stamp:
-        return poses[after]
-    if after == 0 or after == len(stamps):
-        nearest = min(max(after - 1, 0), len(stamps) - 1)
-        return poses[nearest] if abs(stamps[nearest] - stamp) <= MAX_APART_S else _lost(stamp)
-    gap = stamps[after] - stamps[after - 1]
-    if gap > max_gap_s:
-        return _lost(stamp)
-    from scipy.spatial.transform import Rotation, Slerp
-
-    pair = Rotation.from_matrix(poses[after - 1 : after + 1, :3, :3])
-    share = (stamp - stamps[after - 1]) / gap
-    pose = np.eye(4)
-    pose[:3, :3] = Slerp([0.0, 1.0], pair)(share).as_matrix()
-    pose[:3, 3] = (1 - share) * poses[after - 1, :3, 3] + share * poses[after, :3, 3]
-    return pose
-
-
-def _lost(stamp: float):
-    def lost():
-        raise Lost(f"no pose near its time {stamp:.6f}")
-
-    return lost

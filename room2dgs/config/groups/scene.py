@@ -18,6 +18,7 @@ class SceneConfig:
     layout: Literal[
         "auto",
         "sens",
+        "ros",
         "record3d",
         "scannetpp",
         "polycam",
@@ -54,6 +55,10 @@ class SceneConfig:
         "world_to_camera_opengl",
     ] = Field(description="auto: as the layout has it; else what the poses on disk mean")
     unit: Float | None = Field(gt=0, description="metres of one unit of the poses (null: 1)")
+    topics: list[str] | None = Field(
+        description="topics of a ROS bag to read where it has several pictures, depths or poses (null: the only ones)"
+    )
+    pose_frame: str | None = Field(description="frame of ROS whose poses a topic tells that does not say it")
     split: Literal["capture", "every"] = Field(
         description="capture: its own test photos are held out, if it has such | every: every test_every-th"
     )
