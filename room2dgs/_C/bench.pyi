@@ -19,3 +19,13 @@ def bare_loop(frame: room2dgs._C.RasterFrame, color: NDArray, alpha: NDArray, de
 
 def count_pairs(frame: room2dgs._C.RasterFrame, color: NDArray, alpha: NDArray, depth: NDArray, median: NDArray, normal: NDArray) -> int:
     """(pixel, surfel) pairs that the last view evaluates."""
+
+def tile_work(frame: room2dgs._C.RasterFrame, every: int, work: NDArray) -> None:
+    """
+    Rows of the last view's tiles: surfels listed, walked until the tile is dark, and blended; of warps of 32 pixels the sums of these walked and blended; of every n-th tile (else -1) the (pixel, surfel) pairs and the (warp, surfel) pairs that are blended; the depth at which the tile is dark.
+    """
+
+def operations(terms: int) -> dict:
+    """
+    Operations of the rasterizer's maths by function, counted in its source; `terms` SH coefficients.
+    """

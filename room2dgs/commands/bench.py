@@ -12,6 +12,7 @@ BENCHES = {
     "numerics": ("room2dgs.commands.bench_numerics", "float32 against float64 on hard cases"),
     "prior": ("room2dgs.commands.bench_prior", "a prior's depth, normals and confidence where depth is known"),
     "memory": ("room2dgs.bench.memory", "the peak memory of training over the number of views"),
+    "roofline": ("room2dgs.commands.bench_roofline", "what rendering on a GPU should take, on paper"),
     "stereo": ("room2dgs.commands.bench_stereo", "dense stereo where depth is known, and its time"),
     "suite": ("room2dgs.commands.bench_suite", "the same settings on several captures, as one table"),
     "prior-error": ("room2dgs.commands.prior_error", "the mesh's score over the errors of the prior"),

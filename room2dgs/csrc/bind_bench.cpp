@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <chrono>
 
+#include "counted.h"  // first: templates see the scalars that stand before them
 #include "frame_arguments.h"
 #include "parallel.h"
+#include "pixel.h"
+#include "sh.h"
 
 namespace room2dgs {
 namespace {
@@ -81,6 +84,99 @@ int64_t count_pairs(RasterFrame& f, const Output& color, const Output& alpha, co
   return f.count_pairs(images_of(check, f.camera, color, alpha, depth, median, normal, std::nullopt));
 }
 
+// What a GPU's warp does, 32 pixels of two rows, over each tile's list. Walking on takes less than blending: lists are
+// walked to their end by pixels that stay light.
+void tile_work(RasterFrame& f, int64_t every, const Output& work) {
+  using namespace isa_baseline;
+  constexpr int kColumns = 8, kWarps = kTilePixels / 32;
+  Claim claim(f);
+  Arguments check;
+  require_view(f);
+  require(every >= 1, "every is 1 or more");
+  double* rows = check.output<double>("work", work, {f.tile_count(), kColumns});
+  const BlendArgs a = f.blend_args();
+  parallel_for(f.tile_count(), [&](int64_t tile, int) {
+    const int x = static_cast<int>(tile % a.tiles_x) * kTile, y = static_cast<int>(tile / a.tiles_x) * kTile;
+    const Item* items = a.items + a.tile_begin[tile];
+    const int count = static_cast<int>(a.tile_begin[tile + 1] - a.tile_begin[tile]);
+    int forward[kWarps] = {}, backward[kWarps] = {};
+    for (int p = 0; p < kTilePixels; ++p) {
+      if (x + p % kTile >= a.width || y + p / kTile >= a.height) continue;
+      const int64_t q = tile * kTilePixels + p;
+      const int last = a.state.last[q];
+      const int walked = a.state.transmittance[q] >= kTransmittanceMin ? count : last;
+      forward[p / 32] = std::max(forward[p / 32], walked), backward[p / 32] = std::max(backward[p / 32], last);
+    }
+    int64_t kept = 0, kept_warps = 0;
+    const bool sampled = tile % every == every / 2 % every;
+    for (int warp = 0; sampled && warp < kWarps; ++warp)
+      for (int j = 0; j < backward[warp]; ++j) {
+        const Record& r = a.records[items[j].record];
+        int lanes = 0;
+        for (int p = 32 * warp; p < 32 * warp + 32; ++p) {
+          if (a.state.last[tile * kTilePixels + p] <= j) continue;
+          const float dx = x + p % kTile + 0.5f - r.cx - r.cx_rest, dy = y + p / kTile + 0.5f - r.cy - r.cy_rest;
+          lanes += intersect<float>(r, dx, dy).raw >= kAlphaMin;
+        }
+        kept += lanes, kept_warps += lanes > 0;
+      }
+    const int tile_forward = *std::max_element(forward, forward + kWarps);
+    double* row = rows + kColumns * tile;
+    row[0] = count, row[1] = tile_forward;
+    row[2] = *std::max_element(backward, backward + kWarps);
+    row[3] = row[4] = 0;
+    for (int warp = 0; warp < kWarps; ++warp) row[3] += forward[warp], row[4] += backward[warp];
+    row[5] = sampled ? kept : -1.0, row[6] = sampled ? kept_warps : -1.0;
+    row[7] = tile_forward == count ? 1e30 : a.records[items[tile_forward - 1].record].z;
+  });
+}
+
+nb::dict operations(int64_t terms) {
+  require(terms == 1 || terms == 4 || terms == 9 || terms == 16, "terms is not 1, 4, 9 or 16");
+  using namespace isa_baseline;
+  const Camera view = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}, 500, 500, 320, 240, 0.05, 640, 480};
+  nb::dict counted;
+  const auto lap = [&](const char* name) {
+    const Operations o = Counted::done();
+    nb::dict row;
+    row["fma"] = o.fma, row["add"] = o.add, row["multiply"] = o.multiply, row["divide"] = o.divide;
+    row["root"] = o.root, row["power"] = o.power, row["other"] = o.other;
+    counted[name] = row;
+    Counted::done() = {};
+  };
+  Counted::done() = {};
+  const Surfel<Counted> surfel = {{0.1, 0.2, 2.0}, 0.9, 0.2, 0.3, 0.1, 0.02, 0.03};
+  const Axes<Counted> axes = axes_of(surfel);
+  const Projected<Counted> o = project(surfel, axes, view);
+  lap("project");
+  const Counted sums[kGradients] = {1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1};
+  const CameraGrad<Counted> c = project_backward(surfel, o, view, nine_from_sums(sums, o));
+  Counted to_rotation[4];
+  axes_backward(axes, rotate_transposed(view.R, c.tu), rotate_transposed(view.R, c.tv),
+                rotate_transposed(view.R, c.tw) + o.side * Vec3<Counted>{1, 1, 1}, to_rotation);
+  rotate_transposed(view.R, c.p);
+  lap("project_backward");
+  Counted inverse_distance, color[3];
+  const Vec3<Counted> direction = view_direction(view, o, inverse_distance);
+  const float sh[48] = {0.1f};
+  float to_sh[48];
+  color_of(sh, static_cast<int>(terms), direction, color);
+  lap("color");
+  const Vec3<Counted> gd = color_backward<Counted>(sh, static_cast<int>(terms), direction, sums + kSumColor, to_sh);
+  inverse_distance * (gd + (-dot(gd, direction)) * direction);
+  lap("color_backward");
+  Record r{};
+  r.z = 2, r.aux = r.avy = 0.2f, r.den_max = 40, r.log2_opacity = -0.5f;
+  const Hit<Counted> hit = intersect<Counted>(r, 1.5, 0.5f);
+  lap("intersect");
+  hit_backward<Counted>(hit, true, 1, 1);
+  lap("hit_backward");
+  const Counted mu = shifted_depth<Counted>(2.1, 2.0);
+  spread<Counted>(mu, 0.5, 0.1, 0.1);
+  lap("distortion");
+  return counted;
+}
+
 }  // namespace
 
 void bind_bench(nb::module_ m) {
@@ -92,6 +188,11 @@ void bind_bench(nb::module_ m) {
         "Seconds and (pixel, surfel) pairs of every n-th tile, each run over and over with its data in the cache.");
   m.def("count_pairs", &count_pairs, nb::arg("frame"), as_is("color"), as_is("alpha"), as_is("depth"), as_is("median"),
         as_is("normal"), "(pixel, surfel) pairs that the last view evaluates.");
+  m.def("tile_work", &tile_work, nb::arg("frame"), nb::arg("every"), as_is("work"),
+        "Rows of the last view's tiles: surfels listed, walked until the tile is dark, and blended; of warps of 32 pixels "
+        "the sums of these walked and blended; of every n-th tile (else -1) the (pixel, surfel) pairs and the (warp, "
+        "surfel) pairs that are blended; the depth at which the tile is dark.");
+  m.def("operations", &operations, nb::arg("terms"), "Operations of the rasterizer's maths by function, counted in its source; `terms` SH coefficients.");
 }
 
 }  // namespace room2dgs

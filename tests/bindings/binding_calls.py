@@ -13,7 +13,7 @@ from room2dgs import _C
 
 @dataclass(frozen=True)
 class Array:
-    """An array argument; `shape` holds digits and the names of sizes (h, w, n surfels, k coefficients)."""
+    """An array argument; `shape` holds digits and the names of sizes (h, w, n surfels, k coefficients, t tiles)."""
 
     name: str
     shape: str
@@ -22,6 +22,7 @@ class Array:
     optional: bool = False
 
     def lengths(self, sizes: dict[str, int]) -> tuple[int, ...]:
+        sizes = {**sizes, "t": -(-sizes["h"] // 16) * -(-sizes["w"] // 16)}
         return tuple(int(axis) if axis.isdigit() else sizes[axis] for axis in self.shape)
 
 
@@ -133,6 +134,7 @@ CALLS = {
             bench=True,
         ),
         Call("count_pairs", FIVE_MAPS, bench=True),
+        Call("tile_work", ("every", Array("work", "t8", np.float64, True)), bench=True),
     )
 }
 
