@@ -5,12 +5,11 @@ from __future__ import annotations
 import importlib
 import os
 import platform
-import shutil
-import subprocess
 from collections.abc import Callable
 
-from room2dgs import __version__
+from room2dgs import __version__, cuda_state
 from room2dgs.cores import available_cores
+from room2dgs.cuda_state import first_line
 from room2dgs.system_libraries import package_of
 
 # module -> (distribution, what it is here for); every one is needed
@@ -71,7 +70,7 @@ def _library(name: str, distribution: str) -> tuple[str, str | None]:
             if package
             else f"reinstall it: pip install {distribution}"
         )
-        return "broken", f"{distribution} cannot be loaded ({_first_line(error)}); {fix}"
+        return "broken", f"{distribution} cannot be loaded ({first_line(error)}); {fix}"
     return _version(module, distribution), None
 
 
@@ -90,7 +89,7 @@ def _kernels() -> tuple[str, str | None]:
     except ImportError as error:
         return (
             "missing",
-            f"the compiled kernels cannot be loaded ({_first_line(error)}); build them: pip install .",
+            f"the compiled kernels cannot be loaded ({first_line(error)}); build them: pip install .",
         )
     return f"{_C.isa()} instructions", None
 
@@ -98,20 +97,18 @@ def _kernels() -> tuple[str, str | None]:
 def _cuda() -> dict[str, str]:
     """What there is of CUDA; nothing needs it."""
     return {
-        "CUDA in torch": _tried(_torch_cuda),
-        "CUDA compiler": _tried(_nvcc),
+        "CUDA driver": _tried(lambda: cuda_state.driver().text),
+        "CUDA compiler": _tried(lambda: cuda_state.compiler().text),
+        "CUDA kernels": _tried(lambda: cuda_state.kernels().text),
+        "CUDA in torch": _tried(lambda: cuda_state.in_torch().text),
+        "rendering on a GPU": _tried(_on_gpu),
         "networks in onnxruntime run on": _tried(_onnx_providers),
     }
 
 
-def _torch_cuda() -> str:
-    import torch
-
-    if torch.version.cuda is None:
-        return "none (a CPU build)"
-    if not torch.cuda.is_available():
-        return f"{torch.version.cuda}, no device"
-    return f"{torch.version.cuda}, {torch.cuda.get_device_name(0)}; not used: the kernels run on the CPU"
+def _on_gpu() -> str:
+    lacking = cuda_state.missing()
+    return f"no, it lacks {', '.join(lacking)}" if lacking else "can be tried: make gpu-check"
 
 
 def _onnx_providers() -> str:
@@ -121,21 +118,8 @@ def _onnx_providers() -> str:
     return "cpu, cuda (prior.provider=cuda)" if "CUDAExecutionProvider" in there else "cpu"
 
 
-def _nvcc() -> str:
-    path = shutil.which("nvcc")
-    if path is None:
-        return "none"
-    text = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=20, check=True).stdout
-    release = next((line for line in text.splitlines() if "release" in line), "")
-    return f"{release.partition('release')[2].partition(',')[0].strip() or 'found'}; not used yet"
-
-
 def _tried(question: Callable[[], str]) -> str:
     try:
         return question()
     except Exception as error:  # whatever a driver does, the rest of the report matters more
-        return f"unknown ({_first_line(error)})"
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
+        return f"unknown ({first_line(error)})"

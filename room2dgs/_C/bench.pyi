@@ -22,7 +22,7 @@ def count_pairs(frame: room2dgs._C.RasterFrame, color: NDArray, alpha: NDArray, 
 
 def tile_work(frame: room2dgs._C.RasterFrame, every: int, work: NDArray) -> None:
     """
-    Rows of the last view's tiles: surfels listed, walked until the tile is dark, and blended; of warps of 32 pixels the sums of these walked and blended; of every n-th tile (else -1) the (pixel, surfel) pairs and the (warp, surfel) pairs that are blended; the depth at which the tile is dark.
+    Rows of the last view's tiles: surfels listed, walked until the tile is dark, and blended; of warps of 16 x 2 pixels the sums of these walked and blended; the depth at which the tile is dark; of every n-th tile (else -1) the (pixel, surfel) pairs that are blended, those of warps of 16 x 2, and of warps of 8 x 4 the pairs that reach it until it is dark, those until its last that is blended, and those blended.
     """
 
 def operations(terms: int) -> dict:

@@ -10,6 +10,7 @@ from room2dgs.errors import InputError
 BENCHES = {
     "raster": ("room2dgs.bench.raster", "the rasterizer's time on this machine"),
     "numerics": ("room2dgs.commands.bench_numerics", "float32 against float64 on hard cases"),
+    "gpu": ("room2dgs.commands.bench_gpu", "a backend against the reference and the CPU, and its time"),
     "prior": ("room2dgs.commands.bench_prior", "a prior's depth, normals and confidence where depth is known"),
     "memory": ("room2dgs.bench.memory", "the peak memory of training over the number of views"),
     "roofline": ("room2dgs.commands.bench_roofline", "what rendering on a GPU should take, on paper"),

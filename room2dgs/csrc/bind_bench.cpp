@@ -84,50 +84,63 @@ int64_t count_pairs(RasterFrame& f, const Output& color, const Output& alpha, co
   return f.count_pairs(images_of(check, f.camera, color, alpha, depth, median, normal, std::nullopt));
 }
 
-// What a GPU's warp does, 32 pixels of two rows, over each tile's list. Walking on takes less than blending: lists are
-// walked to their end by pixels that stay light.
+// What a GPU's warps do over each tile's list: those of 16 x 2 pixels that walk over all of it, as gsplat's, and those of
+// 8 x 4 that look at surfels alone that reach them, as ours (block_blend.cu). Lists are walked to their end by pixels
+// that stay light.
 void tile_work(RasterFrame& f, int64_t every, const Output& work) {
   using namespace isa_baseline;
-  constexpr int kColumns = 8, kWarps = kTilePixels / 32;
+  constexpr int kColumns = 11, kWarps = kTilePixels / 32;
   Claim claim(f);
   Arguments check;
   require_view(f);
   require(every >= 1, "every is 1 or more");
   double* rows = check.output<double>("work", work, {f.tile_count(), kColumns});
   const BlendArgs a = f.blend_args();
+  const auto row_warp = [](int p) { return p / 32; };
+  const auto patch = [](int p) { return p / kTile / 4 * 2 + p % kTile / 8; };
   parallel_for(f.tile_count(), [&](int64_t tile, int) {
     const int x = static_cast<int>(tile % a.tiles_x) * kTile, y = static_cast<int>(tile / a.tiles_x) * kTile;
     const Item* items = a.items + a.tile_begin[tile];
     const int count = static_cast<int>(a.tile_begin[tile + 1] - a.tile_begin[tile]);
-    int forward[kWarps] = {}, backward[kWarps] = {};
+    struct Ends {
+      int forward[kWarps] = {}, backward[kWarps] = {};
+    } ends, patch_ends;
     for (int p = 0; p < kTilePixels; ++p) {
       if (x + p % kTile >= a.width || y + p / kTile >= a.height) continue;
-      const int64_t q = tile * kTilePixels + p;
-      const int last = a.state.last[q];
-      const int walked = a.state.transmittance[q] >= kTransmittanceMin ? count : last;
-      forward[p / 32] = std::max(forward[p / 32], walked), backward[p / 32] = std::max(backward[p / 32], last);
+      const int last = a.state.last[tile * kTilePixels + p];
+      const int walked = a.state.transmittance[tile * kTilePixels + p] >= kTransmittanceMin ? count : last;
+      const auto reach = [&](Ends& e, int warp) {
+        e.forward[warp] = std::max(e.forward[warp], walked), e.backward[warp] = std::max(e.backward[warp], last);
+      };
+      reach(ends, row_warp(p)), reach(patch_ends, patch(p));
     }
-    int64_t kept = 0, kept_warps = 0;
+    const int tile_forward = *std::max_element(ends.forward, ends.forward + kWarps);
     const bool sampled = tile % every == every / 2 % every;
-    for (int warp = 0; sampled && warp < kWarps; ++warp)
-      for (int j = 0; j < backward[warp]; ++j) {
-        const Record& r = a.records[items[j].record];
-        int lanes = 0;
-        for (int p = 32 * warp; p < 32 * warp + 32; ++p) {
-          if (a.state.last[tile * kTilePixels + p] <= j) continue;
-          const float dx = x + p % kTile + 0.5f - r.cx - r.cx_rest, dy = y + p / kTile + 0.5f - r.cy - r.cy_rest;
-          lanes += intersect<float>(r, dx, dy).raw >= kAlphaMin;
-        }
-        kept += lanes, kept_warps += lanes > 0;
+    int64_t kept = 0, kept_warps = 0, near_forward = 0, near_backward = 0, kept_patches = 0;
+    for (int j = 0; sampled && j < tile_forward; ++j) {
+      const Record& r = a.records[items[j].record];
+      uint32_t near = 0, blended = 0, blended_rows = 0;  // bits of patches, and of rows' warps
+      for (int p = 0; p < kTilePixels; ++p) {
+        const float dx = x + p % kTile + 0.5f - r.cx - r.cx_rest, dy = y + p / kTile + 0.5f - r.cy - r.cy_rest;
+        if (!(intersect<float>(r, dx, dy).raw >= kAlphaMin)) continue;
+        near |= 1u << patch(p);
+        if (x + p % kTile >= a.width || y + p / kTile >= a.height || a.state.last[tile * kTilePixels + p] <= j) continue;
+        blended |= 1u << patch(p), blended_rows |= 1u << row_warp(p), ++kept;
       }
-    const int tile_forward = *std::max_element(forward, forward + kWarps);
+      for (int k = 0; k < kWarps; ++k) {
+        near_forward += (near >> k & 1) && j < patch_ends.forward[k];
+        near_backward += (near >> k & 1) && j < patch_ends.backward[k];
+      }
+      kept_warps += __builtin_popcount(blended_rows), kept_patches += __builtin_popcount(blended);
+    }
     double* row = rows + kColumns * tile;
     row[0] = count, row[1] = tile_forward;
-    row[2] = *std::max_element(backward, backward + kWarps);
+    row[2] = *std::max_element(ends.backward, ends.backward + kWarps);
     row[3] = row[4] = 0;
-    for (int warp = 0; warp < kWarps; ++warp) row[3] += forward[warp], row[4] += backward[warp];
-    row[5] = sampled ? kept : -1.0, row[6] = sampled ? kept_warps : -1.0;
-    row[7] = tile_forward == count ? 1e30 : a.records[items[tile_forward - 1].record].z;
+    for (int warp = 0; warp < kWarps; ++warp) row[3] += ends.forward[warp], row[4] += ends.backward[warp];
+    row[5] = tile_forward == count ? 1e30 : a.records[items[tile_forward - 1].record].z;
+    const int64_t counted[] = {kept, kept_warps, near_forward, near_backward, kept_patches};
+    for (int k = 0; k < 5; ++k) row[6 + k] = sampled ? static_cast<double>(counted[k]) : -1.0;
   });
 }
 
@@ -189,9 +202,10 @@ void bind_bench(nb::module_ m) {
   m.def("count_pairs", &count_pairs, nb::arg("frame"), as_is("color"), as_is("alpha"), as_is("depth"), as_is("median"),
         as_is("normal"), "(pixel, surfel) pairs that the last view evaluates.");
   m.def("tile_work", &tile_work, nb::arg("frame"), nb::arg("every"), as_is("work"),
-        "Rows of the last view's tiles: surfels listed, walked until the tile is dark, and blended; of warps of 32 pixels "
-        "the sums of these walked and blended; of every n-th tile (else -1) the (pixel, surfel) pairs and the (warp, "
-        "surfel) pairs that are blended; the depth at which the tile is dark.");
+        "Rows of the last view's tiles: surfels listed, walked until the tile is dark, and blended; of warps of 16 x 2 "
+        "pixels the sums of these walked and blended; the depth at which the tile is dark; of every n-th tile (else -1) "
+        "the (pixel, surfel) pairs that are blended, those of warps of 16 x 2, and of warps of 8 x 4 the pairs that reach "
+        "it until it is dark, those until its last that is blended, and those blended.");
   m.def("operations", &operations, nb::arg("terms"), "Operations of the rasterizer's maths by function, counted in its source; `terms` SH coefficients.");
 }
 

@@ -13,7 +13,7 @@ from room2dgs import _C
 
 @dataclass(frozen=True)
 class Array:
-    """An array argument; `shape` holds digits and the names of sizes (h, w, n surfels, k coefficients, t tiles)."""
+    """An array argument; `shape`: digits and names of sizes (h, w, n surfels, k coefficients, t tiles, c columns)."""
 
     name: str
     shape: str
@@ -22,7 +22,7 @@ class Array:
     optional: bool = False
 
     def lengths(self, sizes: dict[str, int]) -> tuple[int, ...]:
-        sizes = {**sizes, "t": -(-sizes["h"] // 16) * -(-sizes["w"] // 16)}
+        sizes = {**sizes, "t": -(-sizes["h"] // 16) * -(-sizes["w"] // 16), "c": 11}
         return tuple(int(axis) if axis.isdigit() else sizes[axis] for axis in self.shape)
 
 
@@ -134,7 +134,7 @@ CALLS = {
             bench=True,
         ),
         Call("count_pairs", FIVE_MAPS, bench=True),
-        Call("tile_work", ("every", Array("work", "t8", np.float64, True)), bench=True),
+        Call("tile_work", ("every", Array("work", "tc", np.float64, True)), bench=True),
     )
 }
 

@@ -124,10 +124,11 @@ def condition(
     return worst
 
 
-def compare(scene: HardScene, conditioned: bool = True) -> Comparison:
+def compare(scene: HardScene, conditioned: bool = True, render: Callable[..., Rendering] = splat.render) -> Comparison:
     """Kernels and reference on one scene.
 
     Args:
+        render: with the arguments of `splat.render`.
         conditioned: what float32 cannot hold may be off by more than 1e-4, see `Comparison.bounds`.
     """
     pairs = pairs_of(scene)
@@ -135,9 +136,9 @@ def compare(scene: HardScene, conditioned: bool = True) -> Comparison:
     everywhere = image_weights(scene.width, scene.height, unit=scene.near_m / NEAR_M)
     weights = [w * (kept[..., None] if w.ndim == 3 else kept) for w in everywhere]
     expected, to_expect = differentiate(reference.render, scene, weights, torch.float64)
-    actual, gradients = differentiate(splat.render, scene, weights, torch.float32)
+    actual, gradients = differentiate(render, scene, weights, torch.float32)
     # beside a jump either side may be taken, but nothing may break
-    beside, to_all = differentiate(splat.render, scene, everywhere, torch.float32)
+    beside, to_all = differentiate(render, scene, everywhere, torch.float32)
     bounds = dict.fromkeys(NAMES, TOLERANCE)
     if conditioned:
         changes = condition(scene, weights, expected, to_expect, kept)

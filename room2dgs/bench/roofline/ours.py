@@ -12,6 +12,7 @@ DOUBLE_DIVIDE, DOUBLE_ROOT = 9, 9
 RECORD = 112  # bytes, raster.h
 HOT = 4  # 16-byte loads of what every pixel needs of a record
 COLD = 2  # of colour and normal
+REACH = 16 * 30  # instructions: the columns that a record reaches in each of a tile's rows
 SUMS = 19  # of a record's gradient
 SHUFFLES = 21  # of 19 sums by halves: 10 + 5 + 3 + 2 + 1
 
@@ -79,7 +80,10 @@ def kernels(terms: int = 1) -> list[Kernel]:
         Kernel(
             "blend", False,
             {
-                "forward_entries": Cost(instructions=20, mio=4, l2=RECORD, dram=8),
+                # copied, its patches found, each of 8 warps decides
+                "forward_entries": Cost(
+                    instructions=20 + REACH + 8 * 10, mio=8 + 16 * 4 + 8 * 2, l2=RECORD, dram=8 + 1
+                ),
                 "visible": Cost(dram=RECORD),
                 "forward_warps": forward_hit,
                 "kept_warps": forward_kept,
@@ -90,7 +94,7 @@ def kernels(terms: int = 1) -> list[Kernel]:
             "blend backward", True,
             {
                 # a row of 20 sums for each entry, no atomics
-                "entries": Cost(instructions=20, mio=8, l2=RECORD, dram=8 + 80),
+                "entries": Cost(instructions=30 + 20 * 20 + 8 * 10, mio=8 + 20 * 6, l2=RECORD, dram=8 + 1 + 80),
                 "visible": Cost(dram=RECORD),
                 "backward_warps": backward_hit,
                 "kept_warps": backward_kept,

@@ -14,21 +14,22 @@ from room2dgs.splat import Surfels
 
 TILE = 16
 EVERY = 4  # blended pairs are counted in every n-th tile
-COLUMNS = 8  # of `_C.bench.tile_work`
+COLUMNS = 11  # of `_C.bench.tile_work`
 # Boxes about discs close beside the camera cover the whole picture: gsplat lists them everywhere, as it does with its
 # default near plane. That is a matter of settings, so it gets the original 2DGS's.
 NEAR_M, GSPLAT_DEFAULT_NEAR_M = 0.2, 0.01
 
 
 class Counts(NamedTuple):
-    """Of one view. A warp is 32 pixels of two rows, a warp pair a warp and a surfel.
+    """Of one view. A warp pair is a warp, 32 pixels, and a surfel: our 8 x 4 look at those alone that reach them,
+    gsplat's 16 x 2 at all in the list.
 
     Attributes:
         surfels, visible, entries: in the scene, in the view, and (surfel, tile) pairs.
         pixels, tiles: of the image.
         forward_entries: entries until their tile is dark.
-        forward_warps: warp pairs until every pixel of the warp is dark.
-        backward_warps: warp pairs until the warp's last surfel that is blended.
+        forward_warps: warp pairs looked at until every pixel of the warp is dark.
+        backward_warps: likewise until the warp's last surfel that is blended.
         kept_warps: warp pairs with a pixel that is blended.
         kept: (pixel, surfel) pairs that are blended.
     """
@@ -49,8 +50,8 @@ def measured(surfels: Surfels, K: Tensor, cam_from_world: Tensor, width: int, he
     """(ours, gsplat's) of one view, drawn by the CPU's kernels.
 
     gsplat lists a surfel in every tile of the box about three standard deviations. Its lists are walked to the same
-    depth as ours, so its warp pairs are ours times the ratio of the entries up to there, tile by tile. Both have the
-    near plane at `NEAR_M`.
+    depth as ours, so its warp pairs are those of our lists times the ratio of the entries up to there, tile by tile.
+    Both have the near plane at `NEAR_M`.
     """
     images = [torch.empty(height, width, *tail) for tail in ((3,), (), (), (), (3,))]
     frame = _C.RasterFrame()
@@ -60,18 +61,20 @@ def measured(surfels: Surfels, K: Tensor, cam_from_world: Tensor, width: int, he
     columns, rows = -(-width // TILE), -(-height // TILE)
     work = np.empty((columns * rows, COLUMNS))
     _C.bench.tile_work(frame, EVERY, work)
-    listed, forward, _, warp_forward, warp_backward, kept, kept_warps, dark = work.T
-    sampled = kept >= 0
+    listed, forward, _, warp_forward, warp_backward, dark, *some = work.T
+    sampled = some[0] >= 0
     share = warp_backward.sum() / max(1.0, warp_backward[sampled].sum())
+    kept, kept_warps, near_forward, near_backward, kept_patches = (x[sampled].sum() * share for x in some)
     ours = Counts(
         len(surfels.centers), frame.visible, listed.sum(), width * height, columns * rows, forward.sum(),
-        warp_forward.sum(), warp_backward.sum(), kept_warps[sampled].sum() * share, kept[sampled].sum() * share,
+        near_forward, near_backward, kept_patches, kept,
     )  # fmt: skip
     theirs_listed, theirs_walked, visible = boxes(surfels, K, cam_from_world, width, height, dark)
     ratio = theirs_walked / np.maximum(1.0, forward)
     theirs = ours._replace(
         visible=visible, entries=theirs_listed.sum(), forward_entries=theirs_walked.sum(),
         forward_warps=(warp_forward * ratio).sum(), backward_warps=(warp_backward * ratio).sum(),
+        kept_warps=kept_warps,
     )  # fmt: skip
     return ours, theirs
 

@@ -57,7 +57,7 @@ def tables(rows: list[Row], shown: Row) -> list[Table]:
             "entries": lambda x: _count(x[1], "ours", "entries"),
             "gsplat's": lambda x: _count(x[1], "gsplat", "entries"),
             f"near {GSPLAT_DEFAULT_NEAR_M} m": lambda x: f"{x[1]['gsplat_entries_by_default'] / 1e3:.0f} k",
-            "walked pairs a pixel": lambda x: _per_pixel(x[1], "ours"),
+            "pairs looked at, a pixel": lambda x: _per_pixel(x[1], "ours"),
             "gsplat's ": lambda x: _per_pixel(x[1], "gsplat"),
             "blended": lambda x: f"{x[1]['ours']['counts']['kept'] / x[1]['ours']['counts']['pixels']:.0f}",
             "lanes at work": lambda x: f"{_lanes(x[1]):.0%}",

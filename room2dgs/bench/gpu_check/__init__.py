@@ -1,0 +1,1 @@
+"""Is a backend right, and how fast is it: the hard cases, the demo room and times, within a few minutes."""

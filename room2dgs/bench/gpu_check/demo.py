@@ -1,0 +1,36 @@
+"""The demo room, trained and scored with the CPU's rasterizer and with another: everything else is the same."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from room2dgs.bench.gpu_check.rendering import renders_by
+
+Row = dict[str, Any]
+
+
+def demo_row(run: Callable[[list[str]], int], folder: Path, room: Path, backend: str, settings: list[str]) -> Row:
+    """One run in folder/BACKEND: its F-score, seconds of the training and of all, and peak memory of the GPU.
+
+    Args:
+        run: the command `room2dgs run`.
+    """
+    out = folder / backend
+    cuda = torch.cuda.is_available()
+    if cuda:
+        torch.cuda.reset_peak_memory_stats()
+    start = time.perf_counter()
+    with renders_by(backend):
+        run([f"scene.path={room}", f"out={out}", *settings])
+    metrics = json.loads((out / "metrics.json").read_text())
+    return {
+        "backend": backend, "f_score_5cm": metrics.get("f_score_5cm"), "psnr": metrics.get("psnr"),
+        "train_s": metrics["seconds"].get("train"), "all_s": time.perf_counter() - start,
+        "gpu_mb": torch.cuda.max_memory_allocated() / 2**20 if cuda else None,
+    }  # fmt: skip

@@ -1,0 +1,65 @@
+"""Rendering by a named backend, for callers whose tensors are on the CPU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+
+import torch
+from torch import Tensor
+
+from room2dgs import splat
+from room2dgs.errors import InputError
+from room2dgs.splat.backends import BACKENDS, View
+from room2dgs.splat.types import Rendering, Surfels
+
+
+def device_of(backend: str) -> str:
+    """The device type that a backend renders on.
+
+    Raises:
+        InputError: no such backend, or torch does not reach its device.
+    """
+    if backend not in BACKENDS:
+        raise InputError(
+            f"no rasterizer is called {backend!r}; choose from {', '.join(BACKENDS)} (see room2dgs doctor)"
+        )
+    device = (BACKENDS[backend].devices or ("cpu",))[0]
+    if device == "cuda" and not torch.cuda.is_available():
+        raise InputError(
+            f"the rasterizer {backend!r} needs a GPU that torch reaches: room2dgs doctor says what is missing"
+        )
+    return device
+
+
+def renderer(backend: str) -> Callable[..., Rendering]:
+    """`splat.render` by a backend, wherever it works: tensors go there and images come back, gradients likewise."""
+    device = device_of(backend)
+
+    def render(surfels: Surfels, K: Tensor, cam_from_world: Tensor, width: int, height: int, **options) -> Rendering:
+        moved = Surfels(*(x.to(device) for x in surfels))
+        options = {name: x.to(device) if isinstance(x, Tensor) else x for name, x in options.items()}
+        images = splat.render(
+            moved, K.to(device), cam_from_world.to(device), width, height, backend=backend, **options
+        )  # fmt: skip
+        return Rendering(*(x.cpu() for x in images))
+
+    return partial(splat.render, backend=backend) if device == "cpu" else render
+
+
+@contextmanager
+def renders_by(backend: str) -> Iterator[None]:
+    """Whatever asks for the CPU's rasterizer gets this one until the block ends: a whole run as it is."""
+    device = device_of(backend)
+    chosen, before = BACKENDS[backend], BACKENDS["cpu"]
+
+    def render(surfels: Surfels, view: View) -> Rendering:
+        moved = View(*(x.to(device) if isinstance(x, Tensor) else x for x in view))
+        return Rendering(*(x.cpu() for x in chosen.render(Surfels(*(x.to(device) for x in surfels)), moved)))
+
+    BACKENDS["cpu"] = before._replace(render=render)
+    try:
+        yield
+    finally:
+        BACKENDS["cpu"] = before
