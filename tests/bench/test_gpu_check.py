@@ -6,6 +6,7 @@ import json
 from itertools import count
 
 import pytest
+
 from room2dgs.bench.gpu_check.corpus import corpus_row
 from room2dgs.bench.gpu_check.rendering import renders_by
 from room2dgs.bench.gpu_check.speed import speed_row
