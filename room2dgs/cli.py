@@ -7,33 +7,17 @@ import importlib
 import sys
 import tempfile
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 
 from room2dgs import __version__
+from room2dgs.commands.examples import examples
+from room2dgs.commands.verbs import VERBS
 from room2dgs.errors import InputError, RunFailed
 from room2dgs.interrupts import Terminated, reader_is_gone, signals_raise, unread
 
 DONE, OUR_FAULT, BAD_INPUT = 0, 1, 2
 INTERRUPTED, UNREAD, TERMINATED = 130, 141, 143  # 128 + SIGINT, SIGPIPE, SIGTERM, as shells have it
-
-# verb -> its line in the help; the code is room2dgs/commands/<verb>.py
-VERBS = {
-    "prepare": "a video or photos without poses to a capture that run reads",
-    "run": "photos to a scored mesh: points, training, mesh, renders, scores",
-    "train": "the first part of run: points and training",
-    "depth": "dense depth of a capture by stereo, and a first mesh without training",
-    "mesh": "mesh an earlier run (again)",
-    "eval": "score an earlier run, or any mesh against a ground truth",
-    "render": "pictures of an earlier run's views beside the photos",
-    "view": "walk through an earlier run in a browser",
-    "report": "one page of an earlier run that opens in any browser",
-    "export": "an earlier run for other programs: splats, GLB, COLMAP, depth maps and more",
-    "table": "runs and other methods' meshes in the columns of the paper's Table I: CSV, Markdown, HTML, LaTeX",
-    "plan": "floor, ceiling and walls of an earlier run by name: a floor plan with dimensions",
-    "ablate": "run the method without each of its parts: one table, pictures side by side",
-    "doctor": "what is installed here, and what will run on what",
-    "bench": "measure the rasterizer or a prior: room2dgs bench raster, room2dgs bench prior SCENE",
-}
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -67,7 +51,8 @@ def _dispatched(verb: str, rest: list[str]) -> int:
     try:
         if verb not in VERBS:
             raise InputError(f"{verb!r} is no command; choose from {', '.join(VERBS)}")
-        return importlib.import_module(f"room2dgs.commands.{verb}").main(rest)
+        command = importlib.import_module(f"room2dgs.commands.{verb}").main
+        return _helped(command, verb, rest) if {"-h", "--help"} & set(rest) else command(rest)
     except KeyboardInterrupt as stop:
         print("\nroom2dgs: interrupted; what was finished is kept", file=sys.stderr)
         return TERMINATED if isinstance(stop, Terminated) else INTERRUPTED
@@ -77,6 +62,15 @@ def _dispatched(verb: str, rest: list[str]) -> int:
         said, code = _told(error)
         print(said, file=sys.stderr)
         return code
+
+
+def _helped(command: Callable[[list[str]], int], verb: str, rest: list[str]) -> int:
+    """The command's own help, and examples behind it."""
+    try:
+        return command(rest)
+    finally:  # argparse ends by an exception
+        if text := examples(verb, rest):
+            print(text)
 
 
 def _told(error: Exception) -> tuple[str, int]:
@@ -93,7 +87,7 @@ def _told(error: Exception) -> tuple[str, int]:
 def overview() -> str:
     """The verbs with one line each."""
     lines = ["room2dgs: posed photos of a room to a metric triangle mesh", ""]
-    lines += [f"  room2dgs {verb:<7} {summary}" for verb, summary in VERBS.items()]
+    lines += [f"  room2dgs {verb:<10} {summary}" for verb, summary in VERBS.items()]
     lines += [
         "",
         "The main one:  room2dgs run scene.path=DIR out=DIR",

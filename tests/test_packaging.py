@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import runpy
 import subprocess
@@ -58,7 +59,11 @@ def python_away_from_the_checkout(installed: Path, code: str, *arguments: str) -
     libraries = [path for path in sys.path if Path(path).name in ("site-packages", "dist-packages")]
     path = f"import sys; sys.path[:0] = [{str(installed)!r}]; sys.path += {libraries!r}\n"
     command = [sys.executable, "-I", "-S", "-c", path + code, *arguments]
-    return subprocess.run(command, cwd=installed.parent, capture_output=True, text=True, timeout=600, check=False)
+    # nor is there a compiler, or any other program
+    environment = {**os.environ, "PATH": str(installed.parent / "no_programs")}
+    return subprocess.run(
+        command, cwd=installed.parent, env=environment, capture_output=True, text=True, timeout=600, check=False
+    )
 
 
 def test_sdist_has_what_is_needed_to_build_test_and_cite(sdist):

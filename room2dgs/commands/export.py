@@ -140,6 +140,4 @@ def _help() -> int:
     for one in FORMATS.values():
         print(f"  {one.name:<12} {one.place:<16} {one.words}")
     print("\n".join(settings(("export",))))
-    print("\n  room2dgs export run=runs/room to=glb faces=100000")
-    print("  room2dgs export run=runs/room to=splats,spz,colmap out=hand_over")
     return 0

@@ -28,6 +28,7 @@ class Key:
         allowed: what to write in place of an impossible value ("choose from a, b"; "give a value of 1 or more").
         comment: the field's description.
         is_path: it names a file or folder.
+        choices: the values of a single-valued setting that has only so many; else empty.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Key:
     allowed: str
     comment: str
     is_path: bool
+    choices: tuple[str, ...]
 
 
 @functools.cache
@@ -48,7 +50,8 @@ def leaf_keys(schema: type = Config, prefix: str = "") -> tuple[Key, ...]:
         hints = list(_hints(field.annotation, field.metadata))
         is_path = any(isinstance(mark, IsPath) for mark in hints)
         words = _in_words(field.annotation, field.metadata)
-        keys.append(Key(prefix + name, words, _allowed(hints, words), field.description or "", is_path))
+        allowed, choices = _allowed(hints, words), _single_choices(words, hints)
+        keys.append(Key(prefix + name, words, allowed, field.description or "", is_path, choices))
     return tuple(keys)
 
 
@@ -100,10 +103,20 @@ def _example(item: Any) -> str:
     return "a,b" if typing.get_origin(item) is Literal else "0.1,0.2"
 
 
+def _choices(hints: list[Any]) -> tuple[str, ...]:
+    return next((typing.get_args(mark) for mark in hints if typing.get_origin(mark) is Literal), ())
+
+
+def _single_choices(words: str, hints: list[Any]) -> tuple[str, ...]:
+    if words.startswith("true or false"):
+        return ("true", "false")
+    return () if words.startswith("a list") else _choices(hints)
+
+
 def _allowed(hints: list[Any], words: str) -> str:
     if any(isinstance(mark, Wants) for mark in hints):
         return f"give {words}"
-    choices = next((typing.get_args(mark) for mark in hints if typing.get_origin(mark) is Literal), None)
+    choices = _choices(hints)
     if choices:
         return f"choose from {', '.join(choices)}"
     low = next((mark.ge for mark in hints if isinstance(mark, Ge)), None)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from room2dgs.export import depth_maps
-from room2dgs.export.source import Source
 from room2dgs.files import whole_file
+
+if TYPE_CHECKING:  # the formats' names are asked for by the help and by completion, which should not wait for torch
+    from room2dgs.export.source import Source
 
 
 class Format(NamedTuple):
@@ -120,7 +121,12 @@ def _inria(source: Source, folder: Path) -> list[Path]:
 
 
 def _maps(encode: str, suffix: str) -> Callable[[Source, Path], list[Path]]:
-    return partial(depth_maps.write_maps, encode=getattr(depth_maps, encode), suffix=suffix)
+    def write(source: Source, folder: Path) -> list[Path]:
+        from room2dgs.export import depth_maps
+
+        return depth_maps.write_maps(source, folder, getattr(depth_maps, encode), suffix)
+
+    return write
 
 
 _ALL = (

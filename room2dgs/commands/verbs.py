@@ -1,0 +1,23 @@
+"""The commands by name."""
+
+from __future__ import annotations
+
+# verb -> its line in the help; the code is room2dgs/commands/<verb>.py
+VERBS = {
+    "prepare": "a video or photos without poses to a capture that run reads",
+    "run": "photos to a scored mesh: points, training, mesh, renders, scores",
+    "train": "the first part of run: points and training",
+    "depth": "dense depth of a capture by stereo, and a first mesh without training",
+    "mesh": "mesh an earlier run (again)",
+    "eval": "score an earlier run, or any mesh against a ground truth",
+    "render": "pictures of an earlier run's views beside the photos",
+    "view": "walk through an earlier run in a browser",
+    "report": "one page of an earlier run that opens in any browser",
+    "export": "an earlier run for other programs: splats, GLB, COLMAP, depth maps and more",
+    "table": "runs and other methods' meshes in the columns of the paper's Table I: CSV, Markdown, HTML, LaTeX",
+    "plan": "floor, ceiling and walls of an earlier run by name: a floor plan with dimensions",
+    "ablate": "run the method without each of its parts: one table, pictures side by side",
+    "completion": "completion of commands and settings by TAB, for bash, zsh or fish",
+    "doctor": "what is installed here, and what will run on what",
+    "bench": "measure the rasterizer or a prior: room2dgs bench raster, room2dgs bench prior SCENE",
+}
