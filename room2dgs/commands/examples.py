@@ -55,6 +55,8 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "bench": (("raster --quick", "is the rasterizer as fast here as it should be?"),),
     "bench raster": (("--quick", "a minute"),),
     "bench numerics": (("--quick", "some of the cases"),),
+    "bench gpu": (("", "on a machine with a GPU: does it give what the reference gives, and how fast?"),),
+    "bench roofline": (("", "needs no GPU"),),
     "bench prior": (("room hall out=prior scene.frames=20", "the shipped network on two captures with depth"),),
     "bench memory": (("--views 100,400", ""),),
     "bench stereo": (("room widths=320,640", ""),),

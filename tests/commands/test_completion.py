@@ -83,7 +83,7 @@ def test_another_shell_is_told(capsys):
 
 def test_every_command_has_an_example_and_every_key_in_one_is_known():
     groups = group_choices(conf_dir())
-    assert set(EXAMPLES) == set(cli.VERBS) | {f"bench {name}" for name in BENCHES}
+    assert set(cli.VERBS) <= set(EXAMPLES) <= set(cli.VERBS) | {f"bench {name}" for name in BENCHES}
     for command, lines in EXAMPLES.items():
         verb = command.partition(" ")[0]
         for typed, _ in lines:
