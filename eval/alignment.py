@@ -11,6 +11,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from room2dgs.errors import InputError
+from room2dgs.eval.alignment_search import guesses
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.poses import inverse_pose
 
@@ -19,6 +20,8 @@ SAMPLES = 20_000  # of each surface
 ROUNDS = 40
 REACH_M = (0.5, 0.1)  # what counts as the same surface, first and last: samples lie centimetres apart
 LEAST_MET = 0.3  # of the prediction
+WELL_MET = 0.8  # below it other turns are tried
+FEW, FEW_ROUNDS = 2500, 16  # samples and rounds of a try
 STILL = 1e-7
 
 
@@ -30,12 +33,14 @@ class Alignment(NamedTuple):
         truth_from_pred: (4, 4): scale times rotation, and translation.
         rms_m: of what was brought together: the cameras' centres, or the surfaces where they meet.
         pairs: of photos, or of points.
+        searched: it was not begun where the meshes lie, nor from cameras, but from a search over all turns.
     """
 
     method: str
     truth_from_pred: np.ndarray
     rms_m: float
     pairs: int
+    searched: bool = False
 
     @property
     def scale(self) -> float:
@@ -48,14 +53,16 @@ class Alignment(NamedTuple):
             "scale": self.scale,
             "rms_m": self.rms_m,
             "pairs": self.pairs,
+            "searched": self.searched,
             "truth_from_pred": self.truth_from_pred.tolist(),
         }
 
     def line(self) -> str:
         """For a log."""
         what = "photos" if self.method == "cameras" else "points"
+        begun = " after a search over all turns" if self.searched else ""
         return (
-            f"aligned to the ground truth by {self.method}: scale {self.scale:.4f}, {self.pairs} {what}, "
+            f"aligned to the ground truth by {self.method}{begun}: scale {self.scale:.4f}, {self.pairs} {what}, "
             f"{100 * self.rms_m:.1f} cm rms"
         )
 
@@ -122,44 +129,86 @@ def similarity(first: np.ndarray, second: np.ndarray, weights: np.ndarray, with_
 def by_surfaces(
     pred: trimesh.Trimesh, truth: trimesh.Trimesh, start: np.ndarray | None, with_scale: bool, seed: int = 0
 ) -> Alignment:
-    """Point to plane, both ways, from where the meshes lie or from a first guess.
+    """Point to plane, both ways, from a first guess; without one from where the meshes lie, and if that does not bring
+    most of the prediction to the truth, from the best of all turns that lay the room's directions on each other.
 
     Raises:
         InputError: they do not meet.
     """
-    points, _ = _samples(pred, seed)
-    truth_points, truth_normals = _samples(truth, seed + 1)
+    surfaces = [*_samples(pred, seed), *_samples(truth, seed + 1)]
+    found = _brought_together(*surfaces, np.eye(4) if start is None else start, with_scale, ROUNDS)
+    searched = start is None and found.met < WELL_MET
+    if searched:
+        few = [values[:: SAMPLES // FEW] for values in surfaces]
+        tried = [
+            _brought_together(*few, guess, with_scale, FEW_ROUNDS)
+            for guess in (found.matrix, *guesses(*few, with_scale))
+        ]
+        best = min(range(len(tried)), key=lambda index: tried[index].apart_m)
+        searched = best > 0
+        if searched:
+            found = _brought_together(*surfaces, tried[best].matrix, with_scale, ROUNDS)
+    if found.met < LEAST_MET:
+        mend = (
+            "give eval.align_scene=DIR, the capture with the true poses of the same photos, to start from"
+            if start is None
+            else "give eval.align=cameras"
+        )
+        raise InputError(f"eval.align=icp brings only {found.met:.0%} of the mesh to the ground truth; {mend}")
+    rms_m = float(np.sqrt(np.mean(np.minimum(np.abs(found.error), REACH_M[1]) ** 2)))
+    return Alignment("icp", found.matrix, rms_m, len(found.error), searched)
+
+
+class _Together(NamedTuple):
+    """How two surfaces lie after rounds of small steps.
+
+    Attributes:
+        matrix: (4, 4) truth_from_pred.
+        met: share of the prediction's samples that has the truth within the last reach.
+        apart_m: mean distance of all samples of both to the other, each at most the first reach.
+        error: of what met, along the truth's normals.
+    """
+
+    matrix: np.ndarray
+    met: float
+    apart_m: float
+    error: np.ndarray
+
+
+def _brought_together(
+    points: np.ndarray,
+    normals: np.ndarray,
+    truth_points: np.ndarray,
+    truth_normals: np.ndarray,
+    matrix: np.ndarray,
+    with_scale: bool,
+    rounds: int,
+) -> _Together:
     truth_tree = cKDTree(truth_points)
-    matrix = np.eye(4) if start is None else start.copy()
-    met, error = 0.0, np.zeros(0)
-    for step in range(ROUNDS):
-        reach = max(REACH_M[1], REACH_M[0] * (REACH_M[1] / REACH_M[0]) ** (step / (ROUNDS // 2)))
+    met, error, distances = 0.0, np.zeros(0), [np.full(1, np.inf)]
+    for step in range(rounds):
+        reach = max(REACH_M[1], REACH_M[0] * (REACH_M[1] / REACH_M[0]) ** (step / (rounds // 2)))
         here = moved(points, matrix)
         distance, nearest = truth_tree.query(here, distance_upper_bound=reach)
         good = np.isfinite(distance)
         back, back_nearest = cKDTree(here).query(truth_points, distance_upper_bound=reach)
         back_good = np.isfinite(back)
-        met = float(good.mean())
+        met, distances = float(good.mean()), [distance, back]
         if good.sum() + back_good.sum() < 100:
             break
         source = np.concatenate([here[good], here[back_nearest[back_good]]])
         target = np.concatenate([truth_points[nearest[good]], truth_points[back_good]])
         plane = np.concatenate([truth_normals[nearest[good]], truth_normals[back_good]])
         error = ((target - source) * plane).sum(axis=1)
-        width = max(2 * float(np.median(np.abs(error))), 1e-5)
+        # not the median alone: where all else fits exactly, a floor that does not would count for nothing
+        width = max(2 * float(np.median(np.abs(error))), reach / 10)
         weights = 1 / (1 + (error / width) ** 2) ** 2
         step_matrix = _small_step(source, plane, error, weights, with_scale)
         matrix = step_matrix @ matrix
-        if step > ROUNDS // 2 and np.abs(step_matrix - np.eye(4)).max() < STILL:
+        if step > rounds // 2 and np.abs(step_matrix - np.eye(4)).max() < STILL:
             break
-    if met < LEAST_MET:
-        mend = (
-            "give eval.align_scene=DIR, the capture with the true poses of the same photos, to start from"
-            if start is None
-            else "give eval.align=cameras"
-        )
-        raise InputError(f"eval.align=icp brings only {met:.0%} of the mesh to the ground truth; {mend}")
-    return Alignment("icp", matrix, float(np.sqrt(np.mean(np.minimum(np.abs(error), REACH_M[1]) ** 2))), len(error))
+    apart_m = float(np.concatenate([np.minimum(values, REACH_M[0]) for values in distances]).mean())
+    return _Together(matrix, met, apart_m, error)
 
 
 def _small_step(

@@ -46,11 +46,27 @@ def test_surfaces_are_brought_together_from_nearby(make, scale):
     off = sim(1.04 if scale else 1.0, 3, [0.08, -0.05, 0.06])
     pred = moved_mesh(truth, np.linalg.inv(off))
     found = by_surfaces(pred, truth, None, with_scale=scale)
+    assert not found.searched
     assert found.scale == pytest.approx(1.04 if scale else 1.0, abs=2e-3)
     left = np.linalg.norm(moved(pred.vertices, found.truth_from_pred) - truth.vertices, axis=1)
     assert left.max() < 0.01
+    stranger = make.moved(make.quad([0, 0, 0], [9.0, 0, 0], [0, 9.0, 0]), 50, 0, 0)
     with pytest.raises(InputError, match="align_scene"):
-        by_surfaces(make.moved(pred, 50, 0, 0), truth, None, with_scale=scale)
+        by_surfaces(stranger, make.room((0.5, 0.5, 0.5)), None, with_scale=False)
+
+
+@pytest.mark.parametrize(("degrees", "scale"), [(137, 1.0), (180, 1.12)])
+def test_surfaces_far_turned_are_found(make, degrees, scale):
+    """A room whose one box tells its four ways to stand apart, half a room away, and with a hole in the prediction."""
+    box = make.moved(make.room((0.9, 0.5, 0.7), 0.25), 1.2, 0.8, -0.9)
+    truth = make.join(make.room(spacing=0.25), box)
+    part = make.join(make.room(spacing=0.25, without=("ceiling",)), box)
+    pred = moved_mesh(part, np.linalg.inv(sim(scale, degrees, [2.0, -1.5, 0.7])))
+    found = by_surfaces(pred, truth, None, with_scale=scale != 1.0)
+    assert found.searched and found.scale == pytest.approx(scale, abs=0.01)
+    left = np.linalg.norm(moved(pred.vertices, found.truth_from_pred) - part.vertices, axis=1)
+    assert left.max() < 0.05
+    assert "after a search" in found.line()
 
 
 def test_a_moved_camera_sees_the_moved_point_at_the_same_pixel(camera):
