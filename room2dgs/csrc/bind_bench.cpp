@@ -29,7 +29,7 @@ nb::dict time_stages(RasterFrame& f, const Input& centers, const Input& rotation
   Arguments check;
   require_view(f);
   const SurfelArrays surfels = surfels_of(check, centers, rotations, scales, opacities, sh);
-  const Images out = images_of(check, f.camera, color, alpha, depth, median, normal, std::nullopt);
+  const Images out = images_of(check, f.camera.width, f.camera.height, color, alpha, depth, median, normal, std::nullopt);
   nb::dict seconds;
   Timer timer;
   f.view = 0;  // what the last backward pass would need goes
@@ -54,7 +54,7 @@ nb::tuple bare_loop(RasterFrame& f, const Output& color, const Output& alpha, co
   Arguments check;
   require_view(f);
   require(every >= 1 && repeats >= 1, "every and repeats are 1 or more");
-  const Images out = images_of(check, f.camera, color, alpha, depth, median, normal, std::nullopt);
+  const Images out = images_of(check, f.camera.width, f.camera.height, color, alpha, depth, median, normal, std::nullopt);
   const float* g_image = check.input<float>("g_color", g_color, {f.camera.height, f.camera.width, 3});
   // the same incoming image serves for all three: only the arithmetic counts
   const ImageGradients g{g_image, nullptr, out.depth, nullptr, g_image, nullptr};
@@ -81,7 +81,7 @@ int64_t count_pairs(RasterFrame& f, const Output& color, const Output& alpha, co
   Claim claim(f);
   Arguments check;
   require_view(f);
-  return f.count_pairs(images_of(check, f.camera, color, alpha, depth, median, normal, std::nullopt));
+  return f.count_pairs(images_of(check, f.camera.width, f.camera.height, color, alpha, depth, median, normal, std::nullopt));
 }
 
 // What a GPU's warps do over each tile's list: those of 16 x 2 pixels that walk over all of it, as gsplat's, and those of

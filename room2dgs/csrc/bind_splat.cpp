@@ -39,7 +39,7 @@ int64_t forward(RasterFrame& f, const Input& centers, const Input& rotations, co
   const Camera camera = camera_of(check, cam_from_world, K, width, height, near);
   const SurfelArrays surfels = surfels_of(check, centers, rotations, scales, opacities, sh);
   const float* behind = check.input<float>("background", background, {3});
-  const Images out = images_of(check, camera, color, alpha, depth, median, normal, distortion);
+  const Images out = images_of(check, width, height, color, alpha, depth, median, normal, distortion);
   require(normal || !distortion, "distortion is drawn with the normal or not at all: normal is None");
   f.view = 0;
   std::copy(behind, behind + 3, f.background);

@@ -29,6 +29,46 @@ namespace R2_ISA {
 
 constexpr int kWarp = 32;
 
+R2_HD int lowest_bit(uint32_t x) {
+#if defined(__CUDA_ARCH__)
+  return __ffs(static_cast<int>(x)) - 1;
+#else
+  return __builtin_ctz(x);
+#endif
+}
+R2_HD int highest_bit(uint32_t x) {
+#if defined(__CUDA_ARCH__)
+  return 31 - __clz(static_cast<int>(x));
+#else
+  return 31 - __builtin_clz(x);
+#endif
+}
+
+// The k-th 16 bytes of a `T`: one access for all of them where `T`s lie at multiples of 16.
+template <class T>
+R2_HD void copy_piece(T* to, const T* from, int k) {
+#if defined(__CUDA_ARCH__)
+  reinterpret_cast<float4*>(to)[k] = reinterpret_cast<const float4*>(from)[k];
+#else
+  memcpy(reinterpret_cast<char*>(to) + 16 * k, reinterpret_cast<const char*>(from) + 16 * k, 16);
+#endif
+}
+// All of a `T` that a thread has in registers.
+template <class T>
+R2_HD void store_pieces(T* to, const T& from) {
+  static_assert(sizeof(T) % 16 == 0, "whole pieces");
+#if defined(__CUDA_ARCH__)
+#pragma unroll
+  for (int k = 0; k < static_cast<int>(sizeof(T) / 16); ++k) {
+    float4 piece;
+    memcpy(&piece, reinterpret_cast<const char*>(&from) + 16 * k, 16);
+    reinterpret_cast<float4*>(to)[k] = piece;
+  }
+#else
+  *to = from;
+#endif
+}
+
 // A variable of each of `n` threads or lanes: a register on CUDA, an array here.
 template <class T, int n>
 class Own {
@@ -210,6 +250,26 @@ class Block {
  private:
   int64_t index_;
   int scramble_;
+};
+
+// Sums of what blocks left, `n` numbers each, by one block.
+template <class T, int n>
+struct AddParts {
+  static constexpr int kThreads = 256;
+  struct Shared {
+    T parts[kThreads / kWarp][n], sums[n];
+  };
+  const T* from;
+  int64_t count;
+  R2_KERNEL void add(const Block<kThreads>& block, Shared& s) const {
+    Own<Sums<T, n>, kThreads> mine;
+    block.threads([&](int thread) {
+      for (int k = 0; k < n; ++k) mine[thread].value[k] = 0;
+      for (int64_t i = thread; i < count; i += kThreads)
+        for (int k = 0; k < n; ++k) mine[thread].value[k] += from[i * n + k];
+    });
+    block.sums(mine, s.parts, s.sums);
+  }
 };
 
 }  // namespace R2_ISA

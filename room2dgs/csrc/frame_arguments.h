@@ -11,16 +11,17 @@
 namespace room2dgs {
 
 // Buffers hold one view: two threads that drew into one frame would write past each other's lists.
+template <class Frame>
 class Claim {
  public:
-  explicit Claim(RasterFrame& frame) : frame_(frame) {
+  explicit Claim(Frame& frame) : frame_(frame) {
     if (frame_.busy.exchange(true)) throw std::runtime_error("the frame is in use by another thread");
   }
   ~Claim() { frame_.busy = false; }
   Claim(const Claim&) = delete;
 
  private:
-  RasterFrame& frame_;
+  Frame& frame_;
 };
 
 inline SurfelArrays surfels_of(Arguments& check, const Input& centers, const Input& rotations, const Input& scales,
@@ -39,9 +40,8 @@ inline SurfelArrays surfels_of(Arguments& check, const Input& centers, const Inp
 }
 
 // The maps of a view's size; `normal` and `distortion` may be None.
-inline Images images_of(Arguments& check, const Camera& view, const Output& color, const Output& alpha, const Output& depth,
+inline Images images_of(Arguments& check, int64_t width, int64_t height, const Output& color, const Output& alpha, const Output& depth,
                  const Output& median, const OptionalOutput& normal, const OptionalOutput& distortion) {
-  const int64_t height = view.height, width = view.width;
   return {check.output<float>("color", color, {height, width, 3}),
           check.output<float>("alpha", alpha, {height, width}),
           check.output<float>("depth", depth, {height, width}),

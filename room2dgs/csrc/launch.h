@@ -69,6 +69,62 @@ inline void bytes_to_host(const Queue& queue, void* to, const void* from, size_t
   cuda_check(cudaStreamSynchronize(queue.stream));
 }
 
+// A value of the device on its way to the host, while the queue goes on.
+template <class T>
+class HostCopy {
+ public:
+  HostCopy() = default;
+  ~HostCopy() {
+    if (value_) cudaFreeHost(value_), cudaEventDestroy(arrived_);
+  }
+  HostCopy(const HostCopy&) = delete;
+  void begin(const Queue& queue, const T* from) {
+    if (!value_) {
+      cuda_check(cudaEventCreateWithFlags(&arrived_, cudaEventDisableTiming));
+      cuda_check(cudaMallocHost(&value_, sizeof(T)));
+    }
+    cuda_check(cudaMemcpyAsync(value_, from, sizeof(T), cudaMemcpyDeviceToHost, queue.stream));
+    cuda_check(cudaEventRecord(arrived_, queue.stream));
+  }
+  const T& wait() {
+    cuda_check(cudaEventSynchronize(arrived_));
+    return *value_;
+  }
+
+ private:
+  T* value_ = nullptr;
+  cudaEvent_t arrived_{};
+};
+
+// Memory that one queue after the other works with: each waits for what the one before it has asked for.
+class Turn {
+ public:
+  Turn() = default;
+  ~Turn() {
+    if (done_) cudaEventDestroy(done_);
+  }
+  Turn(const Turn&) = delete;
+
+  class Mine {  // while it lives
+   public:
+    Mine(Turn& turn, const Queue& queue) : turn_(turn), queue_(queue) {
+      if (!turn.done_) cuda_check(cudaEventCreateWithFlags(&turn.done_, cudaEventDisableTiming));
+      else if (turn.last_ != queue.stream) cuda_check(cudaStreamWaitEvent(queue.stream, turn.done_, 0));
+      turn.last_ = queue.stream;
+    }
+    ~Mine() { cudaEventRecord(turn_.done_, queue_.stream); }
+    Mine(const Mine&) = delete;
+
+   private:
+    Turn& turn_;
+    const Queue& queue_;
+  };
+
+ private:
+  cudaEvent_t done_ = nullptr;
+  cudaStream_t last_ = nullptr;
+};
+
 #if defined(__CUDACC__)
 
 template <class Kernel>
@@ -107,6 +163,24 @@ inline void* device_allocate(const Queue&, size_t bytes) {
 inline void device_release(void* data) { std::free(data); }
 inline void fill_bytes(const Queue&, void* data, int value, size_t bytes) { std::memset(data, value, bytes); }
 inline void bytes_to_host(const Queue&, void* to, const void* from, size_t bytes) { std::memcpy(to, from, bytes); }
+
+struct Turn {
+  struct Mine {
+    Mine(Turn&, const Queue&) {}
+  };
+};
+
+template <class T>
+class HostCopy {
+ public:
+  HostCopy() = default;
+  HostCopy(const HostCopy&) = delete;
+  void begin(const Queue&, const T* from) { value_ = *from; }
+  const T& wait() const { return value_; }
+
+ private:
+  T value_;
+};
 
 template <class Kernel>
 void launch(const Queue& queue, int64_t blocks, const Kernel& kernel) {

@@ -46,6 +46,13 @@ R2_HD double vsqrt(double x) {
   return __builtin_sqrt(x);
 #endif
 }
+R2_HD float vsqrt(float x) {
+#if defined(__CUDA_ARCH__)
+  return ::sqrtf(x);
+#else
+  return __builtin_sqrtf(x);
+#endif
+}
 R2_HD double select(bool mask, double yes, double no) { return mask ? yes : no; }
 R2_HD float select(bool mask, float yes, float no) { return mask ? yes : no; }
 R2_HD float masked(bool mask, float x) { return mask ? x : 0.0f; }

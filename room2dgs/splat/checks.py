@@ -76,8 +76,7 @@ def check_values(K: Tensor, cam_from_world: Tensor, background: Tensor, near_m: 
         ValueError: a focal length that is not positive, a skewed K or one whose last row is not 0 0 1, a pose that is
             not rigid, a near plane that is not in front of the camera, anything that is not finite.
     """
-    if not (math.isfinite(near_m) and near_m > 0):
-        raise ValueError(f"near_m is {near_m}; the near plane lies in front of the camera, at a distance above 0")
+    check_near(near_m)
     (fx, skew, cx), (other_skew, fy, cy), last = K.tolist()
     if not all(map(math.isfinite, (fx, skew, cx, other_skew, fy, cy, *last))):
         raise ValueError("K has an entry that is not finite")
@@ -99,6 +98,16 @@ def check_values(K: Tensor, cam_from_world: Tensor, background: Tensor, near_m: 
                 raise ValueError("cam_from_world is not rigid: its 3 x 3 block is no rotation")
     if not all(map(math.isfinite, background.tolist())):
         raise ValueError("background has an entry that is not finite")
+
+
+def check_near(near_m: float) -> None:
+    """The near plane's distance.
+
+    Raises:
+        ValueError: it is not in front of the camera, or not finite.
+    """
+    if not (math.isfinite(near_m) and near_m > 0):
+        raise ValueError(f"near_m is {near_m}; the near plane lies in front of the camera, at a distance above 0")
 
 
 def _is_last_row(row: list[float]) -> bool:

@@ -15,7 +15,10 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-TESTS = {"address": ("test_arguments.py", "test_threads.py"), "thread": ("test_threads.py",)}
+TESTS = {
+    "address": ("test_arguments.py", "test_threads.py", "test_block_frame.py"),
+    "thread": ("test_threads.py", "test_block_frame.py"),
+}
 BUILDS = {"address": "address,undefined", "thread": "thread"}
 LIBRARIES = {"address": ("asan", "ubsan"), "thread": ("tsan",)}
 OPTIONS = {
@@ -52,6 +55,20 @@ def library(name: str) -> str:
     return asked.stdout.strip()
 
 
+def corpus() -> Path:
+    """The hard scenes in a file: they are made by torch, which stays out of the tests' process."""
+    path = ROOT / "build" / "sanitize" / "corpus.npz"
+    code = (
+        "import numpy, sys\n"
+        f"sys.path.insert(0, {str(HERE)!r})\n"
+        "from test_block_frame import CORPUS\n"
+        "arrays = {f'{name}/{key}': x for name, scene in CORPUS.items() for key, x in scene.items()}\n"
+        f"numpy.savez({str(path)!r}, **arrays)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+    return path
+
+
 def run(name: str) -> int:
     """Exit code of the tests under one sanitizer."""
     extension = build(name)
@@ -60,6 +77,7 @@ def run(name: str) -> int:
         **OPTIONS[name],
         "LD_PRELOAD": " ".join(library(lib) for lib in LIBRARIES[name]),
         "ROOM2DGS_EXTENSION": str(extension),
+        "ROOM2DGS_CORPUS": str(corpus()),
     }
     # shared fixtures would import torch, whose own threads are none of our business here
     command = [

@@ -76,7 +76,7 @@ def parse(text: str) -> dict[str, Usage]:
         shared = re.search(r"(\d+) bytes smem", part)
         (struct,) = re.findall(r"block_kernel<(.*)>\(", name)
         struct = re.sub(r"\w+::|\(anonymous namespace\)::", "", struct)
-        found[struct] = Usage(
+        found[struct.strip()] = Usage(
             int(re.search(r"Used (\d+) registers", part)[1]),
             int(re.search(r"(\d+) bytes spill stores", part)[1]),
             int(re.search(r"(\d+) bytes stack frame", part)[1]),

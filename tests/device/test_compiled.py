@@ -26,7 +26,27 @@ class Limit(NamedTuple):
     occupancy: float  # at least so much of an H100
 
 
-LIMITS: dict[str, Limit] = {}
+# The surfels' double arithmetic has many values alive at once; pixels cost far more than surfels.
+LIMITS: dict[str, Limit] = {
+    "ReadView": Limit(32, 80, 0, 0.3),
+    "ProjectSurfels": Limit(128, 208, 128, 0.12),
+    "CountView": Limit(256, 40, 256, 0.7),
+    "SurfelsBackward": Limit(128, 168, 1024, 0.18),
+    "CameraBackward": Limit(256, 72, 1280, 0.4),
+    "Gather": Limit(256, 24, 0, 1.0),
+    "ListTiles": Limit(128, 32, 0, 1.0),
+    "ListTallTiles": Limit(128, 160, 0, 0.18),
+    "FindTiles": Limit(128, 24, 0, 1.0),
+    "BlendTiles<false, false>": Limit(256, 64, 16 * 1024, 0.5),
+    "BlendTiles<true, false>": Limit(256, 64, 16 * 1024, 0.5),
+    "BlendTiles<true, true>": Limit(256, 64, 16 * 1024, 0.5),
+    "BlendTilesBackward<false, false>": Limit(256, 80, 24 * 1024, 0.37),
+    "BlendTilesBackward<true, false>": Limit(256, 80, 24 * 1024, 0.37),
+    "BlendTilesBackward<false, true>": Limit(256, 80, 24 * 1024, 0.37),
+    "BlendTilesBackward<true, true>": Limit(256, 80, 24 * 1024, 0.37),
+    "BackgroundOfTiles": Limit(256, 40, 256, 0.7),
+    "BackgroundBackward": Limit(256, 40, 256, 0.7),
+}
 
 
 def test_the_primitive_is_cheap(tmp_path):

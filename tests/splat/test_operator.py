@@ -9,7 +9,7 @@ import torch
 
 from room2dgs import splat
 from room2dgs.splat import Surfels
-from room2dgs.splat.backends import cpu_frames, cpu_operators
+from room2dgs.splat.backends import frames, operators
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def test_the_operator_is_registered_as_torch_wants_it(leaves, options):
 
 def test_the_backward_operator_is_registered_as_torch_wants_it(leaves):
     with torch.no_grad():
-        color, alpha, depth, *_, state = cpu_operators.rasterize(*leaves, 37, 20, 0.05, True, True)
+        color, alpha, depth, *_, state = operators.rasterize(*leaves, 37, 20, 0.05, True, True)
     values = [x.detach() for x in leaves[:-1]]
     flowing = [torch.ones_like(color), None, torch.ones_like(depth), None, None, None]
     args = (*values, alpha, depth, state, *flowing, 37, 20, 0.05, True, True, True)
@@ -57,21 +57,21 @@ def test_torch_compile_takes_it_whole(leaves):
 
 def test_a_view_holds_its_buffers_as_long_as_its_graph_lives(leaves):
     gc.collect()
-    before = cpu_frames.held()
+    before = frames.held()
     with torch.no_grad():
         images = drawn(leaves)
-    assert cpu_frames.held() == before  # nothing to go back to
+    assert frames.held() == before  # nothing to go back to
     views = [drawn(leaves) for _ in range(7)]
-    assert cpu_frames.held() == before + 7
+    assert frames.held() == before + 7
     total = total_of(views[0])
     torch.autograd.grad(total, leaves, retain_graph=True)
-    assert cpu_frames.held() == before + 7
+    assert frames.held() == before + 7
     torch.autograd.grad(total, leaves)
-    assert cpu_frames.held() == before + 6
+    assert frames.held() == before + 6
     kept = views[1].alpha.detach()
     del views, total, images
     gc.collect()
-    assert cpu_frames.held() == before
+    assert frames.held() == before
     assert torch.isfinite(kept).all()
 
 
@@ -89,9 +89,9 @@ def test_saved_tensors_that_were_copied_give_the_same_gradients(leaves):
     expected = torch.autograd.grad(total_of(drawn(leaves)), leaves)
     with torch.autograd.graph.saved_tensors_hooks(lambda x: x.clone(), lambda x: x):
         total = total_of(drawn(leaves))
-    before = cpu_frames.held()
+    before = frames.held()
     actual = torch.autograd.grad(total, leaves)
-    assert cpu_frames.held() == before
+    assert frames.held() == before
     assert all(torch.equal(a, b) for a, b in zip(actual, expected, strict=True))
 
 

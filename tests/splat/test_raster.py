@@ -15,7 +15,7 @@ from room2dgs import _C, splat
 from room2dgs.bench.numerics.pairs import pairs_of, smooth
 from room2dgs.bench.numerics.scenes import HardScene
 from room2dgs.splat import Rendering, Surfels, reference
-from room2dgs.splat.backends import cpu_operators
+from room2dgs.splat.backends import operators
 
 BACKGROUND = torch.tensor([0.1, 0.4, 0.7])
 
@@ -80,9 +80,7 @@ def test_tile_lists_are_tight(make_surfels):
     needed = listed = 0
     for k in range(200):
         one = Surfels(*(x[k : k + 1] for x in surfels))
-        *images, state = cpu_operators.rasterize(
-            *one, torch.eye(4), K, torch.zeros(3), None, 160, 120, 0.05, True, True
-        )
+        *images, state = operators.rasterize(*one, torch.eye(4), K, torch.zeros(3), None, 160, 120, 0.05, True, True)
         out = Rendering(*images)
         listed += int(state[1])
         alpha = torch.nn.functional.pad(out.alpha.detach(), (0, 0, 0, 8))

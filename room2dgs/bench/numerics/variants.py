@@ -49,7 +49,7 @@ class Variant(NamedTuple):
 def _floor(level: float, deviations: float) -> tuple[Edit, ...]:
     return (
         Edit(f"{SPLAT}/surfel.h", "kAlphaMin = 1.0f / 255.0f;", f"kAlphaMin = 1.0f / {level:.1f}f;"),
-        Edit(f"{SPLAT}/project_kernels.cpp", "reach = -3.34f * scale", f"reach = -{deviations:.2f}f * scale"),
+        Edit(f"{SPLAT}/stages.h", "reach = -3.34f * scale", f"reach = -{deviations:.2f}f * scale"),
     )
 
 
@@ -84,8 +84,8 @@ inline float shortened(float x) {  // to the 11 bits of a half's mantissa
   return x;
 }
 """
-_PROJECT, _BLEND, _SIMD = f"{SPLAT}/project_kernels.cpp", f"{SPLAT}/blend_kernels.cpp", "room2dgs/csrc/simd.h"
-_FIRST = "R2_INLINE Surfel<double> load_surfel("  # of the functions there
+_PROJECT, _BLEND, _SIMD = f"{SPLAT}/stages.h", f"{SPLAT}/blend_kernels.cpp", "room2dgs/csrc/simd.h"
+_FIRST = "R2_HD Surfel<double> load_surfel("  # of the functions there
 _WITH_SHORT = Edit(_PROJECT, _FIRST, _SHORT + _FIRST)
 _REACH = "d.rho = 2.0 * ::log(static_cast<double>(s.opacities[i]) / kAlphaMin);"
 
@@ -141,7 +141,8 @@ class Builder:
         if not (ROOT / "CMakeLists.txt").is_file():
             raise InputError(f"{ROOT} has no sources to build variants of; run this in a checkout of the repository")
         self.source, self.build = folder / "source", folder / "build"
-        self.files = [Path("CMakeLists.txt"), *(p.relative_to(ROOT) for p in sorted(ROOT.glob("room2dgs/**/csrc/*")))]
+        sources = (p for p in sorted(ROOT.glob("room2dgs/**/csrc/**/*")) if p.is_file())
+        self.files = [Path("CMakeLists.txt"), *(p.relative_to(ROOT) for p in sources)]
 
     def library(self, variant: Variant, keep: Path) -> Path:
         """The extension with the variant's edits, as a file of its own.

@@ -8,6 +8,7 @@ void bind_device(nb::module_& m) {
 #else
   m.attr("cuda") = false;
 #endif
+  bind_block_frame(m);
 }
 
 }  // namespace R2_ISA

@@ -8,6 +8,8 @@ namespace R2_ISA {
 
 namespace nb = nanobind;
 
+void bind_block_frame(nb::module_& m);
+
 // Everything, in the module that it is given.
 void bind_device(nb::module_& m);
 

@@ -45,6 +45,7 @@ class Backend(NamedTuple):
         render: differentiable with respect to every tensor of the surfels and the view; refuses values by
             `checks.check_values`, since only it sees them when `torch.compile` has traced the call.
         automatic: chosen for its devices when the caller names none.
+        missing: why it cannot be used in this build, and what to do; None where it can.
     """
 
     name: str
@@ -52,3 +53,4 @@ class Backend(NamedTuple):
     dtypes: tuple[torch.dtype, ...] | None
     render: Callable[[Surfels, View], Rendering]
     automatic: bool = True
+    missing: str | None = None

@@ -9,8 +9,10 @@ from room2dgs import _C
 from room2dgs.cores import available_cores
 from room2dgs.splat.backends import cpu_view
 from room2dgs.splat.backends.backend import Backend, View
-from room2dgs.splat.backends.cpu_operators import rasterize
+from room2dgs.splat.backends.operators import rasterize
 from room2dgs.splat.types import Rendering, Surfels
+
+FLOATS = (torch.float32,)  # what compiled kernels take
 
 
 def set_threads(count: int | None = None) -> int:
@@ -53,4 +55,4 @@ def _render(surfels: Surfels, view: View) -> Rendering:
     return Rendering(*images)
 
 
-BACKEND = Backend("cpu", ("cpu",), (torch.float32,), _render)
+BACKEND = Backend("cpu", ("cpu",), FLOATS, _render)

@@ -7,24 +7,27 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from room2dgs.splat.backends import cpu_frames
+from room2dgs import _C
+from room2dgs.splat.backends import frames
 from room2dgs.splat.checks import check_center_px, check_values
+
+CPU = frames.Kind(_C.RasterFrame, torch.device("cpu"))
 
 
 def forward(
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, center_px,
     width, height, near_m, with_normal, with_distortion,
 ):  # fmt: skip
-    """Images as in `Rendering`, and the state that the backward pass needs (`cpu_frames`)."""
+    """Images as in `Rendering`, and the state that the backward pass needs (`frames`)."""
     check_values(K, cam_from_world, background, near_m)
     check_center_px(center_px)
     images = empty_images(centers, width, height)
-    frame = cpu_frames.take()
+    frame = frames.take(CPU)
     number = _draw(
         frame, (centers, rotations, scales, opacities, sh), cam_from_world, K, background, images,
         width, height, near_m, with_normal, with_distortion,
     )  # fmt: skip
-    return *images, cpu_frames.hold(frame, number)
+    return *images, frames.hold(CPU, frame, number)
 
 
 def empty_images(like: Tensor, width: int, height: int) -> list[Tensor]:
@@ -61,10 +64,10 @@ def backward(
 ):  # fmt: skip
     """Gradients of the surfels' five tensors, the pose, K, the background (if wanted) and the projected centres."""
     parameters = [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)]
-    frame, number = cpu_frames.find(state) or (None, 0)
+    frame, number = frames.find(state) or (None, 0)
     lost = frame is None
     if lost:
-        frame = cpu_frames.take()
+        frame = frames.take(CPU)
         number = _draw(
             frame, parameters, cam_from_world, K, background, empty_images(centers, width, height),
             width, height, near_m, with_normal, with_distortion,
@@ -85,7 +88,7 @@ def backward(
         to_background if with_background and to_color is not None else None,
     )  # fmt: skip
     if lost:
-        cpu_frames.give(frame)
+        frames.give(CPU, frame)
     *to, to_center_px = to
     return (
         *to,

@@ -33,9 +33,6 @@ R2_INLINE void prefetch(const Record* r) {
   __builtin_prefetch(reinterpret_cast<const char*>(r) + sizeof(Record) - 1);
 }
 
-// A record's offset from a tile's first pixel; the centre's rounding is made good here.
-R2_INLINE float offset(int tile, float center, float rest) { return ((static_cast<float>(tile) + 0.5f) - center) - rest; }
-
 // A tile's vectors are numbered by half and row: v = 16 * half + row.
 R2_INLINE int first_pixel_of(int v) { return (v & 15) * kTile + (v >> 4) * kLanes; }
 
@@ -46,20 +43,10 @@ R2_INLINE uint32_t reach_of(const Record& r, int x, int y) {
     const uint32_t rows = row0 > row1 ? 0 : ((2u << row1) - 1) & ~((1u << row0) - 1);
     return (r.x0 < x + kLanes ? rows : 0) | (r.x1 >= x + kLanes ? rows << 16 : 0);
   }
-  const float center = -offset(x, r.cx, r.cx_rest);  // column of the projected centre
-  const float middle = r.ellipse_x - (static_cast<float>(x) + 0.5f);
-  const f8 none = splat(1e30f);
   uint32_t reach = 0;
   for (int part = 0; part < 2; ++part) {
-    const f8 row = iota() + static_cast<float>(y + kLanes * part) + 0.5f;
-    const f8 t = row - r.ellipse_y, s = t * r.inverse_half_height, inside = 1.0f - s * s;
-    const f8 half = fma(splat(r.half_width), vsqrt(vmax(inside, splat(0))), splat(r.margin));
-    const f8 mid = fma(splat(r.shear), t, splat(middle));
-    const f8 dy = row - r.cy, f2 = r.filter2 - dy * dy, f = vsqrt(vmax(f2, splat(0)));
-    const i8 disc = inside >= 0.0f, filter = f2 >= 0.0f;
-    const f8 left = vmin(select(disc, mid - half, none), select(filter, center - f, none));
-    const f8 right = vmax(select(disc, mid + half, -none), select(filter, center + f, -none));
-    const uint32_t first = bits((left <= 7.0f) & (right >= 0.0f)), second = bits((left <= 15.0f) & (right >= 8.0f));
+    const Columns<f8> c = columns_of<f8>(r, x, iota() + static_cast<float>(y + kLanes * part) + 0.5f);
+    const uint32_t first = bits((c.left <= 7.0f) & (c.right >= 0.0f)), second = bits((c.left <= 15.0f) & (c.right >= 8.0f));
     reach |= (first | second << 16) << (kLanes * part);
   }
   return reach;

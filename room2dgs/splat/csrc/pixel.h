@@ -38,6 +38,30 @@ R2_HD Hit<F> intersect(const room2dgs::Record& r, F dx, float dy) {
   return h;
 }
 
+// A record's offset from a tile's first pixel; the centre's rounding is made good here.
+R2_HD float offset(int tile, float center, float rest) { return ((static_cast<float>(tile) + 0.5f) - center) - rest; }
+
+// Columns of a tile, from its first one, that a record reaches in rows whose centres are at `row`; `tile_x` is its first
+// pixel. Not of a disc that crosses the near plane, which has its box alone.
+template <class F>
+struct Columns {
+  F left, right;
+};
+template <class F>
+R2_HD Columns<F> columns_of(const room2dgs::Record& r, int tile_x, F row) {
+  const auto all = [](float x) { return Lanes<F>::all(x); };
+  const float center = -offset(tile_x, r.cx, r.cx_rest);  // column of the projected centre
+  const float middle = r.ellipse_x - (static_cast<float>(tile_x) + 0.5f);
+  const F none = all(1e30f);
+  const F t = row - r.ellipse_y, s = t * r.inverse_half_height, inside = 1.0f - s * s;
+  const F half = fma(all(r.half_width), vsqrt(vmax(inside, all(0))), all(r.margin));
+  const F mid = fma(all(r.shear), t, all(middle));
+  const F dy = row - r.cy, f2 = r.filter2 - dy * dy, f = vsqrt(vmax(f2, all(0)));
+  const Mask<F> disc = inside >= 0.0f, filter = f2 >= 0.0f;
+  return {vmin(select(disc, mid - half, none), select(filter, center - f, none)),
+          vmax(select(disc, mid + half, -none), select(filter, center + f, -none))};
+}
+
 // Opacity where the hit is kept, 0 elsewhere.
 template <class F>
 R2_HD F alpha_of(const Hit<F>& hit, Mask<F> keep) {

@@ -9,49 +9,63 @@ pass then renders again, to the same bits.
 from __future__ import annotations
 
 import weakref
+from collections import defaultdict
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from room2dgs import _C
-
-SHELF = 4  # fresh memory would cost page faults at every iteration
-_shelf: list[_C.RasterFrame] = []
-_held: dict[int, tuple[_C.RasterFrame, int]] = {}
+SHELF = 4  # of a kind; fresh memory would cost page faults at every iteration
 
 
-def take() -> _C.RasterFrame:
+class Kind(NamedTuple):
+    """Frames that can stand in for one another.
+
+    Attributes:
+        make: the extension's class.
+        device: whose memory it holds.
+    """
+
+    make: Any
+    device: torch.device
+
+
+_shelves: dict[Kind, list[Any]] = defaultdict(list)
+_held: dict[int, tuple[Any, int]] = {}
+
+
+def take(kind: Kind) -> Any:
     """A frame to render into, used or new."""
     try:  # not a look before the leap: another thread may take the last one
-        return _shelf.pop()
+        return _shelves[kind].pop()
     except IndexError:
-        return _C.RasterFrame()
+        return kind.make()
 
 
-def give(frame: _C.RasterFrame) -> None:
+def give(kind: Kind, frame: Any) -> None:
     """Back to the shelf; its contents are done with."""
-    if len(_shelf) < SHELF:
-        _shelf.append(frame)
+    if len(_shelves[kind]) < SHELF:
+        _shelves[kind].append(frame)
 
 
-def hold(frame: _C.RasterFrame, view: int) -> Tensor:
+def hold(kind: Kind, frame: Any, view: int) -> Tensor:
     """Keep a rendered frame for as long as the tensor returned lives.
 
     Args:
         view: the number that the frame's `forward` gave.
 
     Returns:
-        (2,) int64: surfels seen, and (surfel, tile) pairs.
+        (2,) int64 on the CPU: surfels seen, and (surfel, tile) pairs.
     """
     memory = np.array([frame.visible, frame.entries], dtype=np.int64)
     key = memory.ctypes.data
     _held[key] = (frame, view)
-    weakref.finalize(memory, _release, key).atexit = False  # runs before the memory can serve another
+    weakref.finalize(memory, _release, kind, key).atexit = False  # runs before the memory can serve another
     return torch.from_numpy(memory)
 
 
-def find(state: Tensor) -> tuple[_C.RasterFrame, int] | None:
+def find(state: Tensor) -> tuple[Any, int] | None:
     """The frame and view that `hold` gave this memory for; None for a copy."""
     return _held.get(state.data_ptr())
 
@@ -61,5 +75,5 @@ def held() -> int:
     return len(_held)
 
 
-def _release(key: int) -> None:
-    give(_held.pop(key)[0])
+def _release(kind: Kind, key: int) -> None:
+    give(kind, _held.pop(key)[0])

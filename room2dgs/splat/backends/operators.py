@@ -36,7 +36,7 @@ def _(
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, center_px,
     width, height, near_m, with_normal, with_distortion,
 ):  # fmt: skip
-    return *cpu_view.empty_images(centers, width, height), centers.new_empty(2, dtype=torch.int64)
+    return *cpu_view.empty_images(centers, width, height), torch.empty(2, dtype=torch.int64, device="cpu")
 
 
 @rasterize_backward.register_fake

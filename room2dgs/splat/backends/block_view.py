@@ -1,0 +1,120 @@
+"""One view by block code: on a GPU (`_cuda`), or the same source as plain C++ (`_C.device`). Tensors in, tensors out.
+
+What `cpu_view` is to the CPU's own kernels. Values are checked after the kernels have seen them, from numbers that come
+back with the counts that the host waits for: a look before would be a wait of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from room2dgs.splat.backends import cpu_view, frames
+from room2dgs.splat.checks import check_near, check_values
+
+
+class Build(NamedTuple):
+    """Block code, compiled for one kind of device.
+
+    Attributes:
+        extension: `_C.device` or `_cuda`.
+        queue: where the work of a tensor's device goes, as `BlockFrame` takes it.
+    """
+
+    extension: Any
+    queue: Callable[[Tensor], int]
+
+
+def forward(
+    build: Build,
+    centers, rotations, scales, opacities, sh, cam_from_world, K, background, center_px,
+    width, height, near_m, with_normal, with_distortion,
+):  # fmt: skip
+    """Images as in `Rendering`, and the state that the backward pass needs (`frames`)."""
+    images = cpu_view.empty_images(centers, width, height)
+    kind = frames.Kind(build.extension.BlockFrame, centers.device)
+    frame = frames.take(kind)
+    number = _draw(
+        build, frame, [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)],
+        cam_from_world, K, background, center_px, images, width, height, near_m, with_normal, with_distortion,
+    )  # fmt: skip
+    return *images, frames.hold(kind, frame, number)
+
+
+def _draw(
+    build, frame, parameters, cam_from_world, K, background, center_px, images, width, height, near_m, with_normal,
+    with_distortion,
+) -> int:  # fmt: skip
+    """Fill the images and the frame; gives the view's number there."""
+    check_near(near_m)
+    *others, normal, distortion = images
+    moved = None if center_px is None else center_px.detach().to(torch.float32).contiguous()
+    number = frame.forward(
+        *parameters, *(x.detach().to(torch.float64).contiguous() for x in (cam_from_world, K)), width, height, near_m,
+        background.detach().to(torch.float32).contiguous(), *others,
+        normal if with_normal or with_distortion else None, distortion if with_distortion else None,
+        moved, queue=build.queue(parameters[0]),
+    )  # fmt: skip
+    pose, intrinsics, behind = (torch.tensor(x, dtype=torch.float64) for x in frame.camera())
+    check_values(intrinsics.reshape(3, 3), pose.reshape(4, 4), behind, near_m)
+    if frame.moved:
+        raise ValueError("center_px is not zero; it exists for its gradient and cannot move projected centres")
+    if not with_distortion:
+        distortion.zero_()
+    if not with_normal:
+        normal.zero_()
+    return number
+
+
+def backward(
+    build: Build,
+    centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state,
+    to_color, to_alpha, to_depth, to_median, to_normal, to_distortion,
+    width, height, near_m, with_normal, with_distortion, with_background,
+):  # fmt: skip
+    """Gradients of the surfels' five tensors, the pose, K, the background (if wanted) and the projected centres."""
+    parameters = [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)]
+    kind = frames.Kind(build.extension.BlockFrame, centers.device)
+    frame, number = frames.find(state) or (None, 0)
+    lost = frame is None
+    if lost:
+        frame = frames.take(kind)
+        number = _draw(
+            build, frame, parameters, cam_from_world, K, background, None,
+            cpu_view.empty_images(centers, width, height), width, height, near_m, with_normal, with_distortion,
+        )  # fmt: skip
+    wanted = (True, True, True, True, with_normal, with_distortion)
+    gradients = (to_color, to_alpha, to_depth, to_median, to_normal, to_distortion)
+    flowing = [x.contiguous() if x is not None and w else None for x, w in zip(gradients, wanted, strict=True)]
+    to = cpu_view.empty_gradients(*parameters)
+    to_pose, to_K, to_background = (
+        torch.zeros(shape, dtype=torch.float64, device=centers.device) for shape in ((4, 4), (3, 3), 3)
+    )
+    frame.backward(
+        number, *parameters, alpha.contiguous(), depth.contiguous(), *flowing, *to, to_pose, to_K,
+        to_background if with_background and to_color is not None else None, queue=build.queue(centers),
+    )  # fmt: skip
+    if lost:
+        frames.give(kind, frame)
+    *to, to_center_px = to
+    cameras = ((to_pose, cam_from_world), (to_K, K), (to_background, background))
+    return *to, *(x.to(y.dtype) for x, y in cameras), to_center_px
+
+
+class Rasterize(torch.autograd.Function):
+    """`forward` and `backward` of the build that comes last among the inputs."""
+
+    @staticmethod
+    def forward(ctx, *inputs):
+        *inputs, ctx.build = inputs
+        output = forward(ctx.build, *inputs)
+        cpu_view.keep_for_backward(ctx, inputs, output)
+        return output
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, *to_outputs):
+        return *cpu_view.gradients(ctx, to_outputs, lambda *inputs: backward(ctx.build, *inputs)), None

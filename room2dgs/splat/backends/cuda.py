@@ -1,0 +1,49 @@
+"""The CUDA kernels as a backend: float32 on an NVIDIA GPU, where the extension `_cuda` was built (docs/cuda.md)."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import torch
+from torch import Tensor
+
+from room2dgs.splat.backends import block_view
+from room2dgs.splat.backends.backend import Backend, View
+from room2dgs.splat.backends.cpu import FLOATS
+from room2dgs.splat.backends.operators import rasterize, rasterize_backward
+from room2dgs.splat.types import Rendering, Surfels
+
+try:
+    from room2dgs import _cuda
+except ImportError:  # built without
+    _cuda = None
+
+MISSING = (
+    "this room2dgs was built without CUDA: build it with `pip install . -C cmake.define.ROOM2DGS_CUDA=on` where there "
+    "is an nvcc (docs/cuda.md), or move the tensors to the CPU"
+)
+
+
+def _queue(like: Tensor) -> int:
+    return torch.cuda.current_stream(like.device).cuda_stream
+
+
+if _cuda is not None:
+    BUILD = block_view.Build(_cuda, _queue)
+    rasterize.register_kernel("cuda", partial(block_view.forward, BUILD))
+    rasterize_backward.register_kernel("cuda", partial(block_view.backward, BUILD))
+
+
+def _render(surfels: Surfels, view: View) -> Rendering:
+    inputs = (
+        *surfels, view.cam_from_world, view.K, view.background, view.center_px,
+        view.width, view.height, view.near_m, view.with_normal, view.with_distortion,
+    )  # fmt: skip
+    tensors = inputs[:8]
+    # anything that traces or wraps needs the operator
+    plain = not torch.compiler.is_compiling() and all(type(x) in (Tensor, torch.nn.Parameter) for x in tensors)
+    *images, _ = block_view.Rasterize.apply(*inputs, BUILD) if plain else rasterize(*inputs)
+    return Rendering(*images)
+
+
+BACKEND = Backend("cuda", ("cuda",), FLOATS, _render, missing=MISSING if _cuda is None else None)

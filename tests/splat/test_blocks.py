@@ -1,0 +1,165 @@
+"""The CUDA kernels as plain C++ (backend "blocks"): against float64, the CPU's kernels, and another order of theirs."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from functools import partial
+from types import SimpleNamespace
+
+import pytest
+import torch
+
+from room2dgs import splat
+from room2dgs.bench.numerics.compare import compare, differentiate, image_weights, relative_error
+from room2dgs.bench.numerics.scenes import (
+    ILL_CONDITIONED,
+    NEAR_M,
+    SCENES,
+    HardScene,
+    intrinsics,
+    pose,
+    random_surfels,
+)
+from room2dgs.splat import Surfels
+from room2dgs.splat.backends import block_view, blocks, cuda
+
+RENDER = partial(splat.render, backend="blocks")
+APART = 3e-5  # what sums in another order change, and fused arithmetic on one side
+
+
+def tall() -> HardScene:
+    """Discs from below a pixel to over all tiles: more rows of tiles than are kept, lists of several batches."""
+    parts = [random_surfels(500, 1, (0.002, 0.05)), random_surfels(60, 2, (0.3, 3.0), opacity=(0.05, 0.3))]
+    surfels = Surfels(*(torch.cat(x) for x in zip(*parts, strict=True)))
+    return HardScene(surfels, intrinsics(170, 180, 101.3, 77.2), pose(), 203, 149)
+
+
+ALL = {**SCENES, "tall": tall}
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Of torch: its tensors are small here."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+    blocks.set_order(0)
+
+
+def both(render, scene: HardScene) -> list[torch.Tensor]:
+    """Images and gradients."""
+    weights = image_weights(scene.width, scene.height, unit=scene.near_m / NEAR_M)
+    images, gradients = differentiate(render, scene, weights, torch.float32)
+    return [*images, *gradients.values()]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_they_equal_the_cpu_and_themselves_in_any_order(name):
+    scene = ALL[name]()
+    expected, actual = both(splat.render, scene), both(RENDER, scene)
+    conditioned = 10 if name in ILL_CONDITIONED else 1
+    for a, b in zip(actual, expected, strict=True):
+        assert relative_error(a, b) < conditioned * APART
+    for seed in (1, 2):
+        blocks.set_order(seed)
+        again = both(RENDER, scene)
+        assert all(torch.equal(a, b) for a, b in zip(again, actual, strict=True)), seed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "coincident layers"])  # that takes long
+def test_they_equal_the_float64_reference(name):
+    blocks.set_order(3)
+    found = compare(SCENES[name](), name in ILL_CONDITIONED, RENDER)
+    assert found.passed, found
+
+
+def test_bits_of_the_cpu_without_fused_arithmetic_and_the_way_to_a_build_of_cuda():
+    """One source of the maths: forward, there is nothing left that could differ. Plain C++ has no fused multiply-add.
+
+    With plain C++ in the place of `_cuda`, that is found, registered and chosen for tensors of a GPU.
+    """
+    program = (
+        "import sys, torch, room2dgs\n"
+        "from room2dgs import _C\n"
+        "sys.modules['room2dgs._cuda'] = room2dgs._cuda = _C.device\n"
+        "from tests_of_blocks import ALL, RENDER, SimpleNamespace, cuda, splat\n"
+        "like = SimpleNamespace(device=torch.device('cuda'), dtype=torch.float32)\n"
+        "assert splat.backends.backend_for(like) is cuda.BACKEND and cuda.BUILD.extension is _C.device\n"
+        "assert 'CUDA' in torch._C._dispatch_dump('room2dgs::rasterize')\n"
+        "assert _C.isa() == 'baseline'\n"
+        "for name, make in ALL.items():\n"
+        "    s = make()\n"
+        "    args = (s.surfels, s.K, s.cam_from_world, s.width, s.height)\n"
+        "    pairs = zip(*(f(*args, near_m=s.near_m) for f in (splat.render, RENDER)))\n"
+        "    assert all(torch.equal(a, b) for a, b in pairs), name\n"
+    )
+    load = (
+        "import importlib.util, sys\n"
+        f"spec = importlib.util.spec_from_file_location('tests_of_blocks', {__file__!r})\n"
+        "module = sys.modules['tests_of_blocks'] = importlib.util.module_from_spec(spec)\n"
+        "spec.loader.exec_module(module)\n"
+    )
+    env = {**os.environ, "ROOM2DGS_ISA": "baseline", "OMP_NUM_THREADS": "1"}
+    head, rest = program.split("from tests_of_blocks", 1)
+    subprocess.run([sys.executable, "-c", f"{head}{load}from tests_of_blocks{rest}"], check=True, env=env)
+
+
+@pytest.mark.parametrize("flows", [("color",), ("median_depth", "alpha"), ("distortion",), ("normal", "depth")])
+def test_gradients_of_some_images_alone(flows):
+    """Kernels without normals or distortion, and images that nothing flows back from."""
+    surfels = Surfels(*(x.requires_grad_() for x in random_surfels(80, 3)))
+    wanted = {"with_normal": "normal" in flows, "with_distortion": "distortion" in flows}
+    found = []
+    for backend in ("cpu", "blocks"):
+        out = splat.render(surfels, intrinsics(), pose(), 37, 29, backend=backend, **wanted)
+        total = sum(getattr(out, name).square().sum() for name in flows)
+        found.append([*out, *torch.autograd.grad(total, surfels)])
+    for a, b in zip(*found, strict=True):
+        assert relative_error(b.detach(), a.detach()) < APART
+
+
+def test_a_lost_state_is_rendered_again():
+    """A copy of the state is no frame: the backward pass draws again, to the same bits."""
+    surfels = random_surfels(40, 5)
+    inputs = (*surfels, pose(), intrinsics(), torch.zeros(3))
+    options = (37, 29, NEAR_M, True, True)
+    forward, backward = (partial(getattr(block_view, name), blocks.BUILD) for name in ("forward", "backward"))
+    color, alpha, depth, *_, state = forward(*inputs, None, *options)
+    flows = (torch.ones_like(color), *[None] * 5)
+    first = backward(*inputs, alpha, depth, state, *flows, *options, True)
+    again = backward(*inputs, alpha, depth, state.clone(), *flows, *options, True)
+    assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))
+
+
+def test_what_the_cpu_refuses_is_refused_in_the_same_words():
+    surfels, K, place = random_surfels(5), intrinsics(), pose()
+    skewed, nan = K.clone(), place.clone()
+    skewed[0, 1], nan[1, 1] = 0.5, float("nan")
+    moved = torch.zeros(5, 2)
+    moved[3, 1] = 1e-3
+    bad = [
+        {"K": skewed}, {"K": -K}, {"cam_from_world": nan}, {"cam_from_world": 2 * place}, {"near_m": -1.0},
+        {"background": torch.tensor([0.0, float("inf"), 0])}, {"center_px": moved},
+    ]  # fmt: skip
+    for changed in bad:
+        arguments = {"K": K, "cam_from_world": place, "width": 8, "height": 8, **changed}
+        said = []
+        for backend in ("cpu", "blocks"):
+            with pytest.raises(ValueError) as error:
+                splat.render(surfels, backend=backend, **arguments)
+            said.append(str(error.value))
+        assert said[0] == said[1], changed
+    RENDER(surfels, K, place, 8, 8)
+
+
+def test_without_cuda_one_sentence_says_how_to_get_it():
+    if cuda.BACKEND.missing is None:
+        pytest.skip("this build has CUDA")
+    like = SimpleNamespace(device=torch.device("cuda"), dtype=torch.float32)
+    for name in (None, "cuda"):
+        with pytest.raises(ValueError, match=r"built without CUDA.*ROOM2DGS_CUDA=on.*docs/cuda.md"):
+            splat.backends.backend_for(like, name)
