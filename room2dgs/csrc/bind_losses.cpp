@@ -1,10 +1,10 @@
-#include <cmath>
 #include <memory>
 #include <vector>
 
 #include "arrays.h"
 #include "parallel.h"
 #include "photometric.h"
+#include "pinhole_argument.h"
 #include "surface.h"
 
 #if defined(__x86_64__) || defined(_M_X64)
@@ -55,15 +55,6 @@ nb::tuple rgb_loss(const Input& rendered, const Input& target, double dssim, con
     }
   }
   return nb::make_tuple(l1 / values, one_minus_ssim / values);
-}
-
-Pinhole pinhole(Arguments& check, double fx, double fy, double cx, double cy, const Input& cam_from_world) {
-  require(std::isfinite(fx) && fx > 0 && std::isfinite(fy) && fy > 0 && std::isfinite(cx) && std::isfinite(cy),
-          "fx or fy is not above 0, or one of fx, fy, cx, cy is not finite");
-  const double* rotation = check.input<double>("cam_from_world", cam_from_world, {3, 3});
-  Pinhole camera = {static_cast<float>(fx), static_cast<float>(fy), static_cast<float>(cx), static_cast<float>(cy), {}};
-  for (int k = 0; k < 9; ++k) camera.cam_from_world[k] = static_cast<float>(rotation[k]);
-  return camera;
 }
 
 constexpr int64_t kSurfaceStripRows = 16;

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from room2dgs import _C
 from room2dgs.geometry.kernel_arguments import runs_compiled
-from room2dgs.losses import reference
+from room2dgs.losses import blocks, reference
 
 
 def rgb_loss(rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
@@ -30,6 +30,8 @@ def rgb_loss(rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
     """
     if rendered.shape != target.shape:
         raise ValueError(f"rendered {tuple(rendered.shape)} and target {tuple(target.shape)} differ in size")
+    if dssim and blocks.runs_on_cuda(rendered, target):
+        return blocks.rgb_loss(rendered, target, dssim)
     if dssim == 0 or not runs_compiled(rendered, target):
         return reference.rgb_loss(rendered, target.detach(), dssim) if dssim else (rendered - target).abs().mean()
     return _RgbLoss.apply(rendered, target, dssim)

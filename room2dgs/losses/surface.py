@@ -8,7 +8,7 @@ from torch import Tensor
 
 from room2dgs import _C
 from room2dgs.geometry.kernel_arguments import intrinsics, rotation_of, runs_compiled
-from room2dgs.losses import reference
+from room2dgs.losses import blocks, reference
 from room2dgs.splat.types import Rendering
 
 
@@ -47,10 +47,14 @@ def normal_consistency(
     if depth not in ("expected", "median"):
         raise ValueError(f"depth={depth!r} is not known; choose expected or median")
     chosen = rendering.depth if depth == "expected" else rendering.median_depth
-    if not runs_compiled(chosen, rendering.alpha, rendering.normal):
-        return reference.normal_consistency(chosen, rendering.alpha, rendering.normal, K, cam_from_world)
+    maps = (chosen, rendering.alpha, rendering.normal)
+    on_cuda = blocks.runs_on_cuda(*maps)
+    if not on_cuda and not runs_compiled(*maps):
+        return reference.normal_consistency(*maps, K, cam_from_world)
     pose = cam_from_world if isinstance(cam_from_world, Tensor) else torch.from_numpy(np.asarray(cam_from_world))
-    return _NormalConsistency.apply(chosen, rendering.alpha, rendering.normal, intrinsics(K), pose)
+    if on_cuda:
+        return blocks.normal_consistency(*maps, intrinsics(K), pose)
+    return _NormalConsistency.apply(*maps, intrinsics(K), pose)
 
 
 class _NormalConsistency(torch.autograd.Function):

@@ -46,6 +46,12 @@ LIMITS: dict[str, Limit] = {
     "BlendTilesBackward<true, true>": Limit(256, 80, 24 * 1024, 0.37),
     "BackgroundOfTiles": Limit(256, 40, 256, 0.7),
     "BackgroundBackward": Limit(256, 40, 256, 0.7),
+    "SsimOfPatches": Limit(256, 56, 13000, 0.5),
+    "SsimGradient": Limit(256, 40, 14000, 0.6),
+    "NormalConsistency": Limit(256, 64, 5000, 0.5),
+    "DepthNormals": Limit(256, 40, 1400, 0.75),
+    "TotalOfBlocks<2>": Limit(256, 40, 200, 0.5),
+    "TotalOfBlocks<10>": Limit(256, 48, 800, 0.5),
 }
 
 

@@ -15,15 +15,6 @@ struct Frame : BlockFrame {
   std::atomic<bool> busy{false};
 };
 
-Arguments on_device(const Input& first) {
-#if defined(R2_CUDA)
-  return Arguments::on_cuda(first.device_id());
-#else
-  (void)first;
-  return Arguments();
-#endif
-}
-
 int64_t forward(Frame& f, const Input& centers, const Input& rotations, const Input& scales, const Input& opacities,
                 const Input& sh, const Input& cam_from_world, const Input& K, int64_t width, int64_t height, double near,
                 const Input& background, const Output& color, const Output& alpha, const Output& depth,

@@ -9,6 +9,7 @@ void bind_device(nb::module_& m) {
   m.attr("cuda") = false;
 #endif
   bind_block_frame(m);
+  bind_block_losses(m);
 }
 
 }  // namespace R2_ISA

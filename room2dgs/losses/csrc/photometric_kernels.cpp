@@ -1,29 +1,19 @@
-// L1 and structural dissimilarity with their gradient, fused: one sweep over the rows of a strip, everything in cache.
-//
-// With x rendered, y target, d = x - y and m(.) the Gaussian window, SSIM is written with the moments of d:
-//
-//     SSIM = l c,   l = 1 - m(d)^2 / B1,   c = 1 - var(d) / B2,
-//     B1 = m(x)^2 + m(y)^2 + C1,           B2 = var(x) + var(y) + C2,
-//
-// the same number as the usual (2 mx my + C1)(2 cov + C2) / (B1 B2), but without its float32 cancellation where the
-// images agree: 1 - SSIM and its gradient are then sums of small terms instead of differences of large ones.
-// Colours are taken about 0.5, which leaves variances as they are and makes their squares four times smaller; the
-// zero padding of the images is then -0.5.
+// L1 and structural dissimilarity (ssim.h) with their gradient, fused: one sweep over the rows of a strip, everything in
+// cache.
 //
 // A row is 3 width interleaved floats: a filter along x has its taps 3 floats apart, so no plane is ever taken apart.
 #include "lane_sum.h"
 #include "photometric.h"
-#include "simd.h"
+#include "simd.h"  // before ssim.h, whose templates see what stands before them
+
+#include "ssim.h"
 
 namespace R2_ISA {
 namespace {
 
-constexpr int kTaps = 11, kReach = 5, kRing = 12;
+constexpr int kRing = 12;
 constexpr int kMargin = 16;
-constexpr float kC1 = 0.01f * 0.01f, kC2 = 0.03f * 0.03f;
-// exp(-k^2 / (2 1.5^2)), normalised; the floats add up to 1 within 3e-9.
-constexpr float kWindow[kTaps] = {0.0010283801f, 0.007598758f, 0.036000773f, 0.10936069f, 0.21300554f, 0.26601171f,
-                                  0.21300554f,   0.10936069f,  0.036000773f, 0.007598758f, 0.0010283801f};
+constexpr float kWindow[kTaps] = R2_SSIM_WINDOW;
 
 R2_INLINE f8 load_part(const float* p, int64_t count) {
   if (count >= kLanes) return load(p);
@@ -54,8 +44,8 @@ R2_INLINE void filter_columns(const float* const* x, const float* const* y, int6
 #pragma GCC unroll 12
   for (int k = 0; k <= kTaps; ++k) {
     const f8 a = load_part(x[k] + i, count), b = load_part(y[k] + i, count);
-    const f8 d = a - b, xc = a - 0.5f, yc = b - 0.5f;
-    const f8 value[4] = {xc, d, d * d, fma(yc, yc, xc * xc)};
+    const Moments<f8> at = moments_of(a, b);
+    const f8 value[4] = {at.x, at.d, at.dd, at.q};
 #pragma GCC unroll 4
     for (int s = 0; s < 4; ++s) {
       if (k < kTaps) sum[0][s] = fma(value[s], splat(kWindow[k < kTaps ? k : 0]), sum[0][s]);
@@ -70,30 +60,22 @@ struct Sums {
   LaneSum l1, dssim;
 };
 
-// 1 - SSIM at eight values, and the maps whose window sums give its gradient:
-// d SSIM / d x = 2 (G * map0 + d (G * map1) + (x - 0.5) (G * map2)).
+// 1 - SSIM at eight values, and the maps for its gradient.
 R2_INLINE void ssim_maps(const float* const* mean, const float* x, const float* y, int64_t i, int64_t count,
                          bool counted, float* const* maps, Sums& sums) {
-  const f8 mx = filter_row(mean[0] + i), md = filter_row(mean[1] + i);
-  const f8 mdd = filter_row(mean[2] + i), mq = filter_row(mean[3] + i);
-  const f8 my = mx - md, full_x = mx + 0.5f, full_y = my + 0.5f;
-  const f8 b1 = fma(full_x, full_x, fma(full_y, full_y, splat(kC1)));
-  const f8 b2 = mq - fma(mx, mx, my * my) + kC2;
-  const f8 inverse = 1.0f / (b1 * b2), i1 = inverse * b2, i2 = inverse * b1;
-  const f8 a = md * md * i1, b = (mdd - md * md) * i2;
-  const f8 l = 1.0f - a, c = 1.0f - b;
+  const Moments<f8> m = {filter_row(mean[0] + i), filter_row(mean[1] + i), filter_row(mean[2] + i),
+                         filter_row(mean[3] + i)};
+  const SsimMaps<f8> r = ssim_maps_of(m);
   const i8 inside = __builtin_convertvector(iota(), i8) < static_cast<int32_t>(count < kLanes ? count : kLanes);
   if (counted) {
     const f8 d = load_part(x + i, count) - load_part(y + i, count);
     sums.l1.add(vmax(d, -d));
-    sums.dssim.add(masked(inside, a + b - a * b));
+    sums.dssim.add(masked(inside, r.loss));
   }
   if (maps == nullptr) return;
-  const f8 map1 = -l * i2, map2 = l * b * i2;
-  const f8 map0 = c * i1 * (a * full_x - md) - md * map1 - mx * map2;
-  store(maps[0] + i, masked(inside, map0));
-  store(maps[1] + i, masked(inside, map1));
-  store(maps[2] + i, masked(inside, map2));
+  store(maps[0] + i, masked(inside, r.map0));
+  store(maps[1] + i, masked(inside, r.map1));
+  store(maps[2] + i, masked(inside, r.map2));
 }
 
 // The gradient of two neighbouring rows from the twelve rows of filtered maps about them, ring[3 row + map];
@@ -114,9 +96,7 @@ R2_INLINE void gradient_pair(const float* const* ring, const float* const* x, co
   for (int row = 0; row < 2; ++row) {
     if (out[row] == nullptr) continue;
     const f8 a = load_part(x[row] + i, count), d = a - load_part(y[row] + i, count);
-    const f8 slope = fma(d, sum[row][1], fma(a - 0.5f, sum[row][2], sum[row][0]));
-    const f8 sign = masked(d > 0.0f, splat(l1_scale)) - masked(d < 0.0f, splat(l1_scale));
-    store_part(out[row] + i, fma(slope, splat(-2.0f * dssim_scale), sign), count);
+    store_part(out[row] + i, rgb_gradient(a, d, sum[row][0], sum[row][1], sum[row][2], l1_scale, dssim_scale), count);
   }
 }
 
@@ -138,8 +118,7 @@ void rgb_loss_strip(const room2dgs::RgbLossJob& job, int64_t strip, int worker) 
   float* scratch = job.scratch + worker * room2dgs::rgb_loss_scratch(n);
   float* means[8];
   for (int k = 0; k < 8; ++k) {
-    const float padding[4] = {-0.5f, 0.0f, 0.0f, 0.5f};
-    fill_margins(scratch, padded, stride, padding[k % 4]);
+    fill_margins(scratch, padded, stride, kPadding[k % 4]);
     means[k] = scratch + kMargin;
     scratch += stride;
   }

@@ -1,25 +1,15 @@
-// Normals from depth by central differences, and the normal-consistency loss with its gradients.
-//
-// For a pinhole the cross product of the two differences of back-projected points shortens. With D the depth of the
-// right, left, lower and upper neighbours and
-//
-//     p = (D_r - D_l) / (D_r + D_l),   q = (D_d - D_u) / (D_d + D_u),   (dx, dy) = pixel centre - (cx, cy),
-//
-// it is parallel to -(m_x, m_y, m_z), m = (fx p, fy q, -(1 + p dx + q dy)): exact for every plane, since p and q are
-// the relative slopes of 1/D. The triple product with the viewing ray is (D_r + D_l)(D_d + D_u) / (fx fy) > 0 before
-// the sign, so m faces the camera at every pixel whose four neighbours have a depth.
+// Normals from depth and the normal-consistency loss with its gradients (surface_maths.h), over rows of a strip.
 #include "lane_sum.h"
-#include "simd.h"
-#include "surface.h"
+#include "simd.h"  // before surface_maths.h, whose templates see what stands before them
+
+#include "surface_maths.h"
 
 namespace R2_ISA {
 namespace {
 
 constexpr int kMargin = 8;
 
-struct Vector {
-  f8 x, y, z;
-};
+using Vector = Triple<f8>;
 
 #if defined(__clang__)
 #define R2_PERMUTE(v, ...) __builtin_shufflevector(v, v, __VA_ARGS__)
@@ -51,17 +41,6 @@ R2_INLINE void store_triples(float* p, Vector v) {
 R2_INLINE void copy_floats(float* to, const float* from, int64_t count) {
   for (int64_t k = 0; k < count; ++k) to[k] = from[k];
 }
-R2_INLINE Vector to_camera(const float* r, Vector v) {
-  return {fma(v.x, splat(r[0]), fma(v.y, splat(r[1]), v.z * r[2])),
-          fma(v.x, splat(r[3]), fma(v.y, splat(r[4]), v.z * r[5])),
-          fma(v.x, splat(r[6]), fma(v.y, splat(r[7]), v.z * r[8]))};
-}
-R2_INLINE Vector to_world(const float* r, Vector v) {
-  return {fma(v.x, splat(r[0]), fma(v.y, splat(r[3]), v.z * r[6])),
-          fma(v.x, splat(r[1]), fma(v.y, splat(r[4]), v.z * r[7])),
-          fma(v.x, splat(r[2]), fma(v.y, splat(r[5]), v.z * r[8]))};
-}
-R2_INLINE f8 dot(Vector a, Vector b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
 
 // Rows [from, to) of the depth between margins of zeros; what is not a positive finite number becomes 0 = invalid.
 void copy_depth(const float* depth, int64_t height, int64_t width, int64_t from, int64_t to, float* out) {
@@ -79,30 +58,12 @@ void copy_depth(const float* depth, int64_t height, int64_t width, int64_t from,
   }
 }
 
-// The surface normal in the camera frame at eight pixels.
-struct SurfaceNormal {
-  i8 valid;
-  f8 inverse_sum_x, inverse_sum_y;  // 1 / (D_r + D_l), 1 / (D_d + D_u)
-  f8 dx, dy;
-  f8 inverse_length;
-  Vector n;
-};
-
-// d points at the pixel's depth in rows of the given stride.
-R2_INLINE SurfaceNormal surface_normal(const float* d, int64_t stride, const room2dgs::Pinhole& camera, int64_t x,
-                                       int64_t y) {
-  const f8 right = load(d + 1), left = load(d - 1), below = load(d + stride), above = load(d - stride);
-  SurfaceNormal s;
-  s.valid = (load(d) > 0.0f) & (right > 0.0f) & (left > 0.0f) & (below > 0.0f) & (above > 0.0f);
-  s.inverse_sum_x = 1.0f / select(s.valid, right + left, splat(1.0f));
-  s.inverse_sum_y = 1.0f / select(s.valid, below + above, splat(1.0f));
-  const f8 p = (right - left) * s.inverse_sum_x, q = (below - above) * s.inverse_sum_y;
-  s.dx = iota() + (static_cast<float>(x) + 0.5f - camera.cx);
-  s.dy = splat(static_cast<float>(y) + 0.5f - camera.cy);
-  const Vector m = {p * camera.fx, q * camera.fy, -fma(p, s.dx, fma(q, s.dy, splat(1.0f)))};
-  s.inverse_length = 1.0f / vsqrt(dot(m, m));
-  s.n = {m.x * s.inverse_length, m.y * s.inverse_length, m.z * s.inverse_length};
-  return s;
+// The surface normal in the camera frame at eight pixels; d points at the pixel's depth in rows of the given stride.
+R2_INLINE SurfaceNormal<f8> surface_normal(const float* d, int64_t stride, const room2dgs::Pinhole& camera, int64_t x,
+                                           int64_t y) {
+  return surface_normal_of(load(d), load(d + 1), load(d - 1), load(d + stride), load(d - stride),
+                           iota() + (static_cast<float>(x) + 0.5f - camera.cx),
+                           splat(static_cast<float>(y) + 0.5f - camera.cy), camera);
 }
 
 }  // namespace
@@ -117,7 +78,7 @@ void depth_normals_strip(const room2dgs::DepthNormalsJob& job, int64_t strip, in
     const float* d = depth + (y - first + 1) * stride + kMargin;
     float* out = job.normal + y * width * 3;
     for (int64_t x = 0; x < width; x += kLanes) {
-      const SurfaceNormal s = surface_normal(d + x, stride, job.camera, x, y);
+      const SurfaceNormal<f8> s = surface_normal(d + x, stride, job.camera, x, y);
       const Vector n = to_world(job.camera.cam_from_world, s.n);
       const Vector kept = {masked(s.valid, n.x), masked(s.valid, n.y), masked(s.valid, n.z)};
       if (x + kLanes <= width) {
@@ -166,22 +127,14 @@ void normal_consistency_strip(const room2dgs::NormalConsistencyJob& job, int64_t
       const Vector world = load_triples(count < kLanes ? part_normal : normals + 3 * x);
       const f8 alpha = load(count < kLanes ? part_alpha : alphas + x);
 
-      const SurfaceNormal s = surface_normal(d + x, stride, camera, x, y);
+      const SurfaceNormal<f8> s = surface_normal(d + x, stride, camera, x, y);
       const Vector rendered = to_camera(camera.cam_from_world, world);
-      const f8 cosine = dot(rendered, s.n);
-
-      // g = d term / d n, its part across n over |m| = d term / d m
-      const f8 weight = masked(s.valid, alpha * -job.scale);
-      const Vector gm = {(rendered.x - s.n.x * cosine), (rendered.y - s.n.y * cosine), (rendered.z - s.n.z * cosine)};
-      const f8 across = weight * s.inverse_length;
-      const f8 gp = across * (gm.x * camera.fx - gm.z * s.dx) * s.inverse_sum_x * s.inverse_sum_x;
-      const f8 gq = across * (gm.y * camera.fy - gm.z * s.dy) * s.inverse_sum_y * s.inverse_sum_y;
-      store(p_row + x, masked(s.valid, gp));
-      store(q_row + x, masked(s.valid, gq));
+      const Consistency<f8> c = consistency_of(s, rendered, alpha, camera, job.scale);
+      store(p_row + x, c.gp);
+      store(q_row + x, c.gq);
       if (!counted) continue;
 
-      const Vector towards = {s.n.x * weight, s.n.y * weight, s.n.z * weight};
-      const Vector grad = to_world(camera.cam_from_world, towards);
+      const Vector grad = to_world(camera.cam_from_world, c.towards);
       float* out = job.grad_normal + (y * width + x) * 3;
       if (count == kLanes) {
         store_triples(out, grad);
@@ -189,8 +142,8 @@ void normal_consistency_strip(const room2dgs::NormalConsistencyJob& job, int64_t
         store_triples(part_normal, grad);
         copy_floats(out, part_normal, 3 * count);
       }
-      loss.add(masked(s.valid, alpha * (alpha - cosine)));
-      const f8 t[3] = {towards.x, towards.y, towards.z}, w[3] = {world.x, world.y, world.z};
+      loss.add(c.loss);
+      const f8 t[3] = {c.towards.x, c.towards.y, c.towards.z}, w[3] = {world.x, world.y, world.z};
       for (int k = 0; k < 9; ++k) rotation[k] = fma(t[k / 3], w[k % 3], rotation[k]);
     }
     if (!counted) continue;
@@ -198,17 +151,15 @@ void normal_consistency_strip(const room2dgs::NormalConsistencyJob& job, int64_t
     for (int k = 0; k < 9; ++k) job.row_sums[10 * y + 1 + k] = hsum(rotation[k]);
   }
 
-  // dp/dD_r = 2 D_l / (D_r + D_l)^2, dp/dD_l = -2 D_r / (D_r + D_l)^2, gathered from the pixels beside.
   for (int64_t y = first; y < last; ++y) {
     const float* d = depth + (y - first + 2) * stride + kMargin;
     const float* p_row = grad_p + (y - first + 1) * stride + kMargin;
     const float* q_row = grad_q + (y - first + 1) * stride + kMargin;
     float* out = job.grad_depth + y * width;
     for (int64_t x = 0; x < width; x += kLanes) {
-      const f8 along_x = load(d + x - 2) * load(p_row + x - 1) - load(d + x + 2) * load(p_row + x + 1);
-      const f8 along_y =
-          load(d + x - 2 * stride) * load(q_row + x - stride) - load(d + x + 2 * stride) * load(q_row + x + stride);
-      const f8 grad = 2.0f * (along_x + along_y);
+      const f8 grad = depth_gradient_of(load(d + x - 2), load(p_row + x - 1), load(d + x + 2), load(p_row + x + 1),
+                                        load(d + x - 2 * stride), load(q_row + x - stride), load(d + x + 2 * stride),
+                                        load(q_row + x + stride));
       if (x + kLanes <= width) {
         store(out + x, grad);
       } else {

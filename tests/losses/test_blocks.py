@@ -1,0 +1,154 @@
+"""The losses' kernels for CUDA, as plain C++: the float64 reference, the CPU's kernels, any order of blocks."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from room2dgs import _C
+from room2dgs.geometry.depth_maps import depth_to_normals
+from room2dgs.geometry.kernel_arguments import intrinsics
+from room2dgs.losses import blocks, reference
+from room2dgs.losses.photometric import rgb_loss
+from room2dgs.losses.surface import normal_consistency
+from room2dgs.splat.types import Rendering
+
+SIZES = [(1, 1), (1, 17), (5, 5), (16, 16), (17, 31), (33, 8), (61, 83)]  # about the patches' 16 and the window's 11
+ORDERS = (0, 1, 12345)
+
+
+def images(height, width, seed=0, noise=0.05):
+    g = torch.Generator().manual_seed(seed)
+    coarse = torch.rand(height // 4 + 1, width // 4 + 1, 3, generator=g)
+    target = coarse.repeat_interleave(4, 0).repeat_interleave(4, 1)[:height, :width].contiguous()
+    return (target + noise * torch.randn(height, width, 3, generator=g)).clamp(0, 1), target
+
+
+def maps(height, width, seed=0):
+    """Depth with holes and what is no number, alpha, normals."""
+    g = torch.Generator().manual_seed(seed)
+    depth = 2 + torch.rand(height, width, generator=g)
+    for value in (0.0, -1.0, torch.nan, torch.inf):
+        depth[torch.rand(height, width, generator=g) < 0.02] = value
+    return depth, torch.rand(height, width, generator=g), torch.randn(height, width, 3, generator=g)
+
+
+def differentiated(loss, *inputs):
+    leaves = [x.clone().requires_grad_() for x in inputs]
+    value = loss(*leaves)
+    return [value.detach(), *torch.autograd.grad(value, leaves)]
+
+
+def assert_near(actual, expected, relative):
+    for a, b in zip(actual, expected, strict=True):
+        assert a.shape == b.shape and (a.double() - b.double()).abs().max() <= relative * b.abs().max()
+
+
+def of_rgb(loss, rendered, target, *more):
+    return differentiated(lambda x: loss(x, target, 0.2, *more), rendered)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("noise", [1e-3, 1.0])
+def test_rgb_loss(size, noise):
+    rendered, target = images(*size, seed=size[0], noise=noise)
+    found = of_rgb(blocks.rgb_loss, rendered, target)
+    value, gradient = of_rgb(reference.rgb_loss, rendered.double(), target.double())
+    # SSIM is of the order of 1, so the loss of a single pixel has float32's digits of 1, not of itself
+    assert abs(found[0] - value) <= 1e-5 * value + 0.2 * 4e-6 / size[0] / size[1]
+    assert_near(found[1:], [gradient], 1e-4)
+    # the CPU's kernels take the same steps; only their fused multiply-adds differ
+    assert_near(found[1:], of_rgb(rgb_loss, rendered, target)[1:], 3e-5)
+    for order in ORDERS[1:]:
+        assert all(
+            torch.equal(a, b) for a, b in zip(of_rgb(blocks.rgb_loss, rendered, target, order), found, strict=True)
+        )
+
+
+def test_rgb_loss_without_a_gradient_has_the_same_value():
+    rendered, target = images(37, 21)
+    assert blocks.rgb_loss(rendered, target, 0.2) == of_rgb(blocks.rgb_loss, rendered, target)[0]
+    assert blocks.rgb_loss(target, target, 1.0) == 0
+
+
+def of_normals(loss, depth, alpha, normal, pose):
+    return differentiated(lambda d, n, p: loss(d, alpha, n, p), depth, normal, pose)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_normal_consistency(camera, size):
+    pose = torch.from_numpy(camera.cam_from_world)
+    depth, alpha, normal = maps(*size, seed=size[1])
+
+    def by_blocks(d, a, n, p, order=0):
+        return blocks.normal_consistency(d, a, n, intrinsics(camera.K), p, order)
+
+    found = of_normals(by_blocks, depth, alpha, normal, pose)
+    clean = torch.where((depth > 0) & depth.isfinite(), depth, torch.zeros_like(depth))
+    doubles = (clean.double(), alpha.double(), normal.double(), pose)
+    assert_near(
+        found, of_normals(lambda d, a, n, p: reference.normal_consistency(d, a, n, camera.K, p), *doubles), 1e-4
+    )
+    if min(size) > 2:
+        assert all(x.abs().max() > 0 for x in found)
+
+    def by_cpu(d, a, n, p):
+        return normal_consistency(Rendering(torch.zeros_like(n), a, d, d, n, torch.zeros_like(d)), camera.K, p)
+
+    assert_near(found, of_normals(by_cpu, depth, alpha, normal, pose), 3e-5)
+    for order in ORDERS[1:]:
+        again = of_normals(lambda *x, order=order: by_blocks(*x, order), depth, alpha, normal, pose)
+        assert all(torch.equal(a, b) for a, b in zip(again, found, strict=True))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_depth_normals(camera, size):
+    pose = torch.from_numpy(camera.cam_from_world)
+    depth = maps(*size)[0]
+    clean = torch.where((depth > 0) & depth.isfinite(), depth, torch.zeros_like(depth))
+    exact = depth_to_normals(clean.double(), torch.from_numpy(camera.K), pose)
+    for order in ORDERS:
+        found = blocks.depth_normals(depth, intrinsics(camera.K), pose, order)
+        assert (found - exact).abs().max() < 1e-5 and torch.equal(found == 0, exact.float() == 0)
+
+
+def test_the_bits_do_not_depend_on_threads():
+    rendered, target = images(50, 70)
+    before = _C.threads()
+    try:
+        found = []
+        for count in (1, 3):
+            _C.set_threads(count)
+            found.append(of_rgb(blocks.rgb_loss, rendered, target))
+    finally:
+        _C.set_threads(before)
+    assert all(torch.equal(a, b) for a, b in zip(*found, strict=True))
+
+
+def test_arguments_are_checked():
+    losses, image = _C.device.BlockLosses(), torch.rand(4, 5, 3)
+    values = torch.empty(2, dtype=torch.float64)
+    for wrong, kind in (
+        ((image, image[:3], 0.2, values, None), ValueError),
+        ((image, image, 2.0, values, None), ValueError),
+        ((image.double(), image, 0.2, values, None), TypeError),
+        ((image, image, 0.2, values, image), ValueError),  # the gradient over its own input
+        ((image[:0], image[:0], 0.2, values, None), ValueError),
+    ):
+        with pytest.raises(kind):
+            losses.rgb_loss(*wrong)
+
+
+def test_a_gpus_tensors_take_the_kernels_for_them(monkeypatch, camera):
+    """What is asked of the kernels on a GPU, by tensors that only say they are there."""
+    taken = []
+    monkeypatch.setattr(blocks, "runs_on_cuda", lambda *maps: len(maps) in (2, 3))
+    monkeypatch.setattr(blocks, "rgb_loss", lambda *x: taken.append(x) or "rgb")
+    monkeypatch.setattr(blocks, "normal_consistency", lambda *x: taken.append(x) or "normals")
+    rendered, target = images(4, 5)
+    assert rgb_loss(rendered, target, 0.2) == "rgb"
+    assert isinstance(rgb_loss(rendered, target, 0.0), torch.Tensor)  # L1 alone is torch's
+    depth, alpha, normal = maps(4, 5)
+    drawn = Rendering(torch.zeros(4, 5, 3), alpha, depth, depth + 1, normal, depth)
+    assert normal_consistency(drawn, camera.K, camera.cam_from_world, "median") == "normals"
+    assert taken[1][0] is drawn.median_depth and taken[1][3] == intrinsics(camera.K)
