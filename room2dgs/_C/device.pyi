@@ -41,6 +41,8 @@ class BlockFrame:
     def backward(self, view: int, centers: Annotated[NDArray, dict(writable=False)], rotations: Annotated[NDArray, dict(writable=False)], scales: Annotated[NDArray, dict(writable=False)], opacities: Annotated[NDArray, dict(writable=False)], sh: Annotated[NDArray, dict(writable=False)], alpha: Annotated[NDArray, dict(writable=False)], depth: Annotated[NDArray, dict(writable=False)], g_color: Annotated[NDArray, dict(writable=False)] | None, g_alpha: Annotated[NDArray, dict(writable=False)] | None, g_depth: Annotated[NDArray, dict(writable=False)] | None, g_median: Annotated[NDArray, dict(writable=False)] | None, g_normal: Annotated[NDArray, dict(writable=False)] | None, g_distortion: Annotated[NDArray, dict(writable=False)] | None, to_centers: NDArray, to_rotations: NDArray, to_scales: NDArray, to_opacities: NDArray, to_sh: NDArray, to_center_px: NDArray, to_pose: NDArray, to_K: NDArray, to_background: NDArray | None, queue: int = 0) -> None:
         """
         The gradients of the frame's last view, which must be number `view`; alpha and depth are its maps. to_pose, to_K and to_background are float64, all else float32.
+        """
+
 class BlockLosses:
     """
     The fused losses of training, with the buffers that one queue uses again and again.
