@@ -145,7 +145,19 @@ def test_hydras_own_settings_reach_hydra(tmp_path, processes):
 
 
 @pytest.mark.slow
-def test_joblib_launches_the_jobs_in_processes_of_its_own(wall, tmp_path):
+@pytest.mark.parametrize(
+    ("launcher", "plugin", "more"),
+    [
+        ("joblib", "hydra_joblib_launcher", ["hydra.launcher.n_jobs=2"]),
+        ("submitit_local", "hydra_submitit_launcher", ["hydra.launcher.timeout_min=5"]),  # Slurm's, without a cluster
+        ("ray", "hydra_ray_launcher", []),
+    ],
+)
+def test_launchers_run_the_jobs_in_processes_of_their_own(wall, tmp_path, launcher, plugin, more):
+    pytest.importorskip(f"hydra_plugins.{plugin}")
     quick = [f"points.file={wall / 'gone.ply'}", "points.source=file", "prior=none", "seeds.init=sfm"]
-    argv = ["run", "-m", f"scene.path={wall}", f"out={tmp_path}", "train.seed=0,1", "hydra/launcher=joblib", *quick]
-    assert cli.main([*argv, "hydra.launcher.n_jobs=2"]) == 2  # both jobs were started, and both found no points
+    argv = ["run", "-m", f"scene.path={wall}", f"out={tmp_path}", "train.seed=0,1", f"hydra/launcher={launcher}"]
+    assert cli.main([*argv, *more, *quick]) == 2  # both jobs were started, and both found no points
+    assert {"0", "1"} <= {path.name for path in tmp_path.iterdir()}
+    if launcher == "submitit_local":
+        assert len(list(tmp_path.glob(".submitit/*/*_submitted.pkl"))) == 2
