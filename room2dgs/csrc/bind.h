@@ -12,6 +12,7 @@ namespace nb = nanobind;
 void bind_splat(nb::module_& m);
 void bind_losses(nb::module_& m);
 void bind_bench(nb::module_ m);
+void bind_mesh(nb::module_& m);
 void bind_stereo(nb::module_& m);
 
 // True when the processor runs the AVX2 kernels.

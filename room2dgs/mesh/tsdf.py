@@ -9,10 +9,12 @@ import open3d as o3d
 import open3d.core as o3c
 import trimesh
 
+from room2dgs import _C
 from room2dgs.config import MeshConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.views import FusedView
 
+ATTRIBUTES = ("tsdf", "weight", "views", "color")
 BLOCK = 8  # voxels a block side
 # 10 kB a block. Growth copies the whole table (about 1 s in all for a room at 1 cm), so start with room for it.
 FIRST_BLOCKS = 16_384
@@ -52,9 +54,9 @@ def integrate(views: Iterable[FusedView], config: MeshConfig) -> trimesh.Trimesh
 
 def _empty_volume(voxel_m: float) -> o3d.t.geometry.VoxelBlockGrid:
     return o3d.t.geometry.VoxelBlockGrid(
-        ("tsdf", "weight", "color"),
-        (o3c.float32, o3c.float32, o3c.float32),
-        ((1,), (1,), (3,)),
+        ATTRIBUTES,
+        (o3c.float32,) * len(ATTRIBUTES),
+        ((1,), (1,), (1,), (3,)),
         voxel_m,
         BLOCK,
         FIRST_BLOCKS,
@@ -76,28 +78,57 @@ def _integrate_one(
 ) -> None:
     cam_from_local = view.camera.cam_from_world.copy()
     cam_from_local[:3, 3] += cam_from_local[:3, :3] @ origin
-    # open3d looks up pixel floor(u), floor(v) of a projected voxel: centres at +0.5, as ours (a test proves it)
-    intrinsics, pose = o3c.Tensor(view.camera.K), o3c.Tensor(cam_from_local)
-    color = view.color.astype(np.float32) / 255 if view.color.dtype == np.uint8 else view.color
-    color = np.ascontiguousarray(color, dtype=np.float32)
-    depth_image = o3d.t.geometry.Image(o3c.Tensor(np.ascontiguousarray(depth)))
-    color_image = o3d.t.geometry.Image(o3c.Tensor(color))
+    blocks = _touched(volume, view.camera.K, cam_from_local, depth, config.truncation_voxels)
+    if not len(blocks):
+        return
+    hashmap = volume.hashmap()
+    hashmap.activate(blocks)
+    rows, _ = hashmap.find(blocks)
+    parts = [volume.attribute(name).numpy() for name in ATTRIBUTES]  # not copies; growth of the table moves them
+    pixel_from_voxel = view.camera.K @ cam_from_local[:3]
+    pixel_from_voxel[:, :3] *= config.voxel_m
+    _C.fuse_depth(
+        blocks.numpy(),
+        rows.numpy().astype(np.int64),
+        *(part.reshape(len(part), -1) for part in parts),
+        depth,
+        np.ones_like(depth) if view.weight is None else np.ascontiguousarray(view.weight, np.float32),
+        _bytes_as_floats(view.color),
+        pixel_from_voxel,
+        config.voxel_m * config.truncation_voxels,
+    )
+
+
+def _touched(
+    volume: o3d.t.geometry.VoxelBlockGrid,
+    K: np.ndarray,
+    cam_from_local: np.ndarray,
+    depth: np.ndarray,
+    truncation_voxels: float,
+) -> o3c.Tensor:
+    """(N, 3) int32 blocks near the surface."""
+    image = o3d.t.geometry.Image(o3c.Tensor(np.ascontiguousarray(depth)))
     # our depth is in metres already (scale 1) and already cut: the last bound only has to lie above it
-    bounds = (1.0, float(depth.max()) + 1.0, float(config.truncation_voxels))
+    bounds = (1.0, float(depth.max()) + 1.0, float(truncation_voxels))
     try:
-        blocks = volume.compute_unique_block_coordinates(depth_image, intrinsics, pose, *bounds)
+        return volume.compute_unique_block_coordinates(image, o3c.Tensor(K), o3c.Tensor(cam_from_local), *bounds)
     except RuntimeError as error:
         # open3d looks at a part of the pixels only, and takes it for a fault if none of them has a depth
         if "No block is touched" in str(error):
-            return
+            return o3c.Tensor(np.zeros((0, 3), np.int32))
         raise
-    volume.integrate(blocks, depth_image, color_image, intrinsics, intrinsics, pose, *bounds)
+
+
+def _bytes_as_floats(color: np.ndarray) -> np.ndarray:
+    """(H, W, 3) float32 0..255, as open3d keeps colours."""
+    scaled = color if color.dtype == np.uint8 else 255 * color
+    return np.ascontiguousarray(scaled, dtype=np.float32)
 
 
 def _extract(volume: o3d.t.geometry.VoxelBlockGrid, origin: np.ndarray, min_weight: float) -> trimesh.Trimesh:
-    # open3d meshes voxels whose weight is strictly above its threshold; ours is the least weight that is meshed
-    below = max(float(np.nextafter(np.float32(min_weight), np.float32(-1))), 0.0)
-    mesh = volume.extract_triangle_mesh(below)
+    weight = volume.attribute("weight").numpy()
+    weight[volume.attribute("views").numpy() < min_weight] = 0
+    mesh = volume.extract_triangle_mesh(0.0)
     if "positions" not in mesh.vertex or len(mesh.vertex.positions) == 0 or "indices" not in mesh.triangle:
         return trimesh.Trimesh(process=False)
     return trimesh.Trimesh(

@@ -22,11 +22,13 @@ class FusedView:
         camera: K with pixel centres at +0.5, pose in metres.
         depth: (H, W) float32 z-depth, metres; 0 = invalid.
         color: (H, W, 3) uint8 0..255, or float 0..1.
+        weight: (H, W) float32, what each pixel counts in the mean; None = the same.
     """
 
     camera: Camera
     depth: np.ndarray
     color: np.ndarray
+    weight: np.ndarray | None = None
 
 
 def chosen_depth(rendering: Rendering, config: MeshConfig) -> np.ndarray:
