@@ -44,7 +44,8 @@ def main(argv: list[str]) -> int:
         config = earlier_run(overrides)
         ground_truth(config)
         scene = with_poses_of_run(read(config), Path(config.out))
-        score_run(scene, trained_surfels(Path(config.out)), config, Path(config.out), {})
+        surfels = None if config.mesh.source == "depth" else trained_surfels(Path(config.out))
+        score_run(scene, surfels, config, Path(config.out), {})
     else:
         score_mesh(overrides, out)
     return 0
@@ -78,13 +79,13 @@ def score_mesh(overrides: list[str], out: str | None) -> None:
     print(f"scores: {folder / METRICS}, pictures: {folder / 'eval'}")
 
 
-def score_run(scene: Scene, surfels: Surfels, config: Config, out: Path, seconds: dict[str, float]) -> None:
-    """Held-out views against their photos, and the mesh against the ground truth if there is one."""
+def score_run(scene: Scene, surfels: Surfels | None, config: Config, out: Path, seconds: dict[str, float]) -> None:
+    """Held-out views against their photos, if there are surfels, and the mesh against the truth, if there is one."""
     log = run_log(out)
     use_threads(config)
     gt = ground_truth(config) or scene.gt_mesh
     with timed(seconds, "eval"):
-        part = _image_part(scene, surfels, config, log) if config.eval.image_metrics else {}
+        part = _image_part(scene, surfels, config, log) if surfels is not None and config.eval.image_metrics else {}
         if gt is None:
             log("no ground truth (gt_mesh.ply in the capture, or eval.gt=MESH): the mesh is not scored")
         else:

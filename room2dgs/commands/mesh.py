@@ -10,6 +10,7 @@ from room2dgs.captures.scene import Scene
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
 from room2dgs.config import Config
+from room2dgs.errors import InputError
 from room2dgs.logs import Log, run_log
 from room2dgs.runs.folder import MESH, earlier_run, keep_settings
 from room2dgs.runs.metrics import record, stale, timed
@@ -41,6 +42,8 @@ def main(argv: list[str]) -> int:
     if asked_for_help(argv):
         return show(USAGE, main.__doc__, ("mesh",))
     config = earlier_run(argv)
+    if config.mesh.source == "depth":
+        raise InputError("mesh.source=depth is a run of its own; type room2dgs run scene.path=DIR mesh.source=depth")
     out = Path(config.out)
     surfels = trained_surfels(out)
     scene = with_poses_of_run(read(config), out)

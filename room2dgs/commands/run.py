@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from room2dgs.captures.scene import Scene
 from room2dgs.commands.eval import ground_truth, score_run
 from room2dgs.commands.export import export_after_run
 from room2dgs.commands.mesh import mesh_scene
+from room2dgs.commands.mesh_of_depth import mesh_of_depth
 from room2dgs.commands.prepare import SHORT, with_capture
 from room2dgs.commands.render import render_scene
 from room2dgs.commands.report import report_scene
@@ -15,8 +17,9 @@ from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.short_keys import written_out
 from room2dgs.commands.stages import cached, read, refined, trained_surfels
 from room2dgs.commands.train import train_scene
+from room2dgs.config import Config
 from room2dgs.errors import InputError
-from room2dgs.logs import run_log
+from room2dgs.logs import Log, run_log
 from room2dgs.runs.folder import CONFIG, MESH, RENDERS, REPORT, claimed, last_value, new_run
 from room2dgs.runs.metrics import Stages, earlier, timed
 
@@ -30,6 +33,8 @@ MULTIRUN = ("-m", "--multirun")
 
 def main(argv: list[str]) -> int:
     """Points, training, mesh, renders of the held-out views, scores if there is a ground truth, and a report.
+
+    mesh.source=depth trains nothing: a first mesh of the depth that stereo, the network or the sensor gives.
 
     With -m every combination of settings that are lists is a run of its own, in out/0, out/1, ...: Hydra's multirun,
     with Hydra's sweepers and launchers. A path with a comma in its name then stands in quotes.
@@ -48,18 +53,27 @@ def main(argv: list[str]) -> int:
     with claimed(config) as out, cached(scene, out):
         log = run_log(out)
         scene = refined(scene, config, out, log, seconds)
-        train_scene(scene, config, out, log, seconds)
-        surfels = trained_surfels(out)
-        mesh_scene(scene, surfels, config, out, log, seconds)
-        export_after_run(scene, surfels, config, log, seconds)
-        render_scene(scene, surfels, config, out, log, seconds)
-        score_run(scene, surfels, config, out, seconds)
-        if config.report.enabled:
-            report_scene(scene, surfels, config, out, log, seconds)
+        if config.mesh.source == "depth":
+            mesh_of_depth(scene, config, out, log, seconds)
+            score_run(scene, None, config, out, seconds)
+        else:
+            _train_and_show(scene, config, out, log, seconds)
         log("")
         for line in summary(out, earlier(out)):
             log(line)
     return 0
+
+
+def _train_and_show(scene: Scene, config: Config, out: Path, log: Log, seconds: Stages) -> None:
+    """Everything that needs surfels."""
+    train_scene(scene, config, out, log, seconds)
+    surfels = trained_surfels(out)
+    mesh_scene(scene, surfels, config, out, log, seconds)
+    export_after_run(scene, surfels, config, log, seconds)
+    render_scene(scene, surfels, config, out, log, seconds)
+    score_run(scene, surfels, config, out, seconds)
+    if config.report.enabled:
+        report_scene(scene, surfels, config, out, log, seconds)
 
 
 def _swept(overrides: list[str]) -> int:
@@ -85,10 +99,12 @@ def summary(out: Path, metrics: dict[str, Any]) -> list[str]:
         )
     seconds = metrics["seconds"]
     stages = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
-    lines.append(f"{metrics['primitives']:,} surfels; {sum(seconds.values()):.0f} s in all: {stages}")
+    surfels = f"{metrics['primitives']:,} surfels; " if "primitives" in metrics else ""
+    lines.append(f"{surfels}{sum(seconds.values()):.0f} s in all: {stages}")
     lines.append(f"peak memory {metrics['peak_memory_mb'] / 1000:.2f} GB")
     lines.append(f"mesh      {out / MESH}")
-    lines.append(f"pictures  {out / RENDERS}")
+    if (out / RENDERS).exists():
+        lines.append(f"pictures  {out / RENDERS}")
     if (out / "eval" / "views.png").exists():
         lines.append(f"          {out / 'eval' / 'views.png'}, {out / 'eval' / 'top.png'}")
     if (out / REPORT).exists():

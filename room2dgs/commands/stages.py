@@ -83,6 +83,35 @@ def use_threads(config: Config) -> None:
     set_threads(config.render.threads)
 
 
+def points_and_priors(
+    scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str, float]
+) -> tuple[PointCloud, Priors]:
+    """What is known of the surfaces before anything is trained; what it is goes to out/metrics.json.
+
+    Raises:
+        InputError: as `sparse_points` and `read_priors`.
+    """
+    from room2dgs.sfm.sparse import sparse_points
+
+    for note in scene.notes:
+        log(note)
+    for dropped in scene.dropped:
+        log(f"frame {dropped.name} left out: {dropped.reason}")
+    log(f"{len(scene.train)} training views, {len(scene.test)} held out")
+    with timed(seconds, "points"):
+        points = sparse_points(scene, config.points, Path(config.points.cache or out / POINTS), log)
+    with timed(seconds, "priors"):
+        priors = read_priors(scene, points, config, out, log)
+    part = {
+        "points": len(points),
+        "priors": priors.label,
+        "depth_source": priors.depth_source,
+        "prior_networks": priors.networks,
+    }
+    record(out, part, seconds)
+    return points, priors
+
+
 def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log: Log) -> Priors:
     """Priors of the training views; how each depth map was aligned goes to out/priors.csv, how far it is trusted to
     out/trust.npz.

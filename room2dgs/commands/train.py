@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import cached, read, read_priors, refined, use_threads
+from room2dgs.commands.stages import cached, points_and_priors, read, refined, use_threads
 from room2dgs.config import Config
 from room2dgs.logs import Log, run_log
-from room2dgs.runs.folder import POINTS, claimed, new_run
+from room2dgs.runs.folder import claimed, new_run
 from room2dgs.runs.metrics import peak_memory_mb, record, stale, timed
 
 if TYPE_CHECKING:
@@ -40,20 +40,11 @@ def main(argv: list[str]) -> int:
 
 def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str, float]) -> None:
     """Points, priors and training into the run's folder, their figures into its metrics.json."""
-    from room2dgs.sfm.sparse import sparse_points
     from room2dgs.train import train
 
     use_threads(config)
     watchers = _watchers(config)
-    for note in scene.notes:
-        log(note)
-    for dropped in scene.dropped:
-        log(f"frame {dropped.name} left out: {dropped.reason}")
-    log(f"{len(scene.train)} training views, {len(scene.test)} held out")
-    with timed(seconds, "points"):
-        points = sparse_points(scene, config.points, Path(config.points.cache or out / POINTS), log)
-    with timed(seconds, "priors"):
-        priors = read_priors(scene, points, config, out, log)
+    points, priors = points_and_priors(scene, config, out, log, seconds)
     with timed(seconds, "train"):
         result = train(scene, points, config, out, log, priors.by_frame, watchers)
     # The loop's own clock also has what an interrupted run took before it was resumed.
@@ -62,10 +53,6 @@ def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict
         **stale(out, IMAGE_SCORES),
         "primitives": result.surfels,
         "seeds": result.seeds,
-        "points": len(points),
-        "priors": priors.label,
-        "depth_source": priors.depth_source,
-        "prior_networks": priors.networks,
         "iterations": result.iterations,
         "training_seconds": result.seconds,
     }

@@ -1,4 +1,5 @@
 #include <cmath>
+#include <vector>
 
 #include "arrays.h"
 #include "fusion.h"
@@ -34,7 +35,12 @@ void fuse_depth(const Input& block, const Input& row, const Output& distance, co
   for (int k = 0; k < 12; ++k) job.pixel_from_voxel[k] = matrix[k];
   require(std::isfinite(truncation) && truncation > 0, "truncation is not above 0");
   job.truncation = static_cast<float>(truncation);
-  for (int64_t k = 0; k < blocks; ++k) require(job.row[k] >= 0 && job.row[k] < rows, "row names a block that is not there");
+  std::vector<bool> taken(rows);
+  for (int64_t k = 0; k < blocks; ++k) {
+    require(job.row[k] >= 0 && job.row[k] < rows, "row names a block that is not there");
+    require(!taken[job.row[k]], "row names a block twice");
+    taken[job.row[k]] = true;
+  }
   nb::gil_scoped_release unlocked;
   const auto kernel = R2_BEST(fuse_block);
   parallel_for(blocks, [&](int64_t index, int) { kernel(job, index); });
@@ -45,7 +51,7 @@ void fuse_depth(const Input& block, const Input& row, const Output& distance, co
 void bind_mesh(nb::module_& m) {
   m.def("fuse_depth", &fuse_depth, as_is("block"), as_is("row"), as_is("distance"), as_is("weight"), as_is("views"),
         as_is("color"), as_is("depth"), as_is("trust"), as_is("photo"), as_is("pixel_from_voxel"),
-        nb::arg("truncation"), "Takes one depth map into the blocks of a signed distance volume; no block twice.");
+        nb::arg("truncation"), "Takes one depth map into the blocks of a signed distance volume.");
 }
 
 }  // namespace room2dgs

@@ -25,13 +25,14 @@ def integrate(views: Iterable[FusedView], config: MeshConfig) -> trimesh.Trimesh
     """Fuse depth maps into a signed distance volume and extract its zero level by marching cubes.
 
     Memory follows the observed surface, not the number of views: each view is released before the next is asked
-    for. Every view counts 1 in a voxel: open3d's integration has no weight per pixel, and a cosine weight through
-    its voxel-coordinate API costs 20 to 35 times the built-in kernel, so grazing pixels are cut off beforehand
+    for. open3d keeps the voxels and meshes them; a kernel of ours takes the depth in, since open3d's has no weight for
+    each pixel. Rendered depth is fused with equal weights: cos^4 / z gave F@5cm 0.914 instead of 0.913 on greywhite and
+    0.779 instead of 0.781 on a room of the suite (`experiment=quick`); grazing pixels are cut off beforehand
     (`valid_depth`).
 
     Args:
         views: depth in metres, 0 = invalid; all sizes and intrinsics may differ.
-        config: voxel_m, truncation_voxels, max_depth_m, min_weight are used.
+        config: voxel_m, truncation_voxels, max_depth_m, min_weight (a number of views) are used.
 
     Returns:
         Mesh in the world frame with colours; its faces wind counter-clockwise seen from the cameras.

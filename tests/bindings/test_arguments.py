@@ -24,8 +24,9 @@ def test_the_table_of_calls_is_complete():
     methods = {name for name in dir(_C.RasterFrame) if not name.startswith("_")} - {"visible", "entries"}
     measuring = {name for name in dir(_C.bench) if not name.startswith("_")}
     plain = {name for name, call in CALLS.items() if not call.method and not call.bench}
-    # dense stereo and the kernels for CUDA stand with their own tests
-    others = {"RasterFrame", "bench", "isa", "threads", "set_threads", "StereoPhoto", "PatchMatch", "device"}
+    # dense stereo, fusion and the kernels for CUDA stand with their own tests
+    others = {"RasterFrame", "bench", "isa", "threads", "set_threads"}
+    others |= {"StereoPhoto", "PatchMatch", "fuse_depth", "device"}
     assert plain | others == functions
     assert {name for name, call in CALLS.items() if call.bench} == measuring - {"operations"}  # it takes no frame
     assert {name for name, call in CALLS.items() if call.method} == methods

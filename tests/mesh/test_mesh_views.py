@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import torch
 
+from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import MeshConfig, load_config
 from room2dgs.geometry.camera import Camera
-from room2dgs.mesh.views import fused_view, valid_depth
+from room2dgs.mesh.views import fused_view, trusted_view, valid_depth
 
 
 def make_camera(width=40, height=30, focal=30.0, cam_from_world=None) -> Camera:
@@ -74,3 +75,16 @@ def test_fused_view_takes_the_chosen_depth_and_clips_colour(kind, metres):
     assert view.depth[0, 0] == 0
     assert view.depth[1, 1] == metres
     assert view.color.max() == 1.0
+
+
+def test_own_depth_is_fused_where_it_is_trusted():
+    camera = make_camera()
+    depth = np.full((camera.height, camera.width), 2.0, np.float32)
+    sure = np.full(depth.shape, 0.8, np.float32)
+    sure[:, 0], depth[:, 1], depth[:, 2] = 0.1, 0.0, 50.0
+    config = load_config(["scene.path=x", "out=y", "mesh.min_confidence=0.3"]).mesh
+    view = trusted_view(ViewMaps(depth=depth, depth_confidence=sure), camera, np.zeros((*depth.shape, 3)), config)
+    assert (view.depth[:, :3] == 0).all() and (view.depth[:, 3:] == 2).all()
+    assert view.weight[0, 3] == pytest.approx(0.8**2 / 2)
+    whole = trusted_view(ViewMaps(depth=depth), camera, np.zeros((*depth.shape, 3)), config)
+    assert (whole.depth[:, 0] == 2).all()  # no confidence: all of it

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from room2dgs import _C
 from room2dgs.config import MeshConfig, load_config
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.fuse import fuse
+from room2dgs.mesh.reference import fused_voxels
 from room2dgs.mesh.tsdf import integrate
 from room2dgs.mesh.views import FusedView
 
@@ -101,6 +103,57 @@ def test_colour_is_the_views_colour_whether_float_or_bytes():
 def test_min_weight_counts_observations(views, min_weight, meshed):
     view = plane_view(make_camera(), np.array([0.0, 0, -1]), -1.5)
     assert (len(integrate([view] * views, make_config(min_weight=min_weight)).faces) > 0) == meshed
+
+
+def test_min_weight_counts_views_whatever_they_weigh():
+    view = plane_view(make_camera(), np.array([0.0, 0, -1]), -1.5)
+    light = replace(view, weight=np.full(view.depth.shape, 0.01, np.float32))
+    assert len(integrate([light, light], make_config(min_weight=2)).faces)
+    heavy = replace(view, weight=np.full(view.depth.shape, 50, np.float32))
+    assert not len(integrate([heavy], make_config(min_weight=2)).faces)
+
+
+def test_a_surface_lies_at_the_weighted_mean_of_what_views_say():
+    camera, towards = make_camera(), np.array([0.0, 0, -1])
+    near, far = plane_view(camera, towards, -1.47), plane_view(camera, towards, -1.50)
+    near, far = (replace(v, weight=np.full(v.depth.shape, w, np.float32)) for v, w in ((near, 3.0), (far, 1.0)))
+    mesh = clean(integrate([near, far], make_config()))
+    assert np.median(mesh.vertices[:, 2]) == pytest.approx(1.4775, abs=1e-3)
+    without = replace(far, weight=np.zeros_like(far.weight))
+    assert np.median(integrate([near, without], make_config()).vertices[:, 2]) == pytest.approx(1.47, abs=1e-3)
+
+
+def test_the_kernel_is_the_plain_sum():
+    """Every voxel of some blocks, also those behind the camera and beside the photo, with NaN nowhere."""
+    rng = np.random.default_rng(0)
+    views = []
+    for k in range(3):
+        view = box_view(make_camera((0.0137 + 0.1 * k, 0.0511, -0.1), 1.3 + 25 * k, 117.31))
+        depth = np.where(rng.random(view.depth.shape) < 0.1, 0, view.depth).astype(np.float32)
+        views.append(replace(view, depth=depth, weight=rng.random(depth.shape).astype(np.float32)))
+    block = np.array([[x, y, z] for x in range(-8, 8, 3) for y in (-4, 0, 3) for z in range(-2, 12, 2)], np.int32)
+    parts = [np.zeros((len(block), size), np.float32) for size in (512, 512, 512, 1536)]
+    for view in views:
+        pixel_from_voxel = view.camera.K @ view.camera.cam_from_world[:3]
+        pixel_from_voxel[:, :3] *= VOXEL
+        photo = np.ones((*view.depth.shape, 3), np.float32)
+        rows = np.arange(len(block))
+        _C.fuse_depth(block, rows, *parts, view.depth, view.weight, photo, pixel_from_voxel, 5 * VOXEL)
+    inner = np.stack(np.meshgrid(*[np.arange(8)] * 3, indexing="ij"), axis=-1)[..., ::-1].reshape(-1, 3)  # z, y, x
+    voxels = VOXEL * (8 * block[:, None] + inner).reshape(-1, 3)
+    distance, weight, count = fused_voxels(views, voxels, 5 * VOXEL)
+    assert 0.05 < (count > 1).mean() < 0.95
+    np.testing.assert_array_equal(parts[2].ravel(), count)
+    np.testing.assert_allclose(parts[1].ravel(), weight, atol=1e-5)
+    np.testing.assert_allclose(parts[0].ravel(), distance, atol=1e-5)
+
+
+@pytest.mark.parametrize("rows, words", [([0, 2], "not there"), ([-1, 0], "not there"), ([1, 1], "twice")])
+def test_a_block_is_taken_once_and_must_be_there(rows, words):
+    parts = [np.zeros((2, size), np.float32) for size in (512, 512, 512, 1536)]
+    maps = [np.ones((4, 5), np.float32), np.ones((4, 5), np.float32), np.ones((4, 5, 3), np.float32)]
+    with pytest.raises(ValueError, match=words):
+        _C.fuse_depth(np.zeros((2, 3), np.int32), np.array(rows), *parts, *maps, np.eye(3, 4), 0.1)
 
 
 def test_far_depth_is_left_out():

@@ -12,17 +12,21 @@ from room2dgs.config.fields import GROUP, Float, Int
 
 @dataclass(config=GROUP)
 class MeshConfig:
-    """Rendered depth to mesh."""
+    """Depth to mesh."""
 
+    source: Literal["surfels", "depth"] = Field(
+        description="surfels: rendered depth | depth: stereo's, the network's or the sensor's, without any training"
+    )
     voxel_m: Float = Field(ge=1e-3, le=1, description="side of a voxel")
     truncation_voxels: Float = Field(ge=1, le=20, description="truncation distance of the TSDF, in voxels")
     depth: Literal["median", "expected"] = Field(description="median | expected")
     max_depth_m: Float = Field(ge=0.1, description="farther pixels are not fused")
     min_alpha: Float = Field(ge=0, le=1, description="pixels less covered are not fused")
+    min_confidence: Float = Field(ge=0, le=1, description="source=depth: pixels trusted less are not fused")
     max_angle_deg: Float = Field(
         ge=1, le=90, description="between surface normal and view ray; steeper pixels are not fused"
     )
-    min_weight: Float = Field(ge=0, description="voxels observed less are not meshed")
+    min_weight: Float = Field(ge=0, description="voxels that fewer views have seen are not meshed")
     min_triangles: Int = Field(ge=0, description="smaller connected pieces are dropped")
     keep_clusters: Int = Field(ge=1, description="at most this many connected pieces")
     fill: Literal["none", "holes", "watertight"] = Field(

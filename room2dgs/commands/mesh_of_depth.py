@@ -1,0 +1,48 @@
+"""A mesh of the depth that a run would train with: a first look, without any training."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from room2dgs.captures.scene import Scene
+from room2dgs.commands.stages import points_and_priors, use_threads
+from room2dgs.config import Config
+from room2dgs.errors import InputError
+from room2dgs.logs import Log
+from room2dgs.runs.folder import MESH
+from room2dgs.runs.metrics import record, timed
+
+if TYPE_CHECKING:
+    from room2dgs.mesh.views import FusedView
+    from room2dgs.priors import Priors
+
+
+def mesh_of_depth(scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str, float]) -> None:
+    """mesh.ply of the training views' prior depth, its figures into metrics.json.
+
+    Raises:
+        InputError: no depth at all, no surface, or as `points_and_priors`.
+    """
+    from room2dgs.mesh.fuse import fuse
+    from room2dgs.mesh.io import write_mesh
+
+    use_threads(config)
+    _, priors = points_and_priors(scene, config, out, log, seconds)
+    if not any(maps.depth is not None for maps in priors.by_frame.values()):
+        raise InputError("mesh.source=depth has no depth to mesh; give prior=room_prior, or mesh.source=surfels")
+    with timed(seconds, "mesh"):
+        mesh = fuse(_views(scene, priors, config), config.mesh, log)
+        write_mesh(out / MESH, mesh)
+    record(out, {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces)}, seconds)
+    log(f"mesh: {out / MESH}, of depth alone: nothing was trained")
+
+
+def _views(scene: Scene, priors: Priors, config: Config) -> Iterator[FusedView]:
+    from room2dgs.mesh.views import trusted_view
+
+    for frame in scene.train:
+        maps = priors.by_frame.get(frame.name)
+        if maps is not None and maps.depth is not None:
+            yield trusted_view(maps, frame.camera, frame.color(), config.mesh)

@@ -1,0 +1,58 @@
+"""`room2dgs run mesh.source=depth`: a mesh without training, of the wall's sensor depth."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+from room2dgs import cli
+
+WALL_Z = 2.0
+
+
+def settings(wall, out) -> list[str]:
+    points = ["points.source=file", f"points.file={wall / 'points.ply'}", "sfm.refine_poses=false"]
+    return [
+        f"scene.path={wall}",
+        f"out={out}",
+        *points,
+        "mesh.source=depth",
+        "mesh.voxel_m=0.04",
+        "mesh.min_triangles=10",
+    ]
+
+
+@pytest.fixture
+def maps(wall, tmp_path):
+    """Depth of the wall, 3 cm too far in one half, with a confidence that says so."""
+    for photo in (wall / "color").iterdir():
+        height, width = cv2.imread(str(photo)).shape[:2]
+        depth = np.full((height, width), WALL_Z, np.float32)
+        depth[:, width // 2 :] += 0.03
+        (tmp_path / "maps").mkdir(exist_ok=True)
+        np.save(tmp_path / "maps" / f"{photo.stem}.npy", depth)
+    return tmp_path / "maps"
+
+
+def test_nothing_is_trained_and_the_mesh_is_scored(wall, maps, tmp_path, capsys):
+    out = tmp_path / "run"
+    prior = ["prior=files", "prior.normal.source=none", f"prior.depth.path={maps}", "prior.depth.align=false"]
+    assert cli.main(["run", *settings(wall, out), *prior, "prior.depth.joint=false"]) == 0
+    assert "nothing was trained" in capsys.readouterr().out
+    assert not (out / "surfels.safetensors").exists()
+    vertices = trimesh.load(out / "mesh.ply", process=False).vertices
+    assert np.quantile(vertices[:, 2], 0.05) > WALL_Z - 0.005 and np.quantile(vertices[:, 2], 0.95) < WALL_Z + 0.035
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert "primitives" not in metrics and metrics["depth_source"] == "files" and metrics["mesh_faces"] > 100
+    assert cli.main(["eval", f"out={out}"]) == 0
+    assert cli.main(["mesh", f"out={out}"]) == 2
+    assert "room2dgs run" in capsys.readouterr().err
+
+
+def test_without_any_depth_it_says_so(wall, tmp_path, capsys):
+    assert cli.main(["run", *settings(wall, tmp_path / "run"), "prior=none"]) == 2
+    assert "prior=room_prior" in capsys.readouterr().err
