@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import shutil
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +15,7 @@ spec = importlib.util.spec_from_file_location("compiled", HERE / "compiled.py")
 compiled = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(compiled)
 
-pytestmark = pytest.mark.skipif(shutil.which("nvcc") is None, reason="no nvcc")
+with_nvcc = pytest.mark.skipif(shutil.which("nvcc") is None, reason="no nvcc")
 
 
 class Limit(NamedTuple):
@@ -55,6 +56,7 @@ LIMITS: dict[str, Limit] = {
 }
 
 
+@with_nvcc
 def test_the_primitive_is_cheap(tmp_path):
     """20 sums over a block need no memory but the numbers themselves; barriers and votes none at all."""
     found = compiled.usage([HERE / "block_check.cu"], tmp_path)
@@ -64,6 +66,7 @@ def test_the_primitive_is_cheap(tmp_path):
     assert found["VoteKernel"].shared == 0
 
 
+@with_nvcc
 @pytest.mark.slow
 def test_every_kernel_is_within_its_limits(tmp_path):
     found = compiled.usage(compiled.sources(), tmp_path)
@@ -73,3 +76,11 @@ def test_every_kernel_is_within_its_limits(tmp_path):
         assert use.spilled == 0, (name, use)
         assert use.registers <= limit.registers and use.shared <= limit.shared, (name, use)
         assert use.occupancy(limit.threads) >= limit.occupancy, (name, use, use.occupancy(limit.threads))
+
+
+def test_the_extra_asks_for_the_package_of_this_version():
+    ours = (compiled.ROOT.parent / "pyproject.toml").read_text()
+    theirs = (compiled.ROOT / "csrc" / "cuda" / "pyproject.toml").read_text()
+    (version,) = re.findall(r'^version = "(.+)"', ours, re.MULTILINE)
+    assert f'"room2dgs-cuda=={version}"' in ours
+    assert re.findall(r'^version = "(.+)"', theirs, re.MULTILINE) == [version] and f'["room2dgs=={version}"]' in theirs
