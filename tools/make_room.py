@@ -28,7 +28,7 @@ from room2dgs.tools.capture_files import (
 )
 from room2dgs.tools.demo_room.layout import room_patches
 from room2dgs.tools.demo_room.mesh import visible_mesh
-from room2dgs.tools.demo_room.path import camera_path
+from room2dgs.tools.demo_room.path import FRAMES_A_LAP, camera_path
 from room2dgs.tools.demo_room.render import build_room, exposed, pinhole, render
 
 
@@ -39,6 +39,7 @@ class RoomOptions:
     Attributes:
         seed: fixes the arrangement, the textures, the walk and the noise.
         frames: photos along the walk.
+        frames_a_lap: of them, once around the room; with some hundred it is a video at 30 frames a second.
         width, height: of the photos, pixels.
         fov: horizontal field of view, degrees.
         noise: deviation of the image noise, 8-bit levels.
@@ -50,6 +51,7 @@ class RoomOptions:
 
     seed: int = 0
     frames: int = 60
+    frames_a_lap: int = FRAMES_A_LAP
     width: int = 320
     height: int = 240
     fov: float = 70.0
@@ -63,6 +65,7 @@ class RoomOptions:
 LIMITS = {
     "seed": (0, 2**63 - 1),
     "frames": (1, 100_000),
+    "frames_a_lap": (4, 100_000),
     "width": (16, 8192),
     "height": (16, 8192),
     "fov": (10, 150),
@@ -100,7 +103,7 @@ def make_room(out: Path | str, options: RoomOptions | None = None, overwrite: bo
 def write_capture(out: Path, options: RoomOptions) -> None:
     """Writes all files of the capture into the empty folder `out`."""
     room = build_room(room_patches(options.seed, options.blank_walls), options.seed)
-    poses = camera_path(options.frames, room.distance, np.random.default_rng([options.seed, 4]))
+    poses = camera_path(options.frames, room.distance, np.random.default_rng([options.seed, 4]), options.frames_a_lap)
     K = pinhole(options.width, options.height, options.fov)
     gains = exposure_gains(options.frames, options.exposure_drift, np.random.default_rng([options.seed, 6]))
     make_folders(out)
@@ -123,6 +126,7 @@ def main(arguments: list[str] | None = None) -> int:
     helps = {
         "seed": "fixes arrangement, textures, walk and noise",
         "frames": "number of photos",
+        "frames_a_lap": "photos once around the room; some hundred make a video",
         "width": "photo width in pixels",
         "height": "photo height in pixels",
         "fov": "horizontal field of view in degrees",

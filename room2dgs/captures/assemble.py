@@ -30,6 +30,8 @@ MAX_OFF_CENTRE = 0.15
 MAX_DEPTH_MISMATCH = 0.05
 # A room's path of cameras is shorter; lengths in millimetres are a thousand times as long.
 LONGEST_PATH_M = 300.0
+USUAL_PATH_M = 2.5
+SMALL_UNITS = {"millimetres": 0.001, "centimetres": 0.01}
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
             f"{root} has {len(entries)} usable views{lost}, at least {MIN_VIEWS} are needed; "
             "add frames or lower scene.stride"
         )
-    _check_scale(entries, capture)
+    _check_scale(entries, capture, config.unit)
     entries = _with_lenses(capture, entries, config)
     _check_depths(entries)
     wide = any(entry.size[0] >= entry.size[1] for entry in entries)
@@ -120,14 +122,15 @@ def _disk_pose(shot: Shot) -> np.ndarray:
     return rigid(np.asarray(shot.pose, np.float64), f"the pose of {shot.path}")
 
 
-def _check_scale(entries: list[_Entry], capture: Capture) -> None:
-    """Metres against millimetres, by how long the way of the cameras is."""
+def _check_scale(entries: list[_Entry], capture: Capture, unit: float | None) -> None:
+    """Metres against millimetres and centimetres, by how long the way of the cameras is."""
     centres = np.stack([entry.world_from_cam[:3, 3] for entry in entries])
     reach = float(np.linalg.norm(np.ptp(centres, axis=0)))
-    if capture.metric and reach > LONGEST_PATH_M:
+    if reach > LONGEST_PATH_M and (capture.metric or unit is None):
+        name, metres = min(SMALL_UNITS.items(), key=lambda entry: abs(np.log(reach * entry[1] / USUAL_PATH_M)))
         raise InputError(
-            f"{capture.root} has cameras {reach:,.0f} m apart: its poses look like millimetres; "
-            "give scene.unit=0.001 (metres of one unit of the poses)"
+            f"{capture.root} has cameras {reach:,.0f} m apart: its poses look like {name}; give scene.unit={metres:g} "
+            "(metres of one unit of the poses)"
         )
 
 

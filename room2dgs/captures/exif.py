@@ -30,7 +30,8 @@ def focal_doubt(shot: Shot, lens: Lens) -> str | None:
     ratio = lens.K[0, 0] / expected
     if 1 / MAX_RATIO <= ratio <= MAX_RATIO:
         return None
+    cx, cy = lens.K[:2, 2]
     return (
         f"intrinsics: focal length {lens.K[0, 0]:.0f} px, but EXIF of {shot.path.name} says about {expected:.0f} px; "
-        "if meshes look bent, give scene.intrinsics=[fx,fy,cx,cy]"
+        f"if meshes look bent, give scene.intrinsics=[{expected:.0f},{expected:.0f},{cx:.1f},{cy:.1f}]"
     )

@@ -1,4 +1,4 @@
-"""Poses that do not fit their photos: would they, if they meant something else?"""
+"""Poses that do not fit their photos: would they, if they meant something else, or with another focal length?"""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from room2dgs.captures.capture import Poses, disk_pose, world_from_cam
+from room2dgs.captures.scene import Frame
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.poses import inverse_pose
 from room2dgs.sfm.matching import IndexPairs, Matches, agreement
@@ -15,6 +16,8 @@ from room2dgs.sfm.matching import IndexPairs, Matches, agreement
 # What is asked: pairs with most matches, enough to tell 90 % from 10 %.
 ASKED_PAIRS = 12
 LEAST_SHARE = 0.5  # of the matches; true poses reach 0.7
+COARSE, FINE = 1.1, 1.015  # steps of the focal length
+FACTORS = COARSE ** np.arange(-10, 11)  # 0.39 to 2.6
 WORDS = {
     "camera_to_world_opencv": "camera-to-world with OpenCV axes (x right, y down, z forward)",
     "camera_to_world_opengl": "camera-to-world with OpenGL axes (x right, y up, z back)",
@@ -36,8 +39,7 @@ def better_reading(
     Returns:
         `scene.poses` and its share of the matches; None if no reading fits.
     """
-    asked = sorted((pair for pair in pairs if pair in matches.of_pair), key=lambda pair: -len(matches.of_pair[pair]))
-    asked = asked[:ASKED_PAIRS]
+    asked = _asked(matches, pairs)
     read_as = [frame.poses for frame in matches.frames]
     shares = {}
     for poses in WORDS:
@@ -49,6 +51,46 @@ def better_reading(
     if shares[best] < LEAST_SHARE or best == read_as[0]:
         return None
     return best, shares[best]
+
+
+def better_focal(
+    matches: Matches, cameras: Sequence[Camera], pairs: IndexPairs, max_px: float
+) -> tuple[float, float] | None:
+    """The factor of all focal lengths with which most matches lie on their epipolar lines.
+
+    Returns:
+        The factor and its share of the matches; None if none fits.
+    """
+    asked = _asked(matches, pairs)
+
+    def share(factor: float) -> float:
+        return agreement(matches, [_zoomed(camera, factor) for camera in cameras], asked, max_px)
+
+    fine = max(FACTORS, key=share) * FINE ** np.arange(-9, 10)
+    shares = np.array([share(factor) for factor in fine])
+    # the middle of those that hold as good as all
+    factor = float(np.exp(np.log(fine[shares >= 0.99 * shares.max()]).mean()))
+    best = share(factor)
+    return None if best < LEAST_SHARE else (factor, best)
+
+
+def _zoomed(camera: Camera, factor: float) -> Camera:
+    return replace(camera, K=camera.K * [[factor, 1, 1], [1, factor, 1], [1, 1, 1]])
+
+
+def intrinsics_in_words(frame: Frame, factor: float) -> str:
+    """How to give a photo's intrinsics with another focal length."""
+    if frame.lens is not None:
+        return f"focal lengths {factor:.2f} times those of the capture"
+    K = _zoomed(frame.camera, factor).K
+    x, y = np.array(frame.source.size()) / frame.camera.size
+    values = ",".join(f"{value:.4g}" for value in (K[0, 0] * x, K[1, 1] * y, K[0, 2] * x, K[1, 2] * y))
+    return f"scene.intrinsics=[{values}]"
+
+
+def _asked(matches: Matches, pairs: IndexPairs) -> IndexPairs:
+    asked = sorted((pair for pair in pairs if pair in matches.of_pair), key=lambda pair: -len(matches.of_pair[pair]))
+    return asked[:ASKED_PAIRS]
 
 
 def read_again(camera: Camera, was: Poses, poses: Poses) -> Camera:

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.point_files import load_points, read_ply, save_points
 from room2dgs.captures.scene import Frame, Scene
@@ -19,6 +21,7 @@ from room2dgs.logs import Log
 from room2dgs.sfm.capture_points import MIN_POINTS, capture_points
 
 # Raised when triangulation, pairs or the cache give something else for the same input. 2: with tracks.
+ONE_PLACE_M = 0.05  # cameras nearer to each other than that, all of them, see no depth in a room
 RECIPE = 2
 
 
@@ -63,6 +66,12 @@ def sparse_points(scene: Scene, config: PointsConfig, cache: Path, log: Log = pr
     with tempfile.TemporaryDirectory(prefix=".sfm-", dir=cache) as work:
         points = triangulate(scene.train, config, Path(work), log)
     if len(points) < MIN_POINTS:
+        reach = float(np.linalg.norm(np.ptp([frame.camera.centre for frame in scene.train], axis=0)))
+        if reach < ONE_PLACE_M:
+            raise InputError(
+                f"{scene.path} was taken from one place (its cameras are at most {100 * reach:.1f} cm apart), so "
+                "photos tell no depth; walk while filming, do not only turn, or give points.source=file"
+            )
         raise InputError(
             f"{scene.path} gives {len(points)} points from {len(scene.train)} photos, at least "
             f"{MIN_POINTS} are needed; add sharp overlapping photos, lower points.min_track, or give "

@@ -12,11 +12,10 @@ from room2dgs.captures.scene import Frame
 from room2dgs.colmap import pycolmap
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
-from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.sfm.matching import IndexPairs, Matches, epipolar_error, image_name, match, quiet
 from room2dgs.sfm.pairs import match_pairs
-from room2dgs.sfm.readings import WORDS, better_reading
+from room2dgs.sfm.readings import WORDS, better_focal, better_reading, intrinsics_in_words
 
 MAX_EPIPOLAR_PX = 2.0
 MIN_PAIR_MATCHES = 15
@@ -58,13 +57,14 @@ def triangulate_matches(
         model: where pycolmap puts its files.
     """
     with quiet():
-        _verify(matches, [frame.camera for frame in frames], pairs)
+        _verify(matches, frames, pairs)
         reconstruction = _triangulate(matches, frames, model)
     return _select(reconstruction, frames, matches.image_ids, config)
 
 
-def _verify(matches: Matches, cameras: Sequence[Camera], pairs: IndexPairs) -> None:
+def _verify(matches: Matches, frames: Sequence[Frame], pairs: IndexPairs) -> None:
     """Keep the matches that lie on the epipolar lines of the known poses."""
+    cameras = [frame.camera for frame in frames]
     total = kept = 0
     with pycolmap.Database.open(matches.database) as db:
         db.clear_two_view_geometries()
@@ -88,6 +88,14 @@ def _verify(matches: Matches, cameras: Sequence[Camera], pairs: IndexPairs) -> N
             raise InputError(
                 f"{matches.photos} and its poses do not belong together, only {100 * kept / total:.0f} % of {total} "
                 f"matches agree; {100 * share:.0f} % do if these poses are {WORDS[poses]}: give scene.poses={poses}"
+            )
+        zoom = better_focal(matches, cameras, pairs, MAX_EPIPOLAR_PX)
+        if zoom is not None:
+            factor, share = zoom
+            raise InputError(
+                f"{matches.photos} and its intrinsics do not belong together, only {100 * kept / total:.0f} % of "
+                f"{total} matches agree; {100 * share:.0f} % do with a focal length {factor:.2f} times as long: give "
+                f"{intrinsics_in_words(frames[0], factor)}"
             )
         raise InputError(
             f"{matches.photos} and its poses do not belong together, only {100 * kept / total:.0f} % of {total} "

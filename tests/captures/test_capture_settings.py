@@ -86,6 +86,17 @@ def test_poses_in_millimetres_are_named_and_mended(written, settings, made, refu
         np.testing.assert_allclose(frame.camera.world_from_cam, pose, atol=1e-12)
 
 
+@pytest.mark.parametrize("layout", ["scannet", "colmap"])
+def test_poses_in_centimetres_are_told_from_millimetres_also_where_no_layout_says_metres(
+    written, settings, made, refused, layout
+):
+    poses = made.poses.copy()
+    poses[:, :3, 3] *= 700  # 7 m across in centimetres
+    root = written(layout, made=replace(made, poses=poses))
+    refused(root, "look like centimetres", "scene.unit=0.01")
+    assert len(read_scene(settings(root, unit=0.01)).frames) == len(made.poses)
+
+
 def test_points_follow_the_unit(written, settings, made):
     scene = read_scene(settings(written("colmap"), unit=0.5))
     seen = np.unique(np.concatenate([index for index, _ in made.seen]))

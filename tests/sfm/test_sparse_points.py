@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -18,6 +20,7 @@ from room2dgs.captures.read import read_scene
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.sfm.matching import epipolar_error
+from room2dgs.sfm.readings import better_focal, intrinsics_in_words
 from room2dgs.sfm.sparse import sparse_points
 
 
@@ -186,6 +189,43 @@ def test_poses_of_another_convention_stop_the_run_and_are_named(
     read_as_meant = read_scene(scene_config(poses=meant))
     points = sparse_points(read_as_meant, points_config, tmp_path / "cache", quiet)
     assert np.median(np.abs(points.xyz).min(axis=1)) < 0.005
+
+
+def test_a_wrong_focal_length_is_named_with_the_right_one():
+    """Cameras that look into a cloud of points each their own way; the capture says 1.37 times the focal length."""
+    rng = np.random.default_rng(0)
+    K = np.array([[130.0, 0, 80], [0, 130.0, 60], [0, 0, 1]])
+    right = []
+    for _ in range(6):
+        pose = np.eye(4)
+        pose[:3, :3] = cv2.Rodrigues(rng.uniform(-0.4, 0.4, 3))[0]
+        pose[:3, 3] = rng.uniform(-0.8, 0.8, 3)
+        right.append(Camera(K, 160, 120, pose))
+    xyz = rng.uniform([-1.5, -1.2, 3.0], [1.5, 1.2, 6.0], (150, 3))
+    seen = [camera.project(xyz)[0] for camera in right]
+    wrong = [replace(camera, K=K * [[1.37, 1, 1], [1, 1.37, 1], [1, 1, 1]]) for camera in right]
+    pairs = [(i, j) for i in range(6) for j in range(i)]
+    matches = SimpleNamespace(
+        of_pair={pair: np.arange(len(xyz)) for pair in pairs}, pixels=lambda pair: (seen[pair[0]], seen[pair[1]])
+    )
+    factor, share = better_focal(matches, wrong, pairs, 2.0)
+    assert factor == pytest.approx(1 / 1.37, rel=0.02) and share > 0.95
+    frame = SimpleNamespace(lens=None, camera=wrong[0], source=SimpleNamespace(size=lambda: (320, 240)))
+    fx, fy, cx, cy = map(float, re.findall(r"intrinsics=\[(.*)\]", intrinsics_in_words(frame, factor))[0].split(","))
+    assert fx == pytest.approx(260, rel=0.02) == fy and (cx, cy) == (160, 120)
+    lost = [replace(camera, cam_from_world=np.eye(4)) for camera in wrong]
+    assert better_focal(matches, lost, pairs, 2.0) is None
+
+
+def test_photos_from_one_place_are_named(capture, scene_config, points_config, tmp_path):
+    for path in (capture / "pose").iterdir():
+        pose = np.loadtxt(path)
+        pose[:3, 3] = [2.0, 2.0, 1.3]
+        np.savetxt(path, pose)
+        photo = capture / f"color/{path.stem}.jpg"
+        cv2.imwrite(str(photo), np.full((240, 320, 3), 90, np.uint8))
+    with pytest.raises(InputError, match=r"was taken from one place.*0\.0 cm apart.*walk while filming"):
+        sparse_points(read_scene(scene_config()), points_config, tmp_path / "cache", quiet)
 
 
 def test_what_a_mask_hides_gives_no_points_and_upright_photos_do(scene_config, points_config, tmp_path):

@@ -109,6 +109,12 @@ def test_camera_keeps_clear_of_everything(seed):
     assert len(np.unique(heading // 30)) == 12  # all around
 
 
+def test_a_walk_with_many_frames_a_lap_is_as_smooth_as_a_video():
+    poses = camera_path(360, lambda points: np.ones(len(points)), np.random.default_rng([0, 4]), 336)
+    steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+    assert 0.005 < np.median(steps) < 0.04 and steps.max() < 0.05  # at 30 a second: a slow walk
+
+
 def test_gloss_mirrors_on_the_floor_alone():
     tags = ("floor", "ceiling", "light", "wall0", "wall1", "wall2", "wall3")
     room = build_room([patch for patch in room_patches(0, 0) if patch.tag in tags], 0)
