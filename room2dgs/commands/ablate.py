@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from room2dgs.commands.eval import ground_truth
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read
-from room2dgs.errors import RunFailed
 from room2dgs.logs import run_log
-from room2dgs.runs.metrics import earlier
-from room2dgs.study.ablation import Run, Study, rows_of
-from room2dgs.study.jobs import Job, batches, executed, finished, planned, study_folder, words_of
+from room2dgs.study.ablation import Study, rows_of
+from room2dgs.study.jobs import Job, finished, planned, study_folder, words_of
 from room2dgs.study.launch import of_hydra
+from room2dgs.study.progress import Progress, run_all, run_of
 
 USAGE = (
     "room2dgs ablate scene.path=DIR out=DIR [experiment=full,no_seed,...] [train.seed=0,1,2] [KEY=A,B,...] "
@@ -43,7 +43,7 @@ def main(argv: list[str]) -> int:
     hydra_settings = [text for text in argv if of_hydra(text)]
     settings = [text for text in argv if text.partition("=")[0] not in OURS and text not in hydra_settings]
     jobs = planned([*DEFAULTS, *settings], out)
-    todo = [job for job in jobs if not job.same_as and not finished(job)]
+    progress = Progress([job for job in jobs if not job.same_as and not finished(job)])
     config = jobs[0].config
     gt = ground_truth(config)
     scene = read(config)  # reported now if missing, not once a row
@@ -52,33 +52,26 @@ def main(argv: list[str]) -> int:
     out.mkdir(parents=True, exist_ok=True)
     log = run_log(out)
     command = shlex.join(["room2dgs", "ablate", *argv])
-    failed: dict[Path, RunFailed] = {}
-    text = write_tables(_study(jobs, todo, failed, command), out)  # first: it marks the folder as a study's
-    log(f"{command}\n{len(jobs)} runs, {len(jobs) - len(todo)} of them finished before or the same as another")
-    for batch in batches(todo, hydra_settings):
-        todo = [job for job in todo if job not in batch]
-        for job in batch:
-            log(f"\n{job.row}, seed {job.seed}, {len(todo)} more to come: {job.folder}")
-        for job, failure in zip(batch, executed(batch, hydra_settings, out), strict=True):
-            if failure:
-                failed[job.folder] = failure
-                log(f"{job.row}, seed {job.seed}, failed: {failure}")
-        text = write_tables(_study(jobs, todo, failed, command), out)
-    log(f"\n{text}")
-    write_page(_study(jobs, todo, failed, command), out, scene, gt or scene.gt_mesh)
+
+    def write() -> str:
+        return write_tables(_study(jobs, progress, command), out)
+
+    write()  # first: it marks the folder as a study's
+    log(f"{command}\n{len(jobs)} runs, {len(jobs) - len(progress.todo)} of them finished before or the same as another")
+    run_all(progress, jobs, hydra_settings, out, log, write)
+    log(f"\n{write()}")
+    write_page(_study(jobs, progress, command), out, scene, gt or scene.gt_mesh)
     log(f"tables: {out / MARKDOWN}, with pictures: {out / HTML}")
-    return next((failure.code for failure in failed.values()), 0)
+    return progress.code
 
 
-def _study(jobs: Sequence[Job], todo: Sequence[Job], failed: Mapping[Path, RunFailed], command: str) -> Study:
+def _study(jobs: Sequence[Job], progress: Progress, command: str) -> Study:
     """The table so far."""
     by_run = {(job.row, job.seed): job for job in jobs}
-    runs = []
-    for job in jobs:
-        made = by_run[job.same_as or job.row, job.seed]
-        why = str(failed.get(made.folder, ""))
-        metrics = None if why or made in todo else earlier(made.folder)
-        runs.append(Run(job.row, job.seed, made.folder, metrics, why, job.same_as))
+    runs = [
+        replace(run_of(by_run[job.same_as or job.row, job.seed], progress), row=job.row, same_as=job.same_as)
+        for job in jobs
+    ]
     words = {job.row: words_of(job.experiment) + job.row.removeprefix(job.experiment) for job in jobs}
     config = jobs[0].config
     rows = rows_of(runs, words, config.eval.threshold_m)

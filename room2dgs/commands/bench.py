@@ -16,6 +16,7 @@ BENCHES = {
     "roofline": ("room2dgs.commands.bench_roofline", "what rendering on a GPU should take, on paper"),
     "stereo": ("room2dgs.commands.bench_stereo", "dense stereo where depth is known, and its time"),
     "suite": ("room2dgs.commands.bench_suite", "the same settings on several captures, as one table"),
+    "tradeoff": ("room2dgs.commands.bench_tradeoff", "score against time for presets, or what each step brings"),
     "prior-error": ("room2dgs.commands.prior_error", "the mesh's score over the errors of the prior"),
 }
 

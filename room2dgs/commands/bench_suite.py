@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 from room2dgs.commands.bench_prior import split_scenes
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.errors import RunFailed
 from room2dgs.logs import run_log
-from room2dgs.runs.metrics import earlier, machine
-from room2dgs.study.ablation import Run
-from room2dgs.study.jobs import Job, batches, executed, finished, study_folder
+from room2dgs.runs.metrics import machine
+from room2dgs.study.jobs import Job, finished, study_folder
 from room2dgs.study.launch import of_hydra
+from room2dgs.study.progress import Progress, run_all, run_of
 from room2dgs.study.scene_lists import expanded
 from room2dgs.study.suite import JSON, MARKDOWN, Suite, planned, rows_so_far, write_tables
 
@@ -39,38 +37,24 @@ def main(argv: list[str]) -> int:
     rest = [text for text in argv if text.partition("=")[0] not in OURS and text not in hydra_settings]
     scenes, settings = split_scenes(expanded(rest))
     jobs = planned(scenes, settings, out)
-    todo = [job for job in jobs if not finished(job)]
+    progress = Progress([job for job in jobs if not finished(job)])
     out.mkdir(parents=True, exist_ok=True)
     log = run_log(out)
     command = shlex.join(["room2dgs", "bench", "suite", *argv])
-    failed: dict[Path, RunFailed] = {}
 
-    def so_far() -> Suite:
-        return _suite(jobs, todo, failed, command, settings)
+    def write() -> str:
+        return write_tables(_suite(jobs, progress, command, settings), out)
 
-    write_tables(so_far(), out)  # first: it marks the folder as a study's
-    log(f"{command}\n{len(jobs)} runs, {len(jobs) - len(todo)} of them finished before")
-    for batch in batches(list(todo), hydra_settings):
-        todo = [job for job in todo if job not in batch]
-        for job in batch:
-            log(f"\n{job.row}, seed {job.seed}, {len(todo)} more to come: {job.folder}")
-        for job, failure in zip(batch, executed(batch, hydra_settings, out), strict=True):
-            if failure:
-                failed[job.folder] = failure
-                log(f"{job.row}, seed {job.seed}, failed: {failure}")
-        write_tables(so_far(), out)
-    log(f"\n{write_tables(so_far(), out)}")
+    write()  # first: it marks the folder as a study's
+    log(f"{command}\n{len(jobs)} runs, {len(jobs) - len(progress.todo)} of them finished before")
+    run_all(progress, jobs, hydra_settings, out, log, write)
+    log(f"\n{write()}")
     log(f"tables: {out / MARKDOWN}, {out / JSON}")
-    return next((failure.code for failure in failed.values()), 0)
+    return progress.code
 
 
-def _suite(
-    jobs: Sequence[Job], todo: Sequence[Job], failed: Mapping[Path, RunFailed], command: str, settings: Sequence[str]
-) -> Suite:
+def _suite(jobs: Sequence[Job], progress: Progress, command: str, settings: Sequence[str]) -> Suite:
     """The table so far."""
-    runs = []
-    for job in jobs:
-        why = str(failed.get(job.folder, ""))
-        runs.append(Run(job.row, job.seed, job.folder, None if why or job in todo else earlier(job.folder), why))
     threshold = jobs[0].config.eval.threshold_m
-    return Suite(command, tuple(settings), threshold, machine(), rows_so_far(runs, threshold))
+    rows = rows_so_far([run_of(job, progress) for job in jobs], threshold)
+    return Suite(command, tuple(settings), threshold, machine(), rows)

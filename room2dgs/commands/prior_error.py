@@ -17,27 +17,26 @@ from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read
 from room2dgs.config import Config, load_config
 from room2dgs.config.overrides import quoted
-from room2dgs.errors import InputError, RunFailed
+from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.logs import Log, run_log
 from room2dgs.priors.network.maps import read_models
 from room2dgs.runs.folder import POINTS, PRIOR_MAPS, absolute
-from room2dgs.runs.metrics import earlier
-from room2dgs.study.ablation import Run, rows_of
+from room2dgs.study.ablation import rows_of
 from room2dgs.study.jobs import (
     SEED,
     Job,
-    batches,
     by_key,
-    executed,
     finished,
     path_as_it_stands,
     study_folder,
     swept_settings,
 )
 from room2dgs.study.launch import of_hydra
+from room2dgs.study.named_points import named_points
 from room2dgs.study.prior_curve import JSON, Curve, Point, Quality, write_tables
 from room2dgs.study.prior_curve_page import HTML, write_page
+from room2dgs.study.progress import Progress, run_all, run_of
 from room2dgs.tools.simulate_priors import LIMITS, PriorOptions, simulate_priors
 
 USAGE = (
@@ -96,7 +95,7 @@ def main(argv: list[str]) -> int:
     jobs = planned(settings, priors, out)
     for group in jobs.values():
         read_models(group[0].config.prior)  # a network that is missing is reported now, not at its row
-    todo = [job for group in jobs.values() for job in group if not finished(job)]
+    progress = Progress([job for group in jobs.values() for job in group if not finished(job)])
     config = next(iter(jobs.values()))[0].config
     scene = read(config)
     if not any(frame.depth_path for frame in scene.frames):
@@ -105,29 +104,20 @@ def main(argv: list[str]) -> int:
         raise InputError(f"{scene.path} has no gt_mesh.ply to score against; give eval.gt=MESH")
     out.mkdir(parents=True, exist_ok=True)
     command = shlex.join(["room2dgs", "bench", "prior-error", *argv])
-    failed: dict[Path, RunFailed] = {}
 
     def so_far() -> Curve:
-        return _curve(jobs, priors, todo, failed, command, out)
+        return _curve(jobs, priors, progress, command, out)
 
     write_tables(so_far(), out)  # first: it marks the folder as a study's
     log = run_log(out)
-    log(f"{command}\n{sum(map(len, jobs.values()))} runs, {len(todo)} to come")
+    log(f"{command}\n{sum(map(len, jobs.values()))} runs, {len(progress.todo)} to come")
     for prior in priors:
         _prepare(prior, jobs[prior.name][0].config, out, log)
-        for batch in batches([job for job in jobs[prior.name] if job in todo], hydra_settings):
-            for job in batch:
-                todo.remove(job)
-                log(f"\n{job.row}, seed {job.seed}, {len(todo)} more to come: {job.folder}")
-            for job, failure in zip(batch, executed(batch, hydra_settings, out), strict=True):
-                if failure:
-                    failed[job.folder] = failure
-                    log(f"{job.row}, seed {job.seed}, failed: {failure}")
-            write_tables(so_far(), out)
+        run_all(progress, jobs[prior.name], hydra_settings, out, log, lambda: write_tables(so_far(), out))
     log(f"\n{write_tables(so_far(), out)}")
     write_page(so_far(), out)
     log(f"the curve: {out / HTML}")
-    return next((failure.code for failure in failed.values()), 0)
+    return progress.code
 
 
 def simulated_priors(argv: Sequence[str], out: Path) -> list[Given]:
@@ -162,21 +152,13 @@ def real_priors(argv: Sequence[str]) -> list[Given]:
     """The priors that `point` names.
 
     Raises:
-        InputError: one is not "NAME: KEY=VALUE ...", or two have one name.
+        InputError: as `named_points`.
     """
-    found: list[Given] = []
-    for text in (text.partition("=")[2] for text in argv if text.startswith("point=")):
-        name, colon, settings = (part.strip() for part in text.partition(":"))
-        try:
-            overrides = tuple(shlex.split(settings))
-        except ValueError:
-            overrides = ()
-        taken = name in (NONE, NOISE, *(one.name for one in found)) or name.startswith("simulated")
-        if not colon or not name or taken or not overrides or not all("=" in one for one in overrides):
-            why = "that name is taken" if taken else "it is not understood"
-            raise InputError(f"point={text!r}: {why}; write point='NAME: prior=room_prior KEY=VALUE ...'")
-        found.append(Given(name, overrides))
-    return found
+    found = named_points(argv, (NONE, NOISE))
+    taken = next((name for name in found if name.startswith(SIMULATED)), None)
+    if taken:
+        raise InputError(f"point={taken!r}: names that begin with {SIMULATED} are taken; choose another")
+    return [Given(name, overrides) for name, overrides in found.items()]
 
 
 def planned(overrides: Sequence[str], priors: Sequence[Given], out: Path) -> dict[str, list[Job]]:
@@ -265,18 +247,13 @@ def _read(path: Path) -> dict[str, Any]:
 def _curve(
     jobs: dict[str, list[Job]],
     priors: Sequence[Given],
-    unfinished: Sequence[Job],
-    failed: Mapping[Path, RunFailed],
+    progress: Progress,
     command: str,
     out: Path,
 ) -> Curve:
     """The study so far."""
     config = next(iter(jobs.values()))[0].config
-    runs = []
-    for job in (job for group in jobs.values() for job in group):
-        why = str(failed.get(job.folder, ""))
-        metrics = None if why or job in unfinished else earlier(job.folder)
-        runs.append(Run(job.row, job.seed, job.folder, metrics, why))
+    runs = [run_of(job, progress) for group in jobs.values() for job in group]
     points = []
     for prior, row in zip(priors, rows_of(runs, {}, config.eval.threshold_m), strict=True):
         quality = _read(_quality_path(prior, out)).get("quality")

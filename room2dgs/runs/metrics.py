@@ -38,21 +38,24 @@ class Stages(dict[str, float]):
 
     Attributes:
         peak_memory_mb: by stage, the largest resident memory of the process up to its end.
+        cpu: by stage, seconds of all cores together: on a machine with other work they say more.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.peak_memory_mb: dict[str, float] = {}
+        self.cpu: dict[str, float] = {}
 
 
 @contextmanager
 def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
     """Adds the block's wall time to `seconds[stage]`; `Stages` keep its memory too."""
-    start = time.perf_counter()
+    start, cpu = time.perf_counter(), time.process_time()
     yield
     seconds[stage] = seconds.get(stage, 0.0) + round(time.perf_counter() - start, 3)
     if isinstance(seconds, Stages):
         seconds.peak_memory_mb[stage] = peak_memory_mb()
+        seconds.cpu[stage] = seconds.cpu.get(stage, 0.0) + round(time.process_time() - cpu, 3)
 
 
 def record(out: Path, part: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
@@ -67,6 +70,7 @@ def record(out: Path, part: dict[str, Any], seconds: dict[str, float]) -> dict[s
         "seconds": {**before.get("seconds", {}), **seconds},
         "peak_memory_mb": memory,
         "stage_peak_memory_mb": {**before.get("stage_peak_memory_mb", {}), **getattr(seconds, "peak_memory_mb", {})},
+        "cpu_seconds": {**before.get("cpu_seconds", {}), **getattr(seconds, "cpu", {})},
         "versions": versions(),
         "commit": commit(),
         "machine": machine(),

@@ -154,8 +154,9 @@ def figures_of(metrics: Mapping[str, Any] | None, at: str) -> dict[str, float]:
         "mesh_s": seconds.get("mesh"),
         "peak_memory_mb": metrics.get("peak_memory_mb"),
     }
-    if seconds:
-        found["run_s"] = sum(value for stage, value in seconds.items() if stage not in SCORING)
+    for name, stages in (("run_s", seconds), ("cpu_s", metrics.get("cpu_seconds") or {})):
+        if stages:
+            found[name] = sum(value for stage, value in stages.items() if stage not in SCORING)
     if seconds.get("train") is not None and seconds.get("mesh") is not None:
         found["train_and_mesh_s"] = seconds["train"] + seconds["mesh"]
     return {name: float(value) for name, value in found.items() if value is not None}

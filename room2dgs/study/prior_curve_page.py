@@ -50,7 +50,7 @@ def drawing(curve: Curve) -> Any:
 def page(curve: Curve, figure: Any) -> str:
     """The whole page around a drawing."""
     return filled(
-        "prior_error.html.j2",
+        "curve.html.j2",
         title=curve.title,
         command=curve.command,
         label=label().replace("**", ""),

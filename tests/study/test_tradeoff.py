@@ -1,0 +1,99 @@
+"""`room2dgs bench tradeoff`: which runs it makes, what its table says, how it goes on."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from room2dgs import cli
+from room2dgs.runs.folder import new_run, write_config
+from room2dgs.study import launch
+from room2dgs.study.tradeoff import points_of
+
+POINTS = ["point=first: mesh.source=depth train.iterations=1", "point=last, whole: train.iterations=70"]
+
+
+class FakeRuns:
+    """Stands for the processes: the score is that of the settings."""
+
+    def __init__(self) -> None:
+        self.made: list[str] = []
+        self.fails = ""
+
+    def __call__(self, command: list[str]) -> subprocess.CompletedProcess:
+        config = new_run(command[command.index("run") + 1 :])
+        out = Path(config.out)
+        self.made.append(str(out.relative_to(out.parents[2])))
+        out.mkdir(parents=True, exist_ok=True)
+        write_config(out, config)
+        if self.fails and self.fails in str(out):
+            return subprocess.CompletedProcess(command, 2, None, "room2dgs: no such thing")
+        trained = config.mesh.source == "surfels"
+        metrics = {"f_score_5cm": 0.5 + 0.2 * trained + 0.1 * (Path(config.scene.path).name == "b"), "commit": "abc"}
+        seconds = {"priors": 10.0, "mesh": 5.0, "eval": 100.0} | ({"train": 20.0} if trained else {})
+        cpu = {name: 2 * value for name, value in seconds.items()}
+        (out / "metrics.json").write_text(json.dumps({**metrics, "seconds": seconds, "cpu_seconds": cpu}))
+        return subprocess.CompletedProcess(command, 0, None, "")
+
+
+@pytest.fixture
+def fake(monkeypatch) -> FakeRuns:
+    runs = FakeRuns()
+    monkeypatch.setattr(launch, "ended", runs)
+    return runs
+
+
+def bench(wall, out: Path, *more: str) -> int:
+    scenes = [out.parent / name for name in ("a", "b")]
+    for scene in scenes:
+        if not scene.exists():
+            shutil.copytree(wall, scene)
+    return cli.main(["bench", "tradeoff", *map(str, scenes), f"out={out}", *POINTS, *more])
+
+
+def test_every_capture_runs_with_every_points_settings_and_the_means_are_told(fake, wall, tmp_path):
+    out = tmp_path / "out"
+    assert bench(wall, out, "train.iterations=9") == 0  # a point's own settings have the last word
+    assert fake.made == ["first/a/seed_0", "first/b/seed_0", "last_whole/a/seed_0", "last_whole/b/seed_0"]
+    rows = {row["name"]: row["values"] for row in json.loads((out / "tradeoff.json").read_text())["rows"]}
+    assert rows["b, last, whole"]["f_score"]["mean"] == pytest.approx(0.8)
+    assert rows["a, first"]["run_s"]["mean"] == 15 and rows["a, first"]["cpu_s"]["mean"] == 30  # scoring aside
+    text = (out / "tradeoff.md").read_text()
+    means = [line.split("|") for line in text.splitlines() if line.startswith("| mean of 2")]
+    assert [(line[2].strip(), line[3].strip()) for line in means] == [("first", "0.550"), ("last, whole", "0.750")]
+    assert "last, whole: train.iterations=70" in text
+    assert len((out / "tradeoff.csv").read_text().splitlines()) == 7
+    assert "<img" in (out / "tradeoff.html").read_text() and (out / "tradeoff.png").stat().st_size > 10_000
+
+
+def test_a_failed_run_is_named_and_what_is_finished_stays(fake, wall, tmp_path, capsys):
+    out = tmp_path / "out"
+    fake.fails = "last_whole/a"
+    assert bench(wall, out) == 2
+    assert "a, last, whole, seed 0, failed: no such thing" in (out / "tradeoff.md").read_text()
+    fake.fails, fake.made = "", []
+    assert bench(wall, out) == 0
+    assert fake.made == ["last_whole/a/seed_0"]
+
+
+def test_the_sets_that_come_with_the_package_are_settings_that_exist(wall, tmp_path):
+    from room2dgs.config import load_config
+
+    for name in ("presets", "steps"):
+        points = points_of([f"points={name}"])
+        assert len(points) > 3
+        for settings in points.values():
+            load_config([f"scene.path={wall}", f"out={tmp_path}", *settings])
+    assert points_of([]) == points_of(["points=presets"])
+
+
+@pytest.mark.parametrize(
+    "more, words", [("points=nothing", "presets, steps"), ("point=one", "not understood"), ("point=a: x", "point=")]
+)
+def test_what_is_not_understood_is_refused(more, words, wall, tmp_path, capsys):
+    assert cli.main(["bench", "tradeoff", str(wall), f"out={tmp_path / 'o'}", more]) == 2
+    assert words in capsys.readouterr().err
