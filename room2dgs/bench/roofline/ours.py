@@ -10,6 +10,7 @@ DIVIDE, ROOT = 7, 6
 POWER = 11  # exp2_from: a polynomial, no special function
 DOUBLE_DIVIDE, DOUBLE_ROOT = 9, 9
 RECORD = 112  # bytes, raster.h
+ROWS = 32  # bytes, block_frame.h: the tiles of a surfel's rows
 HOT = 4  # 16-byte loads of what every pixel needs of a record
 COLD = 2  # of colour and normal
 REACH = 16 * 30  # instructions: the columns that a record reaches in each of a tile's rows
@@ -60,20 +61,21 @@ def kernels(terms: int = 1) -> list[Kernel]:
             {
                 "surfels": Cost(instructions=40, flops=40, dram=4 * (3 + 2 + 1) + 16),
                 "visible": in_double(op["project"]) + in_double(op["color"]) + bounds
-                + Cost(instructions=80, dram=surfel_bytes - 24 + RECORD),
-            }, launches=1,
+                + Cost(instructions=80, dram=surfel_bytes - 24 + RECORD + ROWS),
+            }, launches=3,
         ),
         Kernel(
             "sort by depth", False,
-            # histogram, then 4 digits of 8 bits: key and index read and written
-            {"surfels": Cost(instructions=10, dram=12), "visible": Cost(instructions=4 * 40, dram=4 + 4 * 16)},
-            launches=9,
+            # of all surfels, since the host does not know yet how many are seen: histogram, 4 digits of 8 bits with key and
+            # index read and written, tiles in that order, two prefix sums
+            {"surfels": Cost(instructions=30 + 4 * 40, dram=4 + 4 * 16 + 12 + 2 * 8)},
+            launches=11,
         ),
         Kernel(
             "tile lists", False,
             # entries written in the order of depth, then sorted by tile: two digits of key and item
             {
-                "visible": Cost(instructions=120, l2=64, dram=16),
+                "visible": Cost(instructions=120, l2=64, dram=16 + ROWS),
                 "entries": Cost(instructions=20 + 2 * 40, dram=12 + 4 + 2 * 24),
             }, launches=8,
         ),
