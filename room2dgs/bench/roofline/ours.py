@@ -66,8 +66,8 @@ def kernels(terms: int = 1) -> list[Kernel]:
         ),
         Kernel(
             "sort by depth", False,
-            # of all surfels, since the host does not know yet how many are seen: histogram, 4 digits of 8 bits with key and
-            # index read and written, tiles in that order, two prefix sums
+            # of all surfels, since the host does not know yet how many are seen: histogram, 4 digits of 8 bits with key
+            # and index read and written, tiles in that order, two prefix sums
             {"surfels": Cost(instructions=30 + 4 * 40, dram=4 + 4 * 16 + 12 + 2 * 8)},
             launches=11,
         ),
