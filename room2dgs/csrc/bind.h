@@ -19,3 +19,10 @@ void bind_stereo(nb::module_& m);
 bool has_avx2();
 
 }  // namespace room2dgs
+
+// The kernel of the widest instruction set that the processor has.
+#if defined(__x86_64__) || defined(_M_X64)
+#define R2_BEST(kernel) (room2dgs::has_avx2() ? &isa_avx2::kernel : &isa_baseline::kernel)
+#else
+#define R2_BEST(kernel) (&isa_baseline::kernel)
+#endif

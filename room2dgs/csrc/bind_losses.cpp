@@ -7,12 +7,6 @@
 #include "pinhole_argument.h"
 #include "surface.h"
 
-#if defined(__x86_64__) || defined(_M_X64)
-#define R2_BEST(kernel) (room2dgs::has_avx2() ? &isa_avx2::kernel : &isa_baseline::kernel)
-#else
-#define R2_BEST(kernel) (&isa_baseline::kernel)
-#endif
-
 namespace room2dgs {
 namespace {
 

@@ -12,12 +12,6 @@
 #include "parallel.h"
 #include "patchmatch.h"
 
-#if defined(__x86_64__) || defined(_M_X64)
-#define R2_BEST(kernel) (room2dgs::has_avx2() ? &isa_avx2::kernel : &isa_baseline::kernel)
-#else
-#define R2_BEST(kernel) (&isa_baseline::kernel)
-#endif
-
 namespace room2dgs {
 namespace {
 
