@@ -61,3 +61,8 @@ class BlockLosses:
         """
         Writes the loss and the gradient of the rotation to values, (10,) float64. cam_from_world lies on the CPU.
         """
+
+def adam_rows(parameters: NDArray, gradients: Annotated[NDArray, dict(writable=False)], first: NDArray, second: NDArray, seen: Annotated[NDArray, dict(writable=False)] | None, rate: float, beta1: float, beta2: float, epsilon: float, step: int, queue: int = 0) -> None:
+    """
+    One step of Adam, in place, for the rows whose `seen`, uint8, is not 0 (None: all); the others keep everything. queue: as in BlockFrame.
+    """

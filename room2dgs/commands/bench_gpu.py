@@ -108,7 +108,7 @@ def _demo(args: argparse.Namespace, folder: Path, do: Callable[[str, str, Callab
 
     def row(backend: str) -> Row:
         room = args.room or folder / "room"
-        if not room.exists():
+        if args.room is None and not room.exists():
             make_room(room)
         return demo_row(run, folder, room, backend, ["prior=room_prior", "report.enabled=false", *args.settings])
 

@@ -16,8 +16,8 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 TESTS = {
-    "address": ("test_arguments.py", "test_threads.py", "test_block_frame.py"),
-    "thread": ("test_threads.py", "test_block_frame.py"),
+    "address": ("test_arguments.py", "test_threads.py", "test_block_frame.py", "test_block_losses.py"),
+    "thread": ("test_threads.py", "test_block_frame.py", "test_block_losses.py"),
 }
 BUILDS = {"address": "address,undefined", "thread": "thread"}
 LIBRARIES = {"address": ("asan", "ubsan"), "thread": ("tsan",)}

@@ -47,6 +47,7 @@ LIMITS: dict[str, Limit] = {
     "BlendTilesBackward<true, true>": Limit(256, 80, 24 * 1024, 0.37),
     "BackgroundOfTiles": Limit(256, 40, 256, 0.7),
     "BackgroundBackward": Limit(256, 40, 256, 0.7),
+    "AdamRows": Limit(256, 40, 0, 0.75),
     "SsimOfPatches": Limit(256, 56, 13000, 0.5),
     "SsimGradient": Limit(256, 40, 14000, 0.6),
     "NormalConsistency": Limit(256, 64, 5000, 0.5),

@@ -10,6 +10,7 @@ void bind_device(nb::module_& m) {
 #endif
   bind_block_frame(m);
   bind_block_losses(m);
+  bind_block_adam(m);
 }
 
 }  // namespace R2_ISA

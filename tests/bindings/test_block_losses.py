@@ -1,0 +1,42 @@
+"""Losses and Adam of block code (`_C.device`), without torch; also for `make sanitize`.
+
+What they compute is tested in tests/losses/test_blocks.py and tests/train/test_block_adam.py; here no index may be wrong,
+at any size and in any order of blocks and threads, and what is written is written whole.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from room2dgs import _C
+
+SIZES = [(1, 1), (1, 17), (17, 1), (16, 16), (5, 5), (33, 47)]
+
+
+def outputs(height: int, width: int, queue: int) -> list[np.ndarray]:
+    """All of them, of random input; NaN where nothing was written."""
+    random = np.random.default_rng(height)
+    color, target, normal = (random.random((height, width, 3), np.float32) for _ in range(3))
+    depth, alpha = (random.random((height, width), np.float32) for _ in range(2))
+    depth[random.random(depth.shape) < 0.1] = np.nan
+    losses, camera = _C.device.BlockLosses(), (50.0, 52.0, width / 2, height / 2, np.eye(3))
+    to_color, to_normal, normals, moved = (np.full_like(color, np.nan) for _ in range(4))
+    to_depth, values, ten = np.full_like(depth, np.nan), np.full(2, np.nan), np.full(10, np.nan)
+    losses.rgb_loss(color, target, 0.2, values, to_color, queue)
+    losses.normal_consistency(depth, alpha, normal, *camera, to_depth, to_normal, ten, queue)
+    losses.depth_normals(depth, *camera, normals, queue)
+    moved[:] = color
+    first, second = np.zeros_like(color), np.zeros_like(color)
+    rows = (moved, to_color, first, second)
+    seen = (random.random(height) < 0.5).astype(np.uint8)
+    _C.device.adam_rows(*(x.reshape(height, -1) for x in rows), seen, 0.01, 0.9, 0.999, 1e-15, 1, queue)
+    return [values, to_color, ten, to_depth, to_normal, normals, moved, first, second]
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_everything_is_written_and_the_same_in_any_order(size):
+    plain = outputs(*size, 0)
+    assert all(np.isfinite(x).all() for x in plain)
+    for queue in (1, 2, 12345):
+        assert all(np.array_equal(a, b) for a, b in zip(outputs(*size, queue), plain, strict=True))
