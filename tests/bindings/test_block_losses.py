@@ -1,7 +1,7 @@
 """Losses and Adam of block code (`_C.device`), without torch; also for `make sanitize`.
 
-What they compute is tested in tests/losses/test_blocks.py and tests/train/test_block_adam.py; here no index may be wrong,
-at any size and in any order of blocks and threads, and what is written is written whole.
+What they compute is tested in tests/losses/test_blocks.py and tests/train/test_block_adam.py; here no index may be
+wrong, at any size and in any order of blocks and threads, and what is written is written whole.
 """
 
 from __future__ import annotations
