@@ -24,6 +24,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "depth": (("scene.path=room out=depth scene.image_width=640", "depth maps, dense.ply, mesh.ply"),),
     "mesh": (
         ("out=runs/room mesh.voxel_m=0.02", "coarser"),
+        ("out=runs/room mesh=unbounded", "with what lies outside, behind windows"),
         ("out=runs/room mesh.fill=watertight", "closed, for printing and simulation"),
     ),
     "eval": (
@@ -40,7 +41,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "report": (("run=runs/room report.views=12", "with more photos"),),
     "export": (
         ("run=runs/room to=splats,spz,glb max_error_m=0.01", "splats, and a mesh simplified within 1 cm"),
-        ("run=runs/room to=textured faces=20000", "few faces with a picture, for the web"),
+        ("run=runs/room to=textured,textured_obj", "few faces with a picture, for the web"),
         ("run=runs/room to=colmap out=hand_over", "the prepared capture for another trainer"),
     ),
     "table": (("runs/a runs/b meshes=others out=table", "other methods' meshes beside the runs"),),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -61,7 +62,7 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
 
     use_threads(config)
     with timed(seconds, "mesh"):
-        mesh = fuse(_views(scene, surfels, config), config.mesh, log)
+        mesh = fuse(_Views(scene, surfels, config), config.mesh, log)
         write_mesh(out / MESH, mesh)
     # Scores of a mesh that is no longer there must not stand beside this one.
     faded = stale(out, SCORES)
@@ -69,8 +70,16 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
     log(f"mesh: {out / MESH}")
 
 
-def _views(scene: Scene, surfels: Surfels, config: Config) -> Iterator[FusedView]:
-    from room2dgs.mesh.views import fused_view
+@dataclass(frozen=True)
+class _Views:
+    """The training views, rendered anew each time that they are gone through."""
 
-    for frame, rendering in rendered(surfels, scene.train, config):
-        yield fused_view(rendering, frame.camera, config.mesh)
+    scene: Scene
+    surfels: Surfels
+    config: Config
+
+    def __iter__(self) -> Iterator[FusedView]:
+        from room2dgs.mesh.views import fused_view
+
+        for frame, rendering in rendered(self.surfels, self.scene.train, self.config):
+            yield fused_view(rendering, frame.camera, self.config.mesh)

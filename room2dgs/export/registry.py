@@ -93,6 +93,12 @@ def _textured(source: Source) -> bytes:
     return textured_glb(source)
 
 
+def _textured_obj(source: Source, folder: Path) -> list[Path]:
+    from room2dgs.export.texture.write import write_textured_obj
+
+    return write_textured_obj(source, folder)
+
+
 def _points(source: Source) -> bytes:
     import numpy as np
 
@@ -138,6 +144,7 @@ _ALL = (
     Format("obj", "mesh.obj", "everything", _file(_obj), ("mesh",)),
     Format("ply", "mesh.ply", "MeshLab, CloudCompare, Blender; the capture's own world", _file(_ply), ("mesh",)),
     Format("textured", "textured.glb", "few faces and a picture: web", _file(_textured), ("mesh", "surfels", "xatlas")),
+    Format("textured_obj", "textured_obj", "the same as OBJ, MTL, PNG", _textured_obj, ("mesh", "surfels", "xatlas")),
     Format("points", "points.ply", "a point a surfel, with normals: CloudCompare", _file(_points), ("surfels",)),
     Format("depth", "depth", "16-bit PNG, millimetres, a view each", _maps("depth_png", ".png"), ("surfels",)),
     Format("depth_npy", "depth_npy", "float32, metres", _maps("depth_npy", ".npy"), ("surfels",)),

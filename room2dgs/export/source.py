@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
@@ -17,6 +18,9 @@ from room2dgs.config import Config
 from room2dgs.export.axes import turned, up_of, y_down_from, y_up_from
 from room2dgs.logs import Log
 from room2dgs.splat.types import Rendering, Surfels
+
+if TYPE_CHECKING:
+    from room2dgs.export.texture.write import Textured
 
 
 @dataclass
@@ -70,6 +74,13 @@ class Source:
         result = simplified(self.mesh, settings.faces, settings.max_error_m)
         self.log(f"mesh: {len(self.mesh.faces):,} faces to {len(result.mesh.faces):,}, {result.sentence}")
         return result.mesh
+
+    @cached_property
+    def textured(self) -> Textured:
+        """The mesh with few faces and a picture on it."""
+        from room2dgs.export.texture.write import textured
+
+        return textured(self)
 
     @cached_property
     def up(self) -> np.ndarray | None:

@@ -17,13 +17,15 @@ from room2dgs.mesh.views import FusedView
 def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log) -> trimesh.Trimesh:
     """Fuse, mesh and clean; the views are taken one at a time and not kept.
 
+    With mesh.space=contracted they are taken several times, and kept if `views` can be taken only once.
+
     Returns:
         Coloured mesh in the world frame, metres, faces towards the cameras; the same on any number of threads.
 
     Raises:
         InputError: no surface is left; names the settings to relax.
     """
-    raw = integrate(views, config)
+    raw = _integrated(views, config)
     if not len(raw.faces):
         raise InputError(
             "no surface came out of the depth maps; train longer, or lower mesh.min_weight or mesh.min_alpha"
@@ -35,6 +37,14 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log) -> trimesh.Tr
         )
     log(f"mesh: {len(mesh.faces):,} faces, {len(raw.faces) - len(mesh.faces):,} dropped by cleaning")
     return _filled(mesh, config, log)
+
+
+def _integrated(views: Iterable[FusedView], config: MeshConfig) -> trimesh.Trimesh:
+    if config.space == "bounded":
+        return integrate(views, config)
+    from room2dgs.mesh.contracted import integrate_contracted
+
+    return integrate_contracted(list(views) if iter(views) is views else views, config)
 
 
 def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:

@@ -45,15 +45,16 @@ def integrate(views: Iterable[FusedView], config: MeshConfig) -> trimesh.Trimesh
         if not (depth > 0).any():
             continue
         if volume is None:
-            volume = _empty_volume(config.voxel_m)
+            volume = empty_volume(config.voxel_m)
             origin = _origin(view.camera, config.voxel_m)
         _integrate_one(volume, origin, view, depth, config)
     if volume is None or volume.hashmap().size() == 0:
         return trimesh.Trimesh(process=False)
-    return _extract(volume, origin, config.min_weight)
+    return extracted(volume, origin, config.min_weight)
 
 
-def _empty_volume(voxel_m: float) -> o3d.t.geometry.VoxelBlockGrid:
+def empty_volume(voxel_m: float) -> o3d.t.geometry.VoxelBlockGrid:
+    """Without blocks; on the CPU, so that its attributes can be written in place."""
     return o3d.t.geometry.VoxelBlockGrid(
         ATTRIBUTES,
         (o3c.float32,) * len(ATTRIBUTES),
@@ -126,7 +127,8 @@ def _bytes_as_floats(color: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(scaled, dtype=np.float32)
 
 
-def _extract(volume: o3d.t.geometry.VoxelBlockGrid, origin: np.ndarray, min_weight: float) -> trimesh.Trimesh:
+def extracted(volume: o3d.t.geometry.VoxelBlockGrid, origin: np.ndarray, min_weight: float) -> trimesh.Trimesh:
+    """The zero level, moved by `origin`, with colours; without vertices if there is none."""
     weight = volume.attribute("weight").numpy()
     weight[volume.attribute("views").numpy() < min_weight] = 0
     mesh = volume.extract_triangle_mesh(0.0)

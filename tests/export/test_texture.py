@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -13,9 +14,10 @@ from PIL import Image
 
 from room2dgs.captures.read import read_scene
 from room2dgs.config import load_config
+from room2dgs.export.axes import y_up_from
 from room2dgs.export.texture.bake import baked, spread
 from room2dgs.export.texture.charts import charts, texels
-from room2dgs.export.texture.write import glb_of
+from room2dgs.export.texture.write import Textured, glb_of, write_textured_obj
 
 pytest.importorskip("xatlas")
 WALL_Z, SIDE = 2.0, 256
@@ -127,3 +129,17 @@ def test_spreading_takes_the_nearest():
     picture = np.zeros((5, 5, 3), np.uint8)
     picture[2, 1], picture[2, 4] = 10, 200
     assert spread(picture, covered)[2, :, 0].tolist() == [10, 10, 10, 200, 200]
+
+
+def test_the_obj_names_its_picture_and_is_not_torn_by_charts(picture, tmp_path):
+    mesh, found, _, baked_picture, _ = picture
+    turn = y_up_from(np.array([0, -1.0, 0]))
+    source = SimpleNamespace(textured=Textured(mesh, found, baked_picture), y_up=turn)
+    assert sorted(path.name for path in write_textured_obj(source, tmp_path)) == ["room.mtl", "room.obj", "room.png"]
+    again = trimesh.load(tmp_path / "room.obj", process=False)
+    assert np.array_equal(np.asarray(again.visual.material.image.convert("RGB")), baked_picture)
+    pairs = np.concatenate([again.vertices, again.visual.uv], axis=1)[again.faces.ravel()]
+    expected = np.concatenate([found.vertices @ turn.T, found.uv], axis=1)[found.faces.ravel()]
+    np.testing.assert_allclose(pairs, expected, atol=2e-6)
+    lines = (tmp_path / "room.obj").read_text().splitlines()
+    assert sum(line.startswith("v ") for line in lines) == len(mesh.vertices)  # a place once, whatever its charts

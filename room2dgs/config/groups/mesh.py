@@ -18,6 +18,9 @@ class MeshConfig:
         description="surfels: rendered depth | depth: stereo's, the network's or the sensor's, without any training"
     )
     voxel_m: Float = Field(ge=1e-3, le=1, description="side of a voxel")
+    space: Literal["bounded", "contracted"] = Field(
+        description="bounded | contracted: outside the room voxels grow with the distance"
+    )
     truncation_voxels: Float = Field(ge=1, le=20, description="truncation distance of the TSDF, in voxels")
     depth: Literal["median", "expected"] = Field(description="median | expected")
     max_depth_m: Float = Field(ge=0.1, description="farther pixels are not fused")

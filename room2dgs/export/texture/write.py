@@ -1,22 +1,47 @@
-"""The textured mesh as GLB."""
+"""The textured mesh as GLB, and as OBJ with its material and picture beside it."""
 
 from __future__ import annotations
 
 import io
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
 from PIL import Image
 
-from room2dgs.export.mesh_files import dull_material, gltf_bytes
+from room2dgs.export.mesh_files import dull_material, gltf_bytes, turned_mesh
 from room2dgs.export.source import Source
 from room2dgs.export.texture.bake import baked
 from room2dgs.export.texture.charts import Charts, charts, texels
+from room2dgs.files import whole_file
 
 JPEG_QUALITY = 90
+MATERIAL = """# dull, as a photographed surface that brings its light along
+newmtl room
+Ka 0 0 0
+Kd 1 1 1
+Ks 0 0 0
+illum 1
+map_Kd room.png
+"""
 
 
-def textured_glb(source: Source) -> bytes:
+class Textured(NamedTuple):
+    """A mesh with a picture.
+
+    Attributes:
+        mesh: the simplified one, world frame.
+        charts: its charts in the picture.
+        picture: (H, W, 3) uint8 sRGB.
+    """
+
+    mesh: trimesh.Trimesh
+    charts: Charts
+    picture: np.ndarray
+
+
+def textured(source: Source) -> Textured:
     """Simplified, cut into charts, baked from the training photos."""
     from room2dgs.mesh.simplify import simplified
 
@@ -35,7 +60,44 @@ def textured_glb(source: Source) -> bytes:
         f"textured mesh: {100 * share:.0f}% of the surface from photos, texels of {side_mm:.1f} mm, "
         f"{100 * used:.0f}% of the picture used"
     )
-    return glb_of(mesh, found, picture, source.y_up)
+    return Textured(mesh, found, picture)
+
+
+def textured_glb(source: Source) -> bytes:
+    return glb_of(*source.textured, source.y_up)
+
+
+def write_textured_obj(source: Source, folder: Path) -> list[Path]:
+    """room.obj, room.mtl and room.png."""
+    buffer = io.BytesIO()
+    Image.fromarray(source.textured.picture).save(buffer, "PNG")
+    files = {
+        "room.png": buffer.getvalue(),
+        "room.mtl": MATERIAL.encode(),
+        "room.obj": obj_of(source.textured.mesh, source.textured.charts, source.y_up),
+    }
+    for name, data in files.items():
+        with whole_file(folder / name) as temporary:
+            temporary.write_bytes(data)
+    return [folder / name for name in files]
+
+
+def obj_of(mesh: trimesh.Trimesh, found: Charts, rotation: np.ndarray) -> bytes:
+    """OBJ with y up; places and normals are the mesh's own, so that charts do not tear it apart.
+
+    Args:
+        rotation: (3, 3) from the world to a frame with y up.
+    """
+    out = turned_mesh(mesh, rotation)
+    lines = ["# metres, y up", "mtllib room.mtl"]
+    lines += ["v {:.6f} {:.6f} {:.6f}".format(*row) for row in out.vertices.tolist()]
+    lines += ["vt {:.6f} {:.6f}".format(*row) for row in found.uv.tolist()]
+    lines += ["vn {:.4f} {:.4f} {:.4f}".format(*row) for row in out.vertex_normals.tolist()]
+    lines.append("usemtl room")
+    places, corners = (found.source[found.faces] + 1).tolist(), (found.faces + 1).tolist()
+    for (a, b, c), (i, j, k) in zip(places, corners, strict=True):
+        lines.append(f"f {a}/{i}/{a} {b}/{j}/{b} {c}/{k}/{c}")
+    return "\n".join([*lines, ""]).encode("ascii")
 
 
 def glb_of(mesh: trimesh.Trimesh, found: Charts, picture: np.ndarray, rotation: np.ndarray) -> bytes:
