@@ -34,11 +34,14 @@ DOWNSAMPLE_M = 0.02
 def manhattan(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: Options) -> Result:
     """Score by ManhattanSDF's protocol; of `options` only threshold_m is used."""
     fusion = MeshConfig(
+        source="depth",
+        space="bounded",
         voxel_m=VOXEL_M,
         truncation_voxels=TRUNCATION_VOXELS,
         depth="median",
         max_depth_m=MAX_DEPTH_M,
         min_alpha=0.0,
+        min_confidence=0.0,
         max_angle_deg=90.0,
         min_weight=MIN_WEIGHT,
         min_triangles=0,

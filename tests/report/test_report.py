@@ -33,7 +33,7 @@ def test_a_table_without_rows_has_its_heading():
 
 def test_pages_escape_text_and_hold_their_pictures(one):
     values = {"command": "run <x>", "label": "l", "drawing": np.zeros((4, 4, 3)), "table": one, "sentences": ["a < b"]}
-    text = page("prior_error.html.j2", title="A & B", **values)
+    text = page("curve.html.j2", title="A & B", **values)
     assert "<title>A &amp; B</title>" in text and "run &lt;x&gt;" in text and "a &lt; b" in text
     assert "<td>&lt;i&gt;</td>" in text and "Scores &amp; costs" in text
     assert re.findall('src="([^"]*)"', text) == [data_uri(np.zeros((4, 4, 3)))]
@@ -42,9 +42,9 @@ def test_pages_escape_text_and_hold_their_pictures(one):
 def test_long_cells_and_tables_are_whole():
     long = table("", {"row": str, "words": lambda _: LONG}, range(100))
     values = {"command": "", "label": "", "drawing": np.zeros((4, 4, 3)), "table": long, "sentences": []}
-    assert page("prior_error.html.j2", title="", **values).count(LONG) == markdown(long).count(LONG) == 100
+    assert page("curve.html.j2", title="", **values).count(LONG) == markdown(long).count(LONG) == 100
 
 
 def test_a_value_that_a_template_lacks_is_an_error():
     with pytest.raises(UndefinedError, match="title"):
-        page("prior_error.html.j2")
+        page("curve.html.j2")
