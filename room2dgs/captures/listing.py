@@ -87,6 +87,9 @@ def gt_mesh_in(root: Path, *patterns: str, own: bool = True) -> Path | None:
     return None
 
 
+LONGEST_NAME, LONGEST_PATH = 240, 4000  # bytes; file systems take 255 and 4095, and a reader may add a suffix
+
+
 def inside(root: Path, name: str, source: object) -> Path:
     """A path that a capture's file names, relative to it; it may not lead out of the capture.
 
@@ -96,6 +99,8 @@ def inside(root: Path, name: str, source: object) -> Path:
     if not name.strip() or not name.isprintable():
         raise InputError(f"{source} names the file {name!r}, which cannot be; write its path relative to the capture")
     path = root / name.replace("\\", "/")
+    if max(len(os.fsencode(part)) for part in path.parts) > LONGEST_NAME or len(os.fsencode(path)) > LONGEST_PATH:
+        raise InputError(f"{source} names the file {name[:40]}..., which is too long for a file's name; write its path")
     plain = Path(os.path.normpath(path))
     if not plain.is_relative_to(os.path.normpath(root)):
         raise InputError(f"{source} names {name}, which lies outside {root}; write paths relative to the capture")

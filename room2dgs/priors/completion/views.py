@@ -24,7 +24,7 @@ from room2dgs.stereo.neighbours import choose_neighbours
 COLUMNS = 160  # of the small images that are solved
 ASKED = 10  # views that are asked whether they agree
 MAX_PX, MAX_RELATIVE = 2.0, 0.03
-HALF_MISFIT = 0.1  # relative residual at the points, before any optimisation, that halves the weight of a map
+HALF_MISFIT = 0.1  # relative residual at the points, before any optimisation, that halves the weight of the maps
 LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
 
 
@@ -67,16 +67,18 @@ def complete_views(
         points: sparse points and stereo's (`with_stereo`).
         stereo: frame name -> depth and agreeing views of stereo, of any size; may be empty.
         misfits: frame name -> median relative residual of the prior at the points before any optimisation, NaN =
-            unknown: maps of a network that does badly here bend to the points.
+            unknown: where the network does badly, by the median over the views, its maps bend to the points.
         take: gets each frame's name, its (H, W) depth in metres, 0 = invalid, and (H, W) confidence.
     """
     frames = [frame for frame in frames if frame.name in depths]
+    known = [one for one in (misfits.get(frame.name, np.nan) for frame in frames) if np.isfinite(one)]
+    misfit = float(np.median(known)) if known else 0.0  # of a single view it says little where the view has few points
     with ThreadPoolExecutor(_C.threads()) as pool:
         solving = []
         for frame in frames:
             name = frame.name
             maps = (depths[name], confidences.get(name), normals.get(name), normal_confidences.get(name))
-            solving.append(pool.submit(_completed, _small_maps(frame, *maps, points, misfits.get(name, 0.0))))
+            solving.append(pool.submit(_completed, _small_maps(frame, *maps, points, misfit)))
         small = [one.result() for one in solving]
     tracked = points if points.tracks is None else points.chosen(points.track_length > 1)
     cameras = [frame.camera for frame in frames]
@@ -124,7 +126,7 @@ def _small_maps(
     anchor, trust = _anchors(frame, points, camera)
     prior = cv2.resize(depth, camera.size, interpolation=cv2.INTER_NEAREST_EXACT)
     weight = np.ones(prior.shape, np.float32) if sure is None else _small(sure, camera)
-    weight = weight / np.float32(1 + (np.nan_to_num(misfit) / HALF_MISFIT) ** 4)
+    weight = weight / np.float32(1 + (misfit / HALF_MISFIT) ** 4)
     slopes, tie = prior_slopes(prior), np.ones(prior.shape)
     if normal is not None:
         in_cam = camera.turned_to_camera(_small(normal, camera))
