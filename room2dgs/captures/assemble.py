@@ -71,6 +71,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
     frames = [replace(_frame(entry, config.image_width, wide), poses=poses) for entry in entries]
     _check_names(frames)
     train, test = _split(frames, capture, config)
+    doubt = focal_doubt([(entry.shot, entry.lens) for entry in entries])
     points = None
     if capture.points is not None:
         lenses = {entry.shot.name: entry for entry in entries}
@@ -90,6 +91,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
         layout=capture.layout,
         metric=capture.metric,
         notes=(*capture.notes, *_notes(capture, config, entries)),
+        warnings=(*capture.warnings, *([doubt] if doubt else [])),
         given_points=points,
     )
 
@@ -305,5 +307,4 @@ def _notes(capture: Capture, config: SceneConfig, entries: list[_Entry]) -> list
     depths = sum(entry.shot.depth is not None for entry in entries)
     if depths:
         found.append(f"sensor depth: {depths} of {count} photos")
-    doubt = focal_doubt(entries[0].shot, entries[0].lens)
-    return [*found, doubt] if doubt else found
+    return found

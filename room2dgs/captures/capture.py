@@ -88,7 +88,7 @@ class Capture:
         test: names of the photos that the capture holds out; None: it does not say.
         points: reads the sparse points that the capture brings.
         gt_mesh: the true surface in the capture's world.
-        notes: sentences for the log.
+        notes: sentences for the log; warnings: what may be wrong, for the report too.
     """
 
     root: Path
@@ -102,6 +102,7 @@ class Capture:
     points: Callable[[], RawPoints] | None = None
     gt_mesh: Path | None = None
     notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
 
 def world_from_cam(matrix: np.ndarray, poses: Poses) -> np.ndarray:

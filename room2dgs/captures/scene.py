@@ -174,6 +174,7 @@ class Scene:
         layout: of the capture on disk.
         metric: whether its lengths are metres.
         notes: what was found, and what was taken for what; a sentence each, for the log.
+        warnings: what may be wrong with it and what mends that; a sentence each.
         given_points: reads the points that the capture brings, as its training views see them; None: it brings none.
     """
 
@@ -186,6 +187,7 @@ class Scene:
     layout: str = "scannet"
     metric: bool = True
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     given_points: Callable[[], PointCloud] | None = field(default=None, repr=False, compare=False)
 
     @property

@@ -46,6 +46,7 @@ def refined(scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str
     from room2dgs.captures.poses_file import write_poses
     from room2dgs.sfm.refinement import refined_poses
 
+    told(scene, out, log)
     if (out / POSES).exists() or any((out / CHECKPOINTS).glob("*")):
         return with_poses_of_run(scene, out)
     with timed(seconds, "poses"):
@@ -53,6 +54,23 @@ def refined(scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str
     write_poses(out / POSES, scene, found, report)
     record(out, {"poses": report}, seconds)
     return found
+
+
+def told(scene: Scene, out: Path, log: Log) -> None:
+    """How the capture was understood, into the log and out/metrics.json, before anything is made of it."""
+    for note in scene.notes:
+        log(note)
+    for warning in scene.warnings:
+        log(f"WARNING: {warning}")
+    for dropped in scene.dropped:
+        log(f"frame {dropped.name} left out: {dropped.reason}")
+    about = {
+        "layout": scene.layout,
+        "metric": scene.metric,
+        "warnings": list(scene.warnings),
+        "left_out": {dropped.name: dropped.reason for dropped in scene.dropped},
+    }
+    record(out, {"capture": about}, {})
 
 
 def with_poses_of_run(scene: Scene, out: Path) -> Scene:
@@ -93,10 +111,6 @@ def points_and_priors(
     """
     from room2dgs.sfm.sparse import sparse_points
 
-    for note in scene.notes:
-        log(note)
-    for dropped in scene.dropped:
-        log(f"frame {dropped.name} left out: {dropped.reason}")
     log(f"{len(scene.train)} training views, {len(scene.test)} held out")
     with timed(seconds, "points"):
         points = sparse_points(scene, config.points, Path(config.points.cache or out / POINTS), log)

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 import zlib
 from dataclasses import replace
+from io import BytesIO
 
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.readers.scannetpp_depth import DepthStream, lz4_block
+from room2dgs.commands.stages import told
+from room2dgs.config import load_config
 from room2dgs.errors import InputError
+from room2dgs.runs.page import words
 
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -185,6 +191,47 @@ def test_a_lost_frame_of_a_sens_is_left_out(written, settings, made):
     poses[2] = -np.inf
     scene = read_scene(settings(written("sens", made=replace(made, poses=poses))))
     assert [dropped.name for dropped in scene.dropped] == ["000002"] and len(scene.frames) == 5
+
+
+def with_exif(photo: np.ndarray, millimetres: float) -> bytes:
+    """A JPEG that says a focal length as of 35 mm film."""
+    exif, buffer = Image.Exif(), BytesIO()
+    exif.get_ifd(0x8769)[0xA405] = millimetres
+    Image.fromarray(photo[..., ::-1]).save(buffer, "jpeg", exif=exif)
+    return buffer.getvalue()
+
+
+def test_intrinsics_that_disagree_with_exif_are_a_warning_with_what_mends_them(written, settings, made, tmp_path):
+    """81 px across 96 are 29 mm; EXIF is often wrong, so nothing stops."""
+    photos = [with_exif(photo, 50) for photo in made.photos]
+    root = written("colmap", made=replace(made, jpegs=tuple(photos)))
+    scene = read_scene(settings(root))
+    (said,) = scene.warnings
+    assert "81 px" in said and "EXIF of IMG_" in said and "about 139 px" in said
+    given = re.search(r"scene\.intrinsics=(\[.*\])", said)[1]
+    assert read_scene(settings(root, intrinsics=json.loads(given))).warnings == ()
+    log = []
+    told(scene, tmp_path, log.append)
+    assert f"WARNING: {said}" in log
+    assert json.loads((tmp_path / "metrics.json").read_text())["capture"]["warnings"] == [said]
+    assert said in words.warnings(scene, load_config([f"scene.path={root}", "out=unused"]), {}, log)
+    assert words.warnings(scene, load_config([f"scene.path={root}", "out=unused"]), {}, log).count(said) == 1
+
+
+@pytest.mark.parametrize(("millimetres", "odd"), [(29, 29), (29, 90), (0, 0)])
+def test_exif_that_agrees_or_is_odd_in_one_photo_or_missing_is_no_warning(written, settings, made, millimetres, odd):
+    photos = [with_exif(photo, odd if i == 0 else millimetres) for i, photo in enumerate(made.photos)]
+    assert read_scene(settings(written("colmap", made=replace(made, jpegs=tuple(photos))))).warnings == ()
+
+
+def test_photos_without_a_pose_are_left_out_by_name_in_log_and_metrics(written, settings, made, tmp_path):
+    poses = made.poses.copy()
+    poses[2] = -np.inf
+    log = []
+    told(read_scene(settings(written("scannet", made=replace(made, poses=poses)))), tmp_path, log.append)
+    reason = "pose/4.txt holds inf or NaN (tracking lost)"
+    assert f"frame 000004 left out: {reason}" in log
+    assert json.loads((tmp_path / "metrics.json").read_text())["capture"]["left_out"] == {"000004": reason}
 
 
 def lz4_literals(data: bytes) -> bytes:

@@ -93,14 +93,23 @@ def read_polycam(root: Path, config: SceneConfig) -> Capture:
     if not both:
         raise InputError(f"{files.root} has no photos with cameras in {start}images, {start}cameras; export it again")
     shots = [_shot(files, start, photos[n], cameras[n], depths.get(n), corrected, config) for n in both]
-    notes = []
+    notes, warnings = [], []
     missing = len(photos.keys() | cameras.keys()) - len(both)
     if missing:
         notes.append(f"keyframes: {missing} have a photo without a camera or a camera without a photo")
     if not corrected:
-        notes.append("corrected_images/ is not there: plain photos are read, whose poses drift and lenses distort")
+        warnings.append("corrected_images/ is not there: plain photos are read, whose poses drift and lenses distort")
     mesh = gt_mesh_in(root) if root.is_dir() else None
-    return Capture(root, "polycam", shots, C2W_OPENGL, gt_mesh=mesh, notes=notes, why="ARKit's poses are metres")
+    return Capture(
+        root,
+        "polycam",
+        shots,
+        C2W_OPENGL,
+        gt_mesh=mesh,
+        notes=notes,
+        warnings=warnings,
+        why="ARKit's poses are metres",
+    )
 
 
 def _shot(files: _Files, start: str, photo: str, camera: str, depth: str | None, corrected: bool, config: SceneConfig):

@@ -51,7 +51,7 @@ def facts(scene: Scene, metrics: dict[str, Any]) -> list[dict[str, str]]:
 
 def warnings(scene: Scene, config: Config, metrics: dict[str, Any], log: Sequence[str]) -> list[str]:
     """What a reader of the figures should know, in sentences."""
-    lines = []
+    lines = list(scene.warnings)
     if not scene.metric:
         lines.append("The capture's lengths are not known to be metres: every length here is in its own unit.")
     if len(scene.train) < FEW_PHOTOS:
