@@ -115,7 +115,7 @@ def _onnx_providers() -> str:
     import onnxruntime
 
     there = onnxruntime.get_available_providers()
-    return "cpu, cuda (prior.provider=cuda)" if "CUDAExecutionProvider" in there else "cpu"
+    return "cpu, cuda (prior.provider=auto takes it)" if "CUDAExecutionProvider" in there else "cpu"
 
 
 def _tried(question: Callable[[], str]) -> str:

@@ -25,6 +25,7 @@ FLOW = (
         "torch_threads",
         "system_libraries",
         "cuda_state",
+        "block_code",
         "memory",
         "interrupts",
         "colmap",

@@ -55,11 +55,21 @@ class BlockLosses:
         Writes (L, D) = (mean |rendered - target|, mean 1 - SSIM) to values, float64, and the gradient of (1 - dssim) L + dssim D. queue: as in BlockFrame.
         """
 
-    def depth_normals(self, depth: Annotated[NDArray, dict(writable=False)], fx: float, fy: float, cx: float, cy: float, cam_from_world: Annotated[NDArray, dict(writable=False)], normal: NDArray, queue: int = 0) -> None: ...
+    def depth_normals(self, depth: Annotated[NDArray, dict(writable=False)], K: Annotated[NDArray, dict(writable=False)], cam_from_world: Annotated[NDArray, dict(writable=False)], normal: NDArray, queue: int = 0) -> None: ...
 
-    def normal_consistency(self, depth: Annotated[NDArray, dict(writable=False)], alpha: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)], fx: float, fy: float, cx: float, cy: float, cam_from_world: Annotated[NDArray, dict(writable=False)], grad_depth: NDArray, grad_normal: NDArray, values: NDArray, queue: int = 0) -> None:
+    def normal_consistency(self, depth: Annotated[NDArray, dict(writable=False)], alpha: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)], K: Annotated[NDArray, dict(writable=False)], cam_from_world: Annotated[NDArray, dict(writable=False)], grad_depth: NDArray, grad_normal: NDArray, values: NDArray, queue: int = 0) -> None:
         """
-        Writes the loss and the gradient of the rotation to values, (10,) float64. cam_from_world lies on the CPU.
+        Writes the loss and the gradient of the rotation to values, (10,) float64.
+        """
+
+    def depth_prior(self, depth: Annotated[NDArray, dict(writable=False)], alpha: Annotated[NDArray, dict(writable=False)], prior: Annotated[NDArray, dict(writable=False)], valid: Annotated[NDArray, dict(writable=False)], confidence: Annotated[NDArray, dict(writable=False)] | None, disparity: bool, align: bool, gradient_weight: float, levels: int, gradient: NDArray, values: NDArray, queue: int = 0) -> None:
+        """
+        Writes the loss to values, (1,) float64, and its gradient by the depth. valid is uint8.
+        """
+
+    def multiview(self, depth: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)] | None, pixels: Annotated[NDArray, dict(writable=False)], grey: Annotated[NDArray, dict(writable=False)], other_grey: Annotated[NDArray, dict(writable=False)], usable: Annotated[NDArray, dict(writable=False)] | None, inverse_depth: Annotated[NDArray, dict(writable=False)], step: int, K: Annotated[NDArray, dict(writable=False)], cam_from_world: Annotated[NDArray, dict(writable=False)], other_K: Annotated[NDArray, dict(writable=False)], other_cam_from_world: Annotated[NDArray, dict(writable=False)], patch: int, to_depth: NDArray, to_normal: NDArray, values: NDArray, queue: int = 0) -> None:
+        """
+        Writes geometric and photometric mean and the numbers of their pixels to values, (4,) float64, and each pixel's gradients, not yet divided by these. pixels, int32, are row * width + column, or -1; usable is uint8. Without a normal there is no photometric term.
         """
 
 def adam_rows(parameters: NDArray, gradients: Annotated[NDArray, dict(writable=False)], first: NDArray, second: NDArray, seen: Annotated[NDArray, dict(writable=False)] | None, rate: float, beta1: float, beta2: float, epsilon: float, step: int, queue: int = 0) -> None:

@@ -35,7 +35,9 @@ def main(argv: list[str] | None = None) -> int:
     """
     argv = list(argv or [])
     parser = argparse.ArgumentParser(prog="room2dgs bench gpu", description=HELP)
-    parser.add_argument("--backend", default="cuda", help="a rasterizer by name (default: cuda)")
+    parser.add_argument(
+        "--backend", default="cuda", help="a rasterizer by name, and render.device of the run (default: cuda)"
+    )
     parser.add_argument("--minutes", type=float, default=8.0, help="begin nothing new after so long")
     parser.add_argument("--only", default="", metavar="TEXT", help="hard cases whose name has this in it")
     parser.add_argument("--tiny", action="store_true", help="time the smallest picture alone: a test of this command")

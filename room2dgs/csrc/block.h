@@ -151,6 +151,16 @@ struct Warp {
     halve<n, kWarp / 2>(x);
   }
 
+  // The same sums to to[0..n) in shared memory, for all lanes to read.
+  template <class T, int n>
+  R2_KERNEL void sums(Own<Sums<T, n>, kWarp>& x, T* to) const {
+    sums(x);
+    lanes([&](int lane) {
+      const int k = sum_of_lane(lane, n);
+      if (k >= 0) to[k] = x[lane].value[0];
+    });
+  }
+
  private:
   template <int count, int offset, class T, int n>
   R2_KERNEL void halve(Own<Sums<T, n>, kWarp>& x) const {
@@ -233,11 +243,7 @@ class Block {
     warps([&](const Warp& warp) {
       Own<Sums<T, n>, kWarp> mine;
       warp.lanes([&](int lane) { mine[lane] = x[warp.thread(lane)]; });
-      warp.sums(mine);
-      warp.lanes([&](int lane) {
-        const int k = sum_of_lane(lane, n);
-        if (k >= 0) parts[warp.index][k] = mine[lane].value[0];
-      });
+      warp.sums(mine, parts[warp.index]);
     });
     threads([&](int thread) {
       if (thread >= n) return;

@@ -1,99 +1,139 @@
 """The fused losses by the kernels written for CUDA: on a GPU's tensors, or as plain C++ on the CPU's, for tests.
 
-What they compute is `photometric.rgb_loss` and `surface.normal_consistency`, with the arithmetic of the CPU's kernels.
-Nothing waits for the device: values are tensors there.
+What they compute is `photometric.rgb_loss`, `surface.normal_consistency`, `depth_prior.depth_prior_loss` and the terms
+of `multiview`. Nothing waits for the device: values are tensors there, and cameras are read there.
 """
 
 from __future__ import annotations
 
-import importlib
 from functools import cache
-from types import ModuleType
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from room2dgs import _C
+from room2dgs.block_code import PLAIN, build_for
+
+LEVELS = 4  # of the depth prior's differences, at most
 
 
-@cache
-def cuda_kernels() -> ModuleType | None:
-    """The extension `_cuda`, or None where it was not built."""
-    try:
-        return importlib.import_module("room2dgs._cuda")
-    except ImportError:
-        return None
+def rgb_loss(rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
+    """`photometric.rgb_loss` of float32 images on one device; differentiable once with respect to `rendered`."""
+    return _RgbLoss.apply(rendered, target, dssim)
 
 
-def runs_on_cuda(*maps: Tensor) -> bool:
-    """True if CUDA's kernels are there for these tensors."""
-    return all(m.is_cuda and m.dtype == torch.float32 for m in maps) and cuda_kernels() is not None
-
-
-def rgb_loss(rendered: Tensor, target: Tensor, dssim: float, order: int = 0) -> Tensor:
-    """`photometric.rgb_loss` of float32 images on one device; differentiable once with respect to `rendered`.
-
-    Args:
-        order: on the CPU, which order of blocks and threads to draw; the result does not depend on it.
-    """
-    return _RgbLoss.apply(rendered, target, dssim, order)
-
-
-def normal_consistency(
-    depth: Tensor,
-    alpha: Tensor,
-    normal: Tensor,
-    pinhole: tuple[float, float, float, float],
-    pose: Tensor,
-    order: int = 0,
-) -> Tensor:
+def normal_consistency(depth: Tensor, alpha: Tensor, normal: Tensor, K: Tensor, pose: Tensor) -> Tensor:
     """`surface.normal_consistency` of float32 maps on one device; alpha is held constant.
 
     Args:
-        pinhole: fx, fy, cx, cy, pixels.
-        pose: (4, 4) cam_from_world; best on the CPU, since the kernels take it from there.
-        order: as in `rgb_loss`.
+        K: (3, 3) without skew, pixels; on the maps' device, or nothing waits for it to come.
+        pose: (4, 4) cam_from_world, likewise.
     """
-    return _NormalConsistency.apply(depth, alpha, normal, pinhole, pose, order)
+    return _NormalConsistency.apply(depth, alpha, normal, K, pose)
 
 
-def depth_normals(depth: Tensor, pinhole: tuple[float, float, float, float], pose: Tensor, order: int = 0) -> Tensor:
+def depth_normals(depth: Tensor, K: Tensor, pose: Tensor) -> Tensor:
     """(H, W, 3) `geometry.depth_to_normals` of a float32 map; no gradient."""
-    losses, queue = _losses(depth, order)
+    losses, queue = _losses(depth)
     normal = torch.empty(*depth.shape, 3, dtype=torch.float32, device=depth.device)
-    losses.depth_normals(depth.detach().contiguous(), *pinhole, _rotation(pose), normal, queue)
+    losses.depth_normals(_plain(depth), _there(K, depth), _there(pose, depth), normal, queue)
     return normal
 
 
-def _losses(like: Tensor, order: int):
+def depth_prior_loss(
+    depth: Tensor,
+    alpha: Tensor,
+    prior: Tensor,
+    valid: Tensor,
+    *,
+    space: str = "depth",
+    align: bool = True,
+    gradient_weight: float = 0.5,
+    scales: int = LEVELS,
+    confidence: Tensor | None = None,
+) -> Tensor:
+    """`depth_prior.depth_prior_loss` of float32 maps on one device, at up to `LEVELS` scales."""
+    if confidence is not None:
+        confidence = _plain(confidence)
+    maps = (_plain(alpha), _plain(prior), _plain(valid).view(torch.uint8), confidence)
+    return _DepthPrior.apply(depth, *maps, space == "disparity", align, gradient_weight, scales)
+
+
+class Other(NamedTuple):
+    """The neighbour that pixels are compared with.
+
+    Attributes:
+        grey: (h, w) float32 of its photo.
+        usable: (h, w) bool, pixels of the photo that may be compared; None: all.
+        inverse_depth: of every `step`-th row and column, 1/m, 0 = none.
+        K, pose: (3, 3) pixels without skew, (4, 4) cam_from_world.
+    """
+
+    grey: Tensor
+    usable: Tensor | None
+    inverse_depth: Tensor
+    step: int
+    K: Tensor
+    pose: Tensor
+
+
+def multiview(
+    depth: Tensor,
+    normal: Tensor | None,
+    pixels: Tensor,
+    grey: Tensor,
+    K: Tensor,
+    pose: Tensor,
+    other: Other,
+    patch: int,
+) -> Tensor:
+    """(2,) `multiview_geometric` and `multiview_photometric` of drawn pixels; differentiable in depth and normal.
+
+    Args:
+        depth: (H, W) rendered z-depth, metres, above 0 where a pixel is drawn.
+        normal: (H, W, 3) rendered, world frame, of any length; None: the second value is 0.
+        pixels: (M,) int32, row * W + column; below 0: none.
+        grey: (H, W) of the photo.
+        K, pose: of the view.
+        patch: side, pixels, odd, 31 at most.
+    """
+    return _Multiview.apply(depth, normal, pixels, grey, K, pose, other, patch)
+
+
+def _losses(like: Tensor):
     """The kernels with their buffers, and the queue to use them on."""
-    if not like.is_cuda:
-        return _C.device.BlockLosses(), order
-    queue = torch.cuda.current_stream(like.device).cuda_stream
-    return _held(like.device.index, queue), queue
+    build = build_for(like) or PLAIN
+    queue = build.queue(like)
+    if like.is_cuda:
+        return _held(build, like.device.index, queue), queue
+    return build.extension.BlockLosses(), queue
 
 
 @cache
-def _held(device: int, queue: int):
+def _held(build, device: int, queue: int):
     """One for each stream: what runs on it comes one after another, and may use the same buffers."""
-    return cuda_kernels().BlockLosses()
+    return build.extension.BlockLosses()
 
 
-def _rotation(pose: Tensor):
-    return pose.detach()[:3, :3].to("cpu", torch.float64).contiguous()
+def _plain(x: Tensor) -> Tensor:
+    return x.detach().contiguous()
+
+
+def _there(camera: Tensor, like: Tensor) -> Tensor:
+    return camera.detach().to(like.device, torch.float32).contiguous()
+
+
+def _empty(x: Tensor) -> Tensor:
+    return torch.empty_like(x, memory_format=torch.contiguous_format)
 
 
 class _RgbLoss(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, rendered: Tensor, target: Tensor, dssim: float, order: int) -> Tensor:
-        losses, queue = _losses(rendered, order)
-        gradient = (
-            torch.empty_like(rendered, memory_format=torch.contiguous_format) if ctx.needs_input_grad[0] else None
-        )
+    def forward(ctx, rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
+        losses, queue = _losses(rendered)
+        gradient = _empty(rendered) if ctx.needs_input_grad[0] else None
         values = torch.empty(2, dtype=torch.float64, device=rendered.device)
-        losses.rgb_loss(
-            rendered.detach().contiguous(), target.detach().contiguous(), dssim, values, gradient, queue
-        )  # fmt: skip
+        losses.rgb_loss(_plain(rendered), _plain(target), dssim, values, gradient, queue)
         if gradient is not None:
             ctx.save_for_backward(gradient)
         return ((1 - dssim) * values[0] + dssim * values[1]).to(rendered.dtype)
@@ -102,18 +142,18 @@ class _RgbLoss(torch.autograd.Function):
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad: Tensor):
         (gradient,) = ctx.saved_tensors
-        return gradient.mul_(grad), None, None, None  # in place: torch refuses a second backward through this node
+        return gradient.mul_(grad), None, None  # in place: torch refuses a second backward through this node
 
 
 class _NormalConsistency(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, depth: Tensor, alpha: Tensor, normal: Tensor, pinhole, pose: Tensor, order: int) -> Tensor:
-        losses, queue = _losses(depth, order)
-        grad_depth, grad_normal = (torch.empty_like(x, memory_format=torch.contiguous_format) for x in (depth, normal))
+    def forward(ctx, depth: Tensor, alpha: Tensor, normal: Tensor, K: Tensor, pose: Tensor) -> Tensor:
+        losses, queue = _losses(depth)
+        grad_depth, grad_normal = _empty(depth), _empty(normal)
         values = torch.empty(10, dtype=torch.float64, device=depth.device)
         losses.normal_consistency(
-            *(x.detach().contiguous() for x in (depth, alpha, normal)),
-            *pinhole, _rotation(pose), grad_depth, grad_normal, values, queue,
+            *map(_plain, (depth, alpha, normal)), _there(K, depth), _there(pose, depth),
+            grad_depth, grad_normal, values, queue,
         )  # fmt: skip
         grad_pose = torch.zeros(4, 4, dtype=torch.float64, device=depth.device)
         grad_pose[:3, :3] = values[1:].reshape(3, 3)
@@ -125,4 +165,54 @@ class _NormalConsistency(torch.autograd.Function):
     def backward(ctx, grad: Tensor):
         # in place: torch refuses a second backward through this node
         grad_depth, grad_normal, grad_pose = (gradient.mul_(grad.to(gradient.device)) for gradient in ctx.saved_tensors)
-        return grad_depth, None, grad_normal, None, grad_pose, None
+        return grad_depth, None, grad_normal, None, grad_pose
+
+
+class _DepthPrior(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, depth, alpha, prior, valid, confidence, disparity, align, gradient_weight, scales) -> Tensor:
+        losses, queue = _losses(depth)
+        gradient = _empty(depth)
+        value = torch.empty(1, dtype=torch.float64, device=depth.device)
+        losses.depth_prior(
+            _plain(depth), alpha, prior, valid, confidence, disparity, align, gradient_weight,
+            scales if gradient_weight else 0, gradient, value, queue,
+        )  # fmt: skip
+        ctx.save_for_backward(gradient)
+        return value[0].to(depth.dtype)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad: Tensor):
+        (gradient,) = ctx.saved_tensors
+        return gradient * grad, *[None] * 8
+
+
+class _Multiview(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, depth, normal, pixels, grey, K, pose, other: Other, patch: int) -> Tensor:
+        losses, queue = _losses(depth)
+        to_depth, to_normal = (depth.new_empty(len(pixels), n) for n in (2, 3))
+        values = torch.empty(4, dtype=torch.float64, device=depth.device)
+        losses.multiview(
+            _plain(depth), None if normal is None else _plain(normal), pixels, grey, other.grey,
+            None if other.usable is None else other.usable.view(torch.uint8), other.inverse_depth, other.step,
+            *(_there(x, depth) for x in (K, pose, other.K, other.pose)), patch, to_depth, to_normal, values, queue,
+        )  # fmt: skip
+        ctx.save_for_backward(pixels, to_depth, to_normal, values[2:])
+        ctx.shapes = depth.shape, None if normal is None else normal.shape
+        return values[:2].to(depth.dtype)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad: Tensor):
+        pixels, to_depth, to_normal, counts = ctx.saved_tensors
+        share = grad / counts.to(grad.dtype)
+        # a pixel may be drawn twice; added up in one order, and not by atomics. What is below 0 has no gradient.
+        where = (pixels.clamp(min=0).long(),)
+        depth, normal = ctx.shapes
+        by_depth = to_depth.new_zeros(depth.numel()).index_put_(where, to_depth @ share, accumulate=True).view(depth)
+        if normal is None:
+            return by_depth, *[None] * 7
+        by_normal = to_normal.new_zeros(depth.numel(), 3).index_put_(where, to_normal * share[1], accumulate=True)
+        return by_depth, by_normal.view(normal), *[None] * 6

@@ -8,6 +8,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import hardshrink
 
+from room2dgs.block_code import build_for
+from room2dgs.losses import blocks
+
 MIN_ALPHA = 0.5  # pixels less covered have no depth worth comparing
 MIN_PIXELS = 64  # fewer say nothing about scale and shift
 MIN_SPREAD = 1e-4  # standard deviation over mean; a flatter map fixes no scale and shift
@@ -63,6 +66,11 @@ def depth_prior_loss(
         raise ValueError(f"space={space!r} is not known; choose depth or disparity")
     if any(other.shape != depth.shape for other in (alpha, prior, valid, confidence) if other is not None):
         raise ValueError("depth, alpha, prior, valid and confidence differ in size")
+    if build_for(depth, alpha, prior) and scales <= blocks.LEVELS:
+        return blocks.depth_prior_loss(
+            depth, alpha, prior, valid,
+            space=space, align=align, gradient_weight=gradient_weight, scales=scales, confidence=confidence,
+        )  # fmt: skip
     compared = valid & (prior > 0) & torch.isfinite(prior) & (alpha.detach() >= MIN_ALPHA) & (depth.detach() > 0)
     count = int(torch.count_nonzero(compared))
     # A depth of 1 in place of the others keeps infinities and NaN out of the gradients.

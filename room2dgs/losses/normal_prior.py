@@ -61,7 +61,7 @@ def normal_prior_loss(
     if normal.shape != prior.shape or any(other.shape != normal.shape[:2] for other in maps):
         raise ValueError("normal, alpha, prior, valid and confidence differ in size")
     compared = valid & (alpha.detach() >= MIN_ALPHA)
-    share = compared.to(normal.dtype) / max(1, int(torch.count_nonzero(compared)))
+    share = compared.to(normal.dtype) / torch.count_nonzero(compared).clamp(min=1)
     if confidence is not None:
         share = share * torch.where(compared, confidence, 0.0)
     # Axis by axis: torch sums over an innermost axis of three very slowly.

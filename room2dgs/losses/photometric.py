@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from room2dgs import _C
+from room2dgs.block_code import build_for
 from room2dgs.geometry.kernel_arguments import runs_compiled
 from room2dgs.losses import blocks, reference
 
@@ -30,7 +31,7 @@ def rgb_loss(rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
     """
     if rendered.shape != target.shape:
         raise ValueError(f"rendered {tuple(rendered.shape)} and target {tuple(target.shape)} differ in size")
-    if dssim and blocks.runs_on_cuda(rendered, target):
+    if dssim and build_for(rendered, target):
         return blocks.rgb_loss(rendered, target, dssim)
     if dssim == 0 or not runs_compiled(rendered, target):
         return reference.rgb_loss(rendered, target.detach(), dssim) if dssim else (rendered - target).abs().mean()

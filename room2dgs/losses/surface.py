@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from room2dgs import _C
+from room2dgs.block_code import build_for
 from room2dgs.geometry.kernel_arguments import intrinsics, rotation_of, runs_compiled
 from room2dgs.losses import blocks, reference
 from room2dgs.splat.types import Rendering
@@ -48,12 +49,12 @@ def normal_consistency(
         raise ValueError(f"depth={depth!r} is not known; choose expected or median")
     chosen = rendering.depth if depth == "expected" else rendering.median_depth
     maps = (chosen, rendering.alpha, rendering.normal)
-    on_cuda = blocks.runs_on_cuda(*maps)
-    if not on_cuda and not runs_compiled(*maps):
+    by_blocks = build_for(*maps)
+    if not by_blocks and not runs_compiled(*maps):
         return reference.normal_consistency(*maps, K, cam_from_world)
     pose = cam_from_world if isinstance(cam_from_world, Tensor) else torch.from_numpy(np.asarray(cam_from_world))
-    if on_cuda:
-        return blocks.normal_consistency(*maps, intrinsics(K), pose)
+    if by_blocks:
+        return blocks.normal_consistency(*maps, torch.as_tensor(K), pose)
     return _NormalConsistency.apply(*maps, intrinsics(K), pose)
 
 

@@ -24,11 +24,12 @@ class PoseCorrections(Hook):
     def on_start(self, trainer: Trainer) -> None:
         cameras = [frame.camera for frame in trainer.views.frames]
         centre = torch.stack([torch.from_numpy(camera.centre) for camera in cameras])
-        self._from_mean = centre - centre.mean(dim=0)
+        self._from_mean = (centre - centre.mean(dim=0)).to(trainer.device)
         self._number = {frame.name: index for index, frame in enumerate(trainer.views.frames)}
         rates = trainer.config.train.rates
         self._rates = torch.tensor([rates.pose_rotation] * 3 + [rates.pose_center] * 3, dtype=torch.float64)
-        self._rows = Rows(len(cameras), 6)
+        self._rates = self._rates.to(trainer.device)
+        self._rows = Rows(len(cameras), 6, trainer.device)
         self._leaf: Tensor | None = None
 
     def before_iteration(self, trainer: Trainer, iteration: Iteration) -> None:
@@ -71,7 +72,7 @@ class ExposureCorrections(Hook):
     name = "exposure_corrections"
 
     def on_start(self, trainer: Trainer) -> None:
-        self._rows = Rows(len(trainer.views), 6)
+        self._rows = Rows(len(trainer.views), 6, trainer.device)
         self._rate = trainer.config.train.rates.exposure
         self._leaf: Tensor | None = None
 
@@ -83,7 +84,7 @@ class ExposureCorrections(Hook):
         share = correction_share(iteration.number, trainer.config.train.iterations)
         if share == 0 or self._leaf is None or self._leaf.grad is None:
             return
-        rates = torch.full((6,), share * self._rate, dtype=torch.float64)
+        rates = torch.full((6,), share * self._rate, dtype=torch.float64, device=trainer.device)
         self._rows.step(iteration.view_index, self._leaf.grad, rates)
         self._rows.values = self._rows.values - self._rows.values.mean(dim=0)
 
@@ -120,6 +121,6 @@ def anchored(corrections: Tensor, from_mean: Tensor) -> Tensor:
     corrections = corrections - corrections.mean(dim=0)
     turn, shift = corrections[:, :3], corrections[:, 3:]
     spread = from_mean.square().sum()
-    if spread > 0:
-        shift = shift - (shift * from_mean).sum() / spread * from_mean
+    swelling = torch.where(spread > 0, (shift * from_mean).sum() / spread, 0.0)
+    shift = shift - swelling * from_mean
     return torch.cat([turn, shift], dim=1)

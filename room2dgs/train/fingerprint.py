@@ -35,6 +35,8 @@ def fingerprint(config: Config, scene: Scene, priors: Mapping[str, ViewMaps] | N
         _flatten(f"train.{key}", values["train"][key], flat)
     if has_shares(config):
         flat["train.iterations"] = config.train.iterations
+    if config.render.device == "cpu":  # as in runs from before there was another
+        flat.pop("render.device")
     for key in FREE:
         flat.pop(key, None)
     flat[VIEWS] = _views_digest(scene)

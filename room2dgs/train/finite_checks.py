@@ -8,21 +8,46 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
+from room2dgs.block_code import stays
 from room2dgs.train.objective import Term
 from room2dgs.train.trainer import Hook, Iteration, Trainer
+
+EVERY = 100  # iterations after which a GPU is asked what it has noted
 
 
 class FiniteCheck(Hook):
     """Ends the run before a step with numbers that are not finite; the model stays as it was.
 
+    A GPU notes them, and is asked now and then, and before each checkpoint: then the model is lost since the last one.
+
     Raises:
         RuntimeError: in `after_backward`; names the iteration, the view, the parameters and the loss terms.
     """
 
+    def __init__(self) -> None:
+        self._bad: Tensor | None = None
+
+    def after_step(self, trainer: Trainer, iteration: Iteration) -> None:
+        ask = iteration.done % EVERY == 0 or iteration.done % trainer.config.train.checkpoint_every == 0
+        if self._bad is not None and (ask or trainer.finished) and bool(self._bad):
+            raise RuntimeError(
+                f"up to iteration {iteration.number}: a loss or gradient was not finite; this is a fault of room2dgs, "
+                "and resume=true goes on from the last checkpoint"
+            )
+
     def after_backward(self, trainer: Trainer, iteration: Iteration) -> None:
+        loss = iteration.step.losses["loss"]
+        if isinstance(loss, Tensor) and stays(loss):
+            found = torch.stack([~torch.isfinite(x).all() for x in (loss, *_gradients(trainer))]).any()
+            self._bad = found if self._bad is None else self._bad | found
+            return
         where = f"iteration {iteration.number}, view {iteration.view.name}"
         check_loss(iteration.step.losses, where)
         check_gradients(trainer.model.decoder.parameters(), where, iteration.step.terms_again)
+
+
+def _gradients(trainer: Trainer) -> list[Tensor]:
+    return [p.grad for p in trainer.model.decoder.parameters().values() if p.grad is not None]
 
 
 def check_loss(values: dict[str, float], where: str) -> None:

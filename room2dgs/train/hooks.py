@@ -63,7 +63,7 @@ class HeldOut(Hook):
     """Renders the held-out views every `train.test_every` iterations and after the last one."""
 
     def on_start(self, trainer: Trainer) -> None:
-        self._views = Views(trainer.scene.test, cache=trainer.scene.cache)
+        self._views = Views(trainer.scene.test, cache=trainer.scene.cache, on_device=trainer.views.on_device)
 
     def after_step(self, trainer: Trainer, iteration: Iteration) -> None:
         every = trainer.config.train.test_every

@@ -71,3 +71,35 @@ class KeptDepths:
         for index in self._known:
             self._cache.discard((self._mine, index))
         self._fraction, self._known = fraction, set()
+
+
+class DeviceDepths:
+    """What `KeptDepths` does, with depths of a device that stay there, as float32."""
+
+    def __init__(self, device: torch.device) -> None:
+        self._device, self._fraction = device, 1.0
+        self._kept: dict[int, Tensor] = {}
+
+    def keep(self, index: int, fraction: float, depth: Tensor, alpha: Tensor) -> None:
+        """See `KeptDepths`."""
+        if fraction != self._fraction:
+            self._fraction, self._kept = fraction, {}
+        depth, alpha = (values.detach()[::STEP, ::STEP] for values in (depth, alpha))
+        self._kept[index] = torch.where((alpha >= MIN_ALPHA) & (depth > 0), depth.reciprocal(), 0.0)
+
+    def has(self, index: int, fraction: float) -> bool:
+        """See `KeptDepths`."""
+        return fraction == self._fraction and index in self._kept
+
+    def get(self, index: int, fraction: float) -> Tensor | None:
+        """See `KeptDepths`."""
+        return self._kept[index] if self.has(index, fraction) else None
+
+    def state(self) -> dict[str, Tensor]:
+        """All that is kept, for a checkpoint."""
+        return {str(index): self._kept[index] for index in sorted(self._kept)}
+
+    def load(self, state: dict[str, Tensor], fraction: float) -> None:
+        """The way back from `state`; `fraction` is that of the last `keep`."""
+        self._fraction = fraction
+        self._kept = {int(index): values.to(self._device) for index, values in state.items()}

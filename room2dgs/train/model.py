@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import torch
 from torch import Tensor
 from torch.optim import Adam
 
@@ -71,6 +72,21 @@ def restored_model(state: Checkpoint, config: Config) -> Model:
     adam = make_adam(decoder.parameters())
     load_adam_state(adam, state.adam)
     return Model(decoder, adam, state.iteration)
+
+
+def moved_model(model: Model, config: Config, device: torch.device) -> Model:
+    """The model with its optimiser on a device; the same one where it is there."""
+
+    def there(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+        return {name: value.detach().to(device) for name, value in tensors.items()}
+
+    fixed = model.decoder.fixed()
+    if fixed["positions"].device == device:
+        return model
+    decoder = restored_decoder(config.seeds, there(fixed), there(model.decoder.parameters()))
+    adam = make_adam(decoder.parameters())
+    load_adam_state(adam, there(adam_state(model.adam)))
+    return Model(decoder, adam, model.iteration)
 
 
 def checkpoint_of(

@@ -11,7 +11,7 @@ from torch import Tensor
 from room2dgs.captures.cache import Arrays
 from room2dgs.config import Config
 from room2dgs.train.grey import GreyPhoto, grey_photo
-from room2dgs.train.kept_depths import KeptDepths
+from room2dgs.train.kept_depths import DeviceDepths, KeptDepths
 from room2dgs.train.neighbours import neighbours
 from room2dgs.train.schedule import image_fraction, multiview_acts
 from room2dgs.train.views import View, Views
@@ -49,7 +49,7 @@ class NeighbourViews:
     def __init__(self, views: Views, config: Config) -> None:
         self.views = views
         self._config = config
-        self._depths = KeptDepths(views.cache)
+        self._depths = DeviceDepths(views.on_device.device) if views.on_device else KeptDepths(views.cache)
         self._mine = object()  # tells its keys from those of others
         self._lists: list[np.ndarray] | None = None
 
@@ -95,6 +95,11 @@ class NeighbourViews:
         return self._lists[index]
 
     def _photo(self, index: int, fraction: float) -> GreyPhoto:
+        if self.views.on_device is None:
+            return self._made(index, fraction)
+        return self.views.on_device.get_or((self._mine, index, fraction), lambda: self._made(index, fraction))
+
+    def _made(self, index: int, fraction: float) -> GreyPhoto:
         settings = self._config.loss.multiview
 
         def made() -> Arrays:

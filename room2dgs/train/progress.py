@@ -9,6 +9,7 @@ from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from torch import Tensor
 
 STAGES = ("data", "render", "loss", "multiview", "backward", "optimiser", "strategy")
 REFRESH = 10  # iterations between two updates of the bar
@@ -40,18 +41,18 @@ class Means:
     """Running means by name since the last `take`; a name may come in some iterations only."""
 
     def __init__(self) -> None:
-        self._sums: dict[str, float] = {}
+        self._sums: dict[str, float | Tensor] = {}
         self._counts: dict[str, int] = {}
 
-    def add(self, values: dict[str, float]) -> None:
-        """One value each of some names."""
+    def add(self, values: dict[str, float | Tensor]) -> None:
+        """One value each of some names; scalars of a GPU are added up there."""
         for name, value in values.items():
             self._sums[name] = self._sums.get(name, 0.0) + value
             self._counts[name] = self._counts.get(name, 0) + 1
 
     def take(self) -> dict[str, float]:
         """The means, and start anew."""
-        means = {name: total / self._counts[name] for name, total in self._sums.items()}
+        means = {name: float(total) / self._counts[name] for name, total in self._sums.items()}
         self._sums, self._counts = {}, {}
         return means
 

@@ -16,9 +16,11 @@ class Rows:
     all others.
     """
 
-    def __init__(self, views: int, numbers: int) -> None:
-        self.values, self._mean, self._square = (torch.zeros(views, numbers, dtype=torch.float64) for _ in range(3))
-        self._steps = torch.zeros(views, dtype=torch.int64)
+    def __init__(self, views: int, numbers: int, device: torch.device | None = None) -> None:
+        self.values, self._mean, self._square = (
+            torch.zeros(views, numbers, dtype=torch.float64, device=device) for _ in range(3)
+        )
+        self._steps = [0] * views
 
     def step(self, row: int, gradient: Tensor, rates: Tensor) -> None:
         """One step of Adam for one row.
@@ -30,7 +32,7 @@ class Rows:
         self._steps[row] += 1
         self._mean[row] = first * self._mean[row] + (1 - first) * gradient
         self._square[row] = second * self._square[row] + (1 - second) * gradient**2
-        count = int(self._steps[row])
+        count = self._steps[row]
         mean, square = self._mean[row] / (1 - first**count), self._square[row] / (1 - second**count)
         self.values[row] -= rates * mean / (square.sqrt() + EPSILON)
 
@@ -40,11 +42,12 @@ class Rows:
             "values": self.values,
             "mean": self._mean,
             "square": self._square,
-            "steps": self._steps,
+            "steps": torch.tensor(self._steps, dtype=torch.int64),
         }
 
     def load(self, state: dict[str, Tensor]) -> None:
         """The way back from `state`."""
-        self.values, self._mean, self._square, self._steps = (
-            state[name].clone() for name in ("values", "mean", "square", "steps")
+        self.values, self._mean, self._square = (
+            state[name].clone().to(self.values.device) for name in ("values", "mean", "square")
         )
+        self._steps = state["steps"].tolist()

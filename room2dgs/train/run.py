@@ -13,6 +13,7 @@ from room2dgs.config import Config
 from room2dgs.logs import Log, run_log
 from room2dgs.torch_threads import one_torch_thread
 from room2dgs.train.corrections import ExposureCorrections, PoseCorrections
+from room2dgs.train.device import on_device
 from room2dgs.train.fingerprint import digest
 from room2dgs.train.finite_checks import FiniteCheck
 from room2dgs.train.hooks import Checkpoints, Densification, HeldOut, Neighbours
@@ -70,17 +71,18 @@ def train(
         hooks: more of them (see `trainer.Hook`), called after densification and before reports and checkpoints.
 
     Raises:
-        InputError: no usable points, a photo that cannot be decoded, a full disk, or a resumed run
-            whose settings, views or priors differ from the first one's.
+        InputError: no usable points, a photo that cannot be decoded, a full disk, no GPU where one is asked for, or a
+            resumed run whose settings, views or priors differ from the first one's.
         RuntimeError: a loss or gradient that is not finite (our fault).
     """
     out, report = Path(out), Report()
     first = (Neighbours(), Densification(new_strategy(config, scene)), *_corrections(config))
     last = (FiniteCheck(), HeldOut(), report, Checkpoints())
-    trainer = Trainer(scene, points, config, out, log or run_log(out), priors, (*first, *hooks, *last))
-    trainer.run()
+    with on_device(config.render.device) as device:
+        trainer = Trainer(scene, points, config, out, log or run_log(out), priors, (*first, *hooks, *last), device)
+        trainer.run()
+        model, surfels = trainer.model, trainer.surfels()
 
-    model, surfels = trainer.model, trainer.surfels()
     path = out / "surfels.safetensors"
     meta = {
         "iteration": model.iteration,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from room2dgs import splat
+from room2dgs.block_code import stays
 from room2dgs.config import Config, RenderConfig
 from room2dgs.splat.types import Rendering, Surfels
 from room2dgs.train.model import Model, set_rates
@@ -24,7 +26,8 @@ class Step(NamedTuple):
     """What rendering a view and comparing it gave.
 
     Attributes:
-        losses: unweighted value of each active term, and "loss", their weighted sum.
+        losses: unweighted value of each active term, and "loss", their weighted sum; where a GPU trains scalars
+            on it, which it waits for when they are read.
         color: (H, W, 3) the rendering.
         target: (H, W, 3) the photo; where a mask hides it, the rendering.
         depth, alpha: (H, W) of the rendering.
@@ -33,7 +36,7 @@ class Step(NamedTuple):
             None unless asked for.
     """
 
-    losses: dict[str, float]
+    losses: dict[str, float | Tensor]
     color: Tensor
     target: Tensor
     depth: Tensor
@@ -61,9 +64,10 @@ def forward_backward(
     iteration = model.iteration
     target = view.target()
     clock.lap("data")
-    center_px = (
-        torch.zeros(model.surfel_count, 2, dtype=torch.float32, requires_grad=True) if screen_gradients else None
-    )
+    center_px = None
+    if screen_gradients:
+        size = (model.surfel_count, 2)
+        center_px = torch.zeros(size, dtype=torch.float32, device=view.K.device, requires_grad=True)
 
     def rendered() -> tuple[Surfels, Rendering]:
         surfels = model.surfels(active_sh_degree(iteration, config.render))
@@ -80,7 +84,7 @@ def forward_backward(
     clock.lap("render")
     terms = terms_of(rendering)
     loss = total_loss(terms)
-    losses = {name: term.value.item() for name, term in terms.items()} | {"loss": loss.item()}
+    losses = {name: _number(term.value) for name, term in terms.items()} | {"loss": _number(loss)}
     clock.lap("loss")
     model.adam.zero_grad(set_to_none=True)
     loss.backward()
@@ -118,12 +122,21 @@ def render_view(
         view.cam_from_world,
         view.width,
         view.height,
-        background=torch.tensor(render.background, dtype=torch.float32),
+        background=_background(tuple(render.background), view.K.device),
         near_m=render.near_m,
         center_px=center_px,
         with_normal=with_normal,
         with_distortion=with_distortion,
     )
+
+
+@lru_cache(maxsize=4)
+def _background(color: tuple[float, ...], device: torch.device) -> Tensor:
+    return torch.tensor(color, dtype=torch.float32, device=device)
+
+
+def _number(value: Tensor) -> float | Tensor:
+    return value.detach().double() if stays(value) else value.item()
 
 
 def current_surfels(model: Model, render: RenderConfig) -> Surfels:
@@ -132,10 +145,12 @@ def current_surfels(model: Model, render: RenderConfig) -> Surfels:
         return model.surfels(active_sh_degree(max(0, model.iteration - 1), render))
 
 
-def psnr_db(image: Tensor, target: Tensor) -> float:
-    """Peak signal-to-noise ratio of an image clamped to 0..1, decibels."""
+def psnr_db(image: Tensor, target: Tensor) -> float | Tensor:
+    """Peak signal-to-noise ratio of an image clamped to 0..1, decibels; on a GPU a scalar there."""
     with torch.no_grad():
-        error = torch.nn.functional.mse_loss(image.detach().clamp(0.0, 1.0), target).item()
+        error = _number(torch.nn.functional.mse_loss(image.detach().clamp(0.0, 1.0), target))
+    if isinstance(error, Tensor):
+        return -10.0 * error.clamp(min=1e-12).log10()
     return -10.0 * math.log10(max(error, 1e-12)) if math.isfinite(error) else math.nan
 
 
@@ -144,7 +159,7 @@ def shown(target: Tensor, view: View, color: Tensor) -> Tensor:
     return target if view.mask is None else torch.where(view.mask[..., None], target, color)
 
 
-def _psnr_of(surfels: Surfels, view: View, render: RenderConfig) -> float:
+def _psnr_of(surfels: Surfels, view: View, render: RenderConfig) -> float | Tensor:
     color = render_view(surfels, view, render).color
     return psnr_db(color, shown(view.target(), view, color))
 
@@ -155,4 +170,4 @@ def mean_psnr_db(model: Model, views: Views, render: RenderConfig) -> float:
     with torch.no_grad():
         seen = (views.at(index) for index in range(len(views)))
         values = [_psnr_of(surfels, view, render) for view in seen]
-    return sum(values) / len(values)
+    return float(sum(values)) / len(values)

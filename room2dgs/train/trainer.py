@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+import torch
 from torch import Tensor
 
 from room2dgs.captures.point_cloud import PointCloud
@@ -18,8 +19,9 @@ from room2dgs.logs import Log
 from room2dgs.splat.types import Surfels
 from room2dgs.train import checkpoint
 from room2dgs.train.checkpoint import Checkpoint
+from room2dgs.train.device import CPU, DeviceCache
 from room2dgs.train.fingerprint import check_same, fingerprint
-from room2dgs.train.model import checkpoint_of, new_model, restored_model
+from room2dgs.train.model import checkpoint_of, moved_model, new_model, restored_model
 from room2dgs.train.neighbour_views import Pair
 from room2dgs.train.progress import StageClock
 from room2dgs.train.schedule import image_fraction, view_index
@@ -119,6 +121,7 @@ class Trainer:
     Attributes:
         scene, config, out, log: as `train` has them.
         hooks: in their order.
+        device: where surfels, photos, maps and the optimiser are.
         views: the training views.
         fingerprint: the settings that decide the result.
         model: surfels and optimiser after `model.iteration` iterations.
@@ -139,11 +142,14 @@ class Trainer:
         log: Log,
         priors: Mapping[str, ViewMaps] | None = None,
         hooks: Sequence[Hook] = (),
+        device: torch.device = CPU,
     ) -> None:
         if len({hook.name for hook in hooks}) < len(hooks):
             raise ValueError(f"hooks of the same name: {', '.join(sorted(hook.name for hook in hooks))}")
         self.scene, self.config, self.out, self.log, self.hooks = scene, config, out, log, tuple(hooks)
-        self.views = Views(scene.train, priors, scene.cache)
+        self.device = device
+        on_device = None if config.render.device == "cpu" else DeviceCache(device, config.memory.gpu_mb)
+        self.views = Views(scene.train, priors, scene.cache, on_device)
         self.fingerprint = fingerprint(config, scene, priors)
         self.clock = StageClock()
         self.stop_requested = False
@@ -155,7 +161,7 @@ class Trainer:
             return
         if config.resume:
             log(f"no whole checkpoint in {checkpoint.folder_of(out)}; starting from the beginning")
-        self.model = new_model(scene, points, config, priors)
+        self.model = moved_model(new_model(scene, points, config, priors), config, device)
         log(
             f"{len(points)} points, {self.model.seeds} seeds, {self.model.surfel_count} surfels, "
             f"{len(scene.train)} training views"
@@ -184,8 +190,8 @@ class Trainer:
                 self._iterate()
 
     def surfels(self) -> Surfels:
-        """As the last iteration saw them, activated, without gradients."""
-        return current_surfels(self.model, self.config.render)
+        """As the last iteration saw them, activated, without gradients, on the CPU."""
+        return Surfels(*(values.cpu() for values in current_surfels(self.model, self.config.render)))
 
     def checkpoint(self) -> Checkpoint:
         """The whole state, sharing its tensors."""
@@ -219,6 +225,6 @@ class Trainer:
     def _resume(self, state: Checkpoint) -> None:
         check_same(state.fingerprint, self.fingerprint, self.out)
         self.log(f"resuming after iteration {state.iteration} of {self.config.train.iterations}")
-        self.model = restored_model(state, self.config)
+        self.model = moved_model(restored_model(state, self.config), self.config, self.device)
         self.clock = StageClock(state.seconds)
         self._resumed_state = state.extra

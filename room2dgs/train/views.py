@@ -17,6 +17,7 @@ from room2dgs.captures.scene import MASK_WHOLE, Frame
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.camera_tensors import view_matrices
+from room2dgs.train.device import DeviceCache
 from room2dgs.train.prior_maps import compared_maps, prior_maps
 
 
@@ -59,9 +60,10 @@ class Views:
     Args:
         priors: by frame name; frames may have none.
         cache: keeps photos and maps.
+        on_device: keeps what is asked for there too; None: views are the CPU's.
 
     Attributes:
-        frames, cache: as given.
+        frames, cache, on_device: as given.
     """
 
     def __init__(
@@ -69,7 +71,9 @@ class Views:
         frames: Sequence[Frame],
         priors: Mapping[str, ViewMaps[np.ndarray]] | None = None,
         cache: Cache | None = None,
+        on_device: DeviceCache | None = None,
     ) -> None:
+        self.on_device = on_device
         self.cache = Cache() if cache is None else cache
         self.frames = [frame if frame.cache else replace(frame, cache=self.cache) for frame in frames]
         self._priors = priors or {}
@@ -84,6 +88,11 @@ class Views:
         Raises:
             InputError: the photo cannot be decoded.
         """
+        if self.on_device is None:
+            return self._read(index, fraction)
+        return self.on_device.get_or((self._mine, index, fraction), lambda: self._read(index, fraction))
+
+    def _read(self, index: int, fraction: float) -> View:
         frame = self.frames[index]
         camera = _resized(frame.camera, fraction)
         return View(

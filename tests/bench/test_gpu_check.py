@@ -8,8 +8,6 @@ from itertools import count
 import pytest
 
 from room2dgs.bench.gpu_check.corpus import corpus_row
-from room2dgs.bench.gpu_check.rendering import renders_by
-from room2dgs.bench.gpu_check.speed import speed_row
 from room2dgs.cli import main
 from room2dgs.commands import bench_gpu
 from room2dgs.splat.backends import BACKENDS, cpu
@@ -63,15 +61,6 @@ def wrong(render, change):
 def test_a_wrong_backend_is_found(change, monkeypatch):
     monkeypatch.setitem(BACKENDS, "wrong", wrong(cpu.BACKEND.render, change)._replace(automatic=False))
     assert not corpus_row(CASE, "wrong")["passed"]
-
-
-def test_a_whole_run_takes_the_backend_and_gives_it_back(monkeypatch):
-    seen = []
-    spy = wrong(cpu.BACKEND.render, lambda out: seen.append(1) or out)._replace(automatic=False)
-    monkeypatch.setitem(BACKENDS, "spy", spy)
-    with renders_by("spy"):
-        speed_row("cpu", 32, 24, 50, 1)  # asks for the CPU's
-    assert seen and BACKENDS["cpu"] is cpu.BACKEND
 
 
 def test_a_demo_that_scores_otherwise_fails():

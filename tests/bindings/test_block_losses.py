@@ -20,18 +20,51 @@ def outputs(height: int, width: int, queue: int) -> list[np.ndarray]:
     color, target, normal = (random.random((height, width, 3), np.float32) for _ in range(3))
     depth, alpha = (random.random((height, width), np.float32) for _ in range(2))
     depth[random.random(depth.shape) < 0.1] = np.nan
-    losses, camera = _C.device.BlockLosses(), (50.0, 52.0, width / 2, height / 2, np.eye(3))
+    losses = _C.device.BlockLosses()
+    K = np.array([[50.0, 0, width / 2], [0, 52.0, height / 2], [0, 0, 1]], np.float32)
+    camera, moved_camera = (K, np.eye(4, dtype=np.float32)), np.eye(4, dtype=np.float32)
+    moved_camera[:3, 3] = 0.05, 0.01, -0.02
     to_color, to_normal, normals, moved = (np.full_like(color, np.nan) for _ in range(4))
     to_depth, values, ten = np.full_like(depth, np.nan), np.full(2, np.nan), np.full(10, np.nan)
     losses.rgb_loss(color, target, 0.2, values, to_color, queue)
     losses.normal_consistency(depth, alpha, normal, *camera, to_depth, to_normal, ten, queue)
     losses.depth_normals(depth, *camera, normals, queue)
+    valid = (random.random(depth.shape) < 0.9).astype(np.uint8)
+    by_depth, one = np.full_like(depth, np.nan), np.full(1, np.nan)
+    losses.depth_prior(depth, alpha, alpha, valid, alpha, False, True, 0.5, 4, by_depth, one, queue)
+    pixels = random.integers(-1, height * width, 37).astype(np.int32)
+    pairs, normals_of, four = (
+        np.full((37, 2), np.nan, np.float32),
+        np.full((37, 3), np.nan, np.float32),
+        np.full(4, np.nan),
+    )
+    with_depth, towards = np.nan_to_num(depth, nan=1.0) + 1, normal - [0, 0, 3]
+    for usable, normal_map in ((None, None), (valid, towards.astype(np.float32))):
+        losses.multiview(
+            with_depth, normal_map, pixels, alpha, alpha, usable, with_depth[::2, ::2].copy(), 2, *camera, K,
+            moved_camera, 5, pairs, normals_of, four, queue,
+        )  # fmt: skip
     moved[:] = color
     first, second = np.zeros_like(color), np.zeros_like(color)
     rows = (moved, to_color, first, second)
     seen = (random.random(height) < 0.5).astype(np.uint8)
     _C.device.adam_rows(*(x.reshape(height, -1) for x in rows), seen, 0.01, 0.9, 0.999, 1e-15, 1, queue)
-    return [values, to_color, ten, to_depth, to_normal, normals, moved, first, second]
+    return [
+        values,
+        to_color,
+        ten,
+        to_depth,
+        to_normal,
+        normals,
+        by_depth,
+        one,
+        pairs,
+        normals_of,
+        four,
+        moved,
+        first,
+        second,
+    ]
 
 
 @pytest.mark.parametrize("size", SIZES)

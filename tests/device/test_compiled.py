@@ -52,6 +52,12 @@ LIMITS: dict[str, Limit] = {
     "SsimGradient": Limit(256, 40, 14000, 0.6),
     "NormalConsistency": Limit(256, 64, 5000, 0.5),
     "DepthNormals": Limit(256, 40, 1400, 0.75),
+    "DepthMoments": Limit(256, 56, 1200, 0.5),
+    "FitDepth": Limit(256, 56, 1200, 0.5),
+    "DepthGradient": Limit(256, 48, 128, 0.6),
+    "ComparePixels": Limit(256, 96, 512, 0.25),
+    "MeansOfPixels": Limit(256, 40, 384, 0.7),
+    "TotalOfBlocks<1>": Limit(256, 40, 128, 0.7),
     "TotalOfBlocks<2>": Limit(256, 40, 200, 0.5),
     "TotalOfBlocks<10>": Limit(256, 48, 800, 0.5),
 }

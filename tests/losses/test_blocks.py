@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import pytest
 import torch
 
 from room2dgs import _C
+from room2dgs.block_code import BUILDS, PLAIN, plain_code, set_order
 from room2dgs.geometry.depth_maps import depth_to_normals
-from room2dgs.geometry.kernel_arguments import intrinsics
 from room2dgs.losses import blocks, reference
+from room2dgs.losses.depth_prior import depth_prior_loss
 from room2dgs.losses.photometric import rgb_loss
 from room2dgs.losses.surface import normal_consistency
 from room2dgs.splat.types import Rendering
 
 SIZES = [(1, 1), (1, 17), (5, 5), (16, 16), (17, 31), (33, 8), (61, 83)]  # about the patches' 16 and the window's 11
 ORDERS = (0, 1, 12345)
+
+
+@pytest.fixture(autouse=True)
+def in_order():
+    yield
+    set_order(0)
+
+
+def same_in_any_order(compute, found):
+    """Another order of blocks and threads gives the same bits."""
+    for order in ORDERS[1:]:
+        set_order(order)
+        assert all(torch.equal(a, b) for a, b in zip(compute(), found, strict=True))
 
 
 def images(height, width, seed=0, noise=0.05):
@@ -44,8 +60,8 @@ def assert_near(actual, expected, relative):
         assert a.shape == b.shape and (a.double() - b.double()).abs().max() <= relative * b.abs().max()
 
 
-def of_rgb(loss, rendered, target, *more):
-    return differentiated(lambda x: loss(x, target, 0.2, *more), rendered)
+def of_rgb(loss, rendered, target):
+    return differentiated(lambda x: loss(x, target, 0.2), rendered)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -59,10 +75,7 @@ def test_rgb_loss(size, noise):
     assert_near(found[1:], [gradient], 1e-4)
     # the CPU's kernels take the same steps; only their fused multiply-adds differ
     assert_near(found[1:], of_rgb(rgb_loss, rendered, target)[1:], 3e-5)
-    for order in ORDERS[1:]:
-        assert all(
-            torch.equal(a, b) for a, b in zip(of_rgb(blocks.rgb_loss, rendered, target, order), found, strict=True)
-        )
+    same_in_any_order(lambda: of_rgb(blocks.rgb_loss, rendered, target), found)
 
 
 def test_rgb_loss_without_a_gradient_has_the_same_value():
@@ -80,8 +93,8 @@ def test_normal_consistency(camera, size):
     pose = torch.from_numpy(camera.cam_from_world)
     depth, alpha, normal = maps(*size, seed=size[1])
 
-    def by_blocks(d, a, n, p, order=0):
-        return blocks.normal_consistency(d, a, n, intrinsics(camera.K), p, order)
+    def by_blocks(d, a, n, p):
+        return blocks.normal_consistency(d, a, n, torch.from_numpy(camera.K), p)
 
     found = of_normals(by_blocks, depth, alpha, normal, pose)
     clean = torch.where((depth > 0) & depth.isfinite(), depth, torch.zeros_like(depth))
@@ -96,9 +109,7 @@ def test_normal_consistency(camera, size):
         return normal_consistency(Rendering(torch.zeros_like(n), a, d, d, n, torch.zeros_like(d)), camera.K, p)
 
     assert_near(found, of_normals(by_cpu, depth, alpha, normal, pose), 3e-5)
-    for order in ORDERS[1:]:
-        again = of_normals(lambda *x, order=order: by_blocks(*x, order), depth, alpha, normal, pose)
-        assert all(torch.equal(a, b) for a, b in zip(again, found, strict=True))
+    same_in_any_order(lambda: of_normals(by_blocks, depth, alpha, normal, pose), found)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -108,7 +119,8 @@ def test_depth_normals(camera, size):
     clean = torch.where((depth > 0) & depth.isfinite(), depth, torch.zeros_like(depth))
     exact = depth_to_normals(clean.double(), torch.from_numpy(camera.K), pose)
     for order in ORDERS:
-        found = blocks.depth_normals(depth, intrinsics(camera.K), pose, order)
+        set_order(order)
+        found = blocks.depth_normals(depth, torch.from_numpy(camera.K), pose)
         assert (found - exact).abs().max() < 1e-5 and torch.equal(found == 0, exact.float() == 0)
 
 
@@ -139,16 +151,77 @@ def test_arguments_are_checked():
             losses.rgb_loss(*wrong)
 
 
-def test_a_gpus_tensors_take_the_kernels_for_them(monkeypatch, camera):
-    """What is asked of the kernels on a GPU, by tensors that only say they are there."""
+def priors(height, width, seed=0):
+    """Rendered depth, alpha, a prior that resembles it, where it counts, confidence; holes and what is no number."""
+    g = torch.Generator().manual_seed(seed)
+    depth = 1 + 3 * torch.rand(height, width, generator=g)
+    prior = 0.4 * depth + 0.3 + 0.2 * torch.rand(height, width, generator=g)
+    for values, holes in ((depth, (0.0, -1.0)), (prior, (0.0, -1.0, torch.nan, torch.inf))):
+        for value in holes:
+            values[torch.rand(height, width, generator=g) < 0.02] = value
+    alpha, confidence = (torch.rand(height, width, generator=g) for _ in range(2))
+    return depth, 0.3 + alpha, prior, torch.rand(height, width, generator=g) > 0.1, confidence
+
+
+def of_depth(depth, alpha, prior, valid, confidence, by_blocks, **options):
+    def loss(d):
+        with plain_code() if by_blocks else nullcontext():
+            return depth_prior_loss(d, alpha, prior, valid, confidence=confidence, **options)
+
+    return differentiated(loss, depth)
+
+
+@pytest.mark.parametrize("size", [*SIZES, (64, 5), (128, 96)])
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"align": False}, {"space": "disparity"}, {"gradient_weight": 0.0}, {"scales": 2}, {"weighted": False}],
+    ids=str,
+)
+def test_depth_prior(size, options):
+    """Alignment, mean and gradient term, and both ends: too few pixels, and neighbours at all strides."""
+    options = dict(options)
+    *maps, confidence = priors(*size, seed=size[0])
+    confidence = confidence if options.pop("weighted", True) else None
+    found = of_depth(*maps, confidence, True, **options)
+    doubles = [x.double() if x is not None and x.is_floating_point() else x for x in (*maps, confidence)]
+    assert_near(found, of_depth(*doubles, False, **options), 1e-4)
+    assert_near(found, of_depth(*maps, confidence, False, **options), 1e-4)
+    assert (found[0] == 0) == (size[0] * size[1] < 100)
+    same_in_any_order(lambda: of_depth(*maps, confidence, True, **options), found)
+
+
+def test_depth_prior_of_maps_that_fix_no_scale():
+    """Flat ones, and those that are upside down or unrelated: the ratio of the means, as the CPU has it."""
+    g = torch.Generator().manual_seed(0)
+    ramp = (2 + 0.1 * torch.arange(30.0)).expand(20, 30).contiguous()
+    noise = 1 + torch.rand(20, 30, generator=g)
+    one, here = torch.ones(20, 30), torch.ones(20, 30, dtype=torch.bool)
+    for depth, prior in ((noise, 3 * one), (3 * one, noise), (ramp, 6 - ramp), (ramp, noise)):
+        found = of_depth(depth, one, prior, here, None, True)
+        assert_near(found, of_depth(depth.double(), one.double(), prior.double(), here, None, False), 1e-4)
+    exact = of_depth(ramp, one, 7 * ramp, here, None, True)
+    assert exact[0] < 1e-10 and exact[1].abs().max() < 1e-6  # a rounding has no sign
+
+
+def test_where_block_code_is_at_work_it_takes_all_fused_losses(monkeypatch, camera):
+    """And nothing else does: neither other types nor the CPU by itself."""
     taken = []
-    monkeypatch.setattr(blocks, "runs_on_cuda", lambda *maps: len(maps) in (2, 3))
-    monkeypatch.setattr(blocks, "rgb_loss", lambda *x: taken.append(x) or "rgb")
-    monkeypatch.setattr(blocks, "normal_consistency", lambda *x: taken.append(x) or "normals")
+    for name in ("rgb_loss", "normal_consistency", "depth_prior_loss"):
+        monkeypatch.setattr(blocks, name, lambda *x, name=name, **_: taken.append((name, x)))
     rendered, target = images(4, 5)
-    assert rgb_loss(rendered, target, 0.2) == "rgb"
-    assert isinstance(rgb_loss(rendered, target, 0.0), torch.Tensor)  # L1 alone is torch's
     depth, alpha, normal = maps(4, 5)
     drawn = Rendering(torch.zeros(4, 5, 3), alpha, depth, depth + 1, normal, depth)
-    assert normal_consistency(drawn, camera.K, camera.cam_from_world, "median") == "normals"
-    assert taken[1][0] is drawn.median_depth and taken[1][3] == intrinsics(camera.K)
+
+    def ask(dssim=0.2):
+        rgb_loss(rendered, target, dssim)
+        normal_consistency(drawn, camera.K, camera.cam_from_world, "median")
+        depth_prior_loss(depth, alpha, depth, depth > 0)
+
+    ask()
+    assert taken == []
+    with plain_code():
+        ask()
+        rgb_loss(rendered, target, 0.0)  # L1 alone is torch's
+        rgb_loss(rendered.double(), target.double(), 0.2)
+    assert [name for name, _ in taken] == ["rgb_loss", "normal_consistency", "depth_prior_loss"]
+    assert taken[1][1][0] is drawn.median_depth and "cpu" not in BUILDS and PLAIN.extension is _C.device

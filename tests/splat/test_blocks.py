@@ -22,8 +22,9 @@ from room2dgs.bench.numerics.scenes import (
     pose,
     random_surfels,
 )
+from room2dgs.block_code import PLAIN, set_order
 from room2dgs.splat import Surfels
-from room2dgs.splat.backends import block_view, blocks, cuda
+from room2dgs.splat.backends import block_view, cuda
 
 RENDER = partial(splat.render, backend="blocks")
 APART = 3e-5  # what sums in another order change, and fused arithmetic on one side
@@ -46,7 +47,7 @@ def one_thread():
     torch.set_num_threads(1)
     yield
     torch.set_num_threads(before)
-    blocks.set_order(0)
+    set_order(0)
 
 
 def both(render, scene: HardScene) -> list[torch.Tensor]:
@@ -64,7 +65,7 @@ def test_they_equal_the_cpu_and_themselves_in_any_order(name):
     for a, b in zip(actual, expected, strict=True):
         assert relative_error(a, b) < conditioned * APART
     for seed in (1, 2):
-        blocks.set_order(seed)
+        set_order(seed)
         again = both(RENDER, scene)
         assert all(torch.equal(a, b) for a, b in zip(again, actual, strict=True)), seed
 
@@ -72,7 +73,7 @@ def test_they_equal_the_cpu_and_themselves_in_any_order(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SCENES if name != "coincident layers"])  # that takes long
 def test_they_equal_the_float64_reference(name):
-    blocks.set_order(3)
+    set_order(3)
     found = compare(SCENES[name](), name in ILL_CONDITIONED, RENDER)
     assert found.passed, found
 
@@ -88,7 +89,7 @@ def test_bits_of_the_cpu_without_fused_arithmetic_and_the_way_to_a_build_of_cuda
         "sys.modules['room2dgs._cuda'] = room2dgs._cuda = _C.device\n"
         "from tests_of_blocks import ALL, RENDER, SimpleNamespace, cuda, splat\n"
         "like = SimpleNamespace(device=torch.device('cuda'), dtype=torch.float32)\n"
-        "assert splat.backends.backend_for(like) is cuda.BACKEND and cuda.BUILD.extension is _C.device\n"
+        "assert splat.backends.backend_for(like) is cuda.BACKEND and cuda.CUDA.extension is _C.device\n"
         "assert 'CUDA' in torch._C._dispatch_dump('room2dgs::rasterize')\n"
         "assert _C.isa() == 'baseline'\n"
         "for name, make in ALL.items():\n"
@@ -127,7 +128,7 @@ def test_a_lost_state_is_rendered_again():
     surfels = random_surfels(40, 5)
     inputs = (*surfels, pose(), intrinsics(), torch.zeros(3))
     options = (37, 29, NEAR_M, True, True)
-    forward, backward = (partial(getattr(block_view, name), blocks.BUILD) for name in ("forward", "backward"))
+    forward, backward = (partial(getattr(block_view, name), PLAIN) for name in ("forward", "backward"))
     color, alpha, depth, *_, state = forward(*inputs, None, *options)
     flows = (torch.ones_like(color), *[None] * 5)
     first = backward(*inputs, alpha, depth, state, *flows, *options, True)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 
 import torch
@@ -11,7 +10,7 @@ from torch import Tensor
 
 from room2dgs import splat
 from room2dgs.errors import InputError
-from room2dgs.splat.backends import BACKENDS, View
+from room2dgs.splat.backends import BACKENDS
 from room2dgs.splat.types import Rendering, Surfels
 
 
@@ -46,20 +45,3 @@ def renderer(backend: str) -> Callable[..., Rendering]:
         return Rendering(*(x.cpu() for x in images))
 
     return partial(splat.render, backend=backend) if device == "cpu" else render
-
-
-@contextmanager
-def renders_by(backend: str) -> Iterator[None]:
-    """Whatever asks for the CPU's rasterizer gets this one until the block ends: a whole run as it is."""
-    device = device_of(backend)
-    chosen, before = BACKENDS[backend], BACKENDS["cpu"]
-
-    def render(surfels: Surfels, view: View) -> Rendering:
-        moved = View(*(x.to(device) if isinstance(x, Tensor) else x for x in view))
-        return Rendering(*(x.cpu() for x in chosen.render(Surfels(*(x.to(device) for x in surfels)), moved)))
-
-    BACKENDS["cpu"] = before._replace(render=render)
-    try:
-        yield
-    finally:
-        BACKENDS["cpu"] = before

@@ -15,3 +15,4 @@ class MemoryConfig:
     cache_mb: Float = Field(
         ge=0, description="10^6 bytes of photos and maps; the rest lies in the run's folder until the run ends"
     )
+    gpu_mb: Float = Field(ge=0, description="render.device=cuda: 10^6 bytes of photos and maps that stay on the GPU")

@@ -95,7 +95,9 @@ class PriorConfig:
     threads: Int | None = Field(
         ge=1, le=1024, description="of the networks (null: all cores that this process may use)"
     )
-    provider: Literal["cpu", "cuda"] = Field(description="what runs the networks: cpu | cuda")
+    provider: Literal["auto", "cpu", "cuda"] = Field(
+        description="what runs the networks: auto (a GPU where onnxruntime has CUDA, else the CPU) | cpu | cuda"
+    )
 
     @model_validator(mode="after")
     def _flipped_photos_have_normals_of_the_camera(self) -> PriorConfig:

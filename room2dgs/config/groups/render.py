@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass
@@ -19,5 +19,8 @@ class RenderConfig:
     near_m: Float = Field(ge=1e-4, le=1, description="centres and hits nearer than this are not drawn")
     background: Annotated[list[Annotated[Float, Field(ge=0, le=1)]], Wants("three numbers from 0 to 1")] = Field(
         min_length=3, max_length=3, description="RGB in 0..1"
+    )
+    device: Literal["cpu", "cuda", "blocks"] = Field(
+        description="what trains: cpu | cuda (an NVIDIA GPU) | blocks (its kernels as plain C++, for tests)"
     )
     threads: Int | None = Field(ge=1, le=1024, description="null: all cores that this process may use")

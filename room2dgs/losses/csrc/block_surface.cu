@@ -14,6 +14,12 @@ constexpr int kPatch = 16, kPatchPixels = kPatch * kPatch;
 
 R2_HD int64_t patches_along(int64_t pixels) { return (pixels + kPatch - 1) / kPatch; }
 
+R2_HD Pinhole pinhole_of(const float* K, const float* pose) {
+  Pinhole camera = {K[0], K[4], K[2], K[5], {}};
+  for (int k = 0; k < 9; ++k) camera.cam_from_world[k] = pose[4 * (k / 3) + k % 3];
+  return camera;
+}
+
 // What is not a positive finite number is no depth.
 R2_HD float depth_or_none(float d) { return d > 0.0f && d <= 3.402823466e38f ? d : 0.0f; }
 
@@ -40,13 +46,13 @@ struct DepthNormals {
   struct Shared {
     float depth[kPatch + 2][kPatch + 2];
   };
-  const float* depth;
-  Pinhole camera;
+  const float *depth, *K, *pose;
   int64_t height, width;
   float* normal;
 
   R2_KERNEL void operator()(const Block<kThreads>& block, Shared& s) const {
     const int64_t x = block.index() % patches_along(width) * kPatch, y = block.index() / patches_along(width) * kPatch;
+    const Pinhole camera = pinhole_of(K, pose);
     block.threads([&](int thread) { load_depths<1, kThreads>(thread, depth, height, width, x, y, s.depth); });
     block.threads([&](int thread) {
       const int row = thread / kPatch, column = thread % kPatch;
@@ -66,8 +72,7 @@ struct NormalConsistency {
     float gp[kRing][kRing], gq[kRing][kRing];
     float parts[kThreads / kWarp][kNumbers], sums[kNumbers];
   };
-  const float *depth, *alpha, *normal;
-  Pinhole camera;
+  const float *depth, *alpha, *normal, *K, *pose;
   int64_t height, width;
   float scale;  // factor of a pixel's term in the gradients
   float *grad_depth, *grad_normal;
@@ -75,6 +80,7 @@ struct NormalConsistency {
 
   R2_KERNEL void operator()(const Block<kThreads>& block, Shared& s) const {
     const int64_t x = block.index() % patches_along(width) * kPatch, y = block.index() / patches_along(width) * kPatch;
+    const Pinhole camera = pinhole_of(K, pose);
     Own<Sums<float, kNumbers>, kThreads> mine;
     block.threads([&](int thread) {
       for (int k = 0; k < kNumbers; ++k) mine[thread].value[k] = 0;
@@ -118,19 +124,19 @@ struct NormalConsistency {
 
 }  // namespace
 
-void BlockLosses::depth_normals(const Queue& queue, const float* depth, const Pinhole& camera, int64_t height,
-                                int64_t width, float* normal) {
-  launch(queue, patches_along(height) * patches_along(width), DepthNormals{depth, camera, height, width, normal});
+void BlockLosses::depth_normals(const Queue& queue, const float* depth, const float* K, const float* pose,
+                                int64_t height, int64_t width, float* normal) {
+  launch(queue, patches_along(height) * patches_along(width), DepthNormals{depth, K, pose, height, width, normal});
 }
 
 void BlockLosses::normal_consistency(const Queue& queue, const float* depth, const float* alpha, const float* normal,
-                                     const Pinhole& camera, int64_t height, int64_t width, float* grad_depth,
-                                     float* grad_normal, double* values) {
+                                     const float* K, const float* pose, int64_t height, int64_t width,
+                                     float* grad_depth, float* grad_normal, double* values) {
   constexpr int kNumbers = NormalConsistency::kNumbers;
   const int64_t blocks = patches_along(height) * patches_along(width);
   const double mean = 1.0 / (static_cast<double>(height) * static_cast<double>(width));
   double* sums = parts.grow(queue, kNumbers * blocks);
-  launch(queue, blocks, NormalConsistency{depth, alpha, normal, camera, height, width, static_cast<float>(mean),
+  launch(queue, blocks, NormalConsistency{depth, alpha, normal, K, pose, height, width, static_cast<float>(mean),
                                           grad_depth, grad_normal, sums});
   // the rotation's gradient has its factor already
   launch(queue, 1, TotalOfBlocks<kNumbers>{{sums, blocks}, mean, 1, values});

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from room2dgs import cuda_state
 from room2dgs.config import OnnxConfig
 from room2dgs.cores import available_cores
 from room2dgs.errors import InputError
@@ -49,7 +50,7 @@ def open_network(
         path: the .onnx file.
         kind: "depth" or "normal".
         threads: None: all cores that this process may use.
-        provider: "cpu" or "cuda".
+        provider: "cpu", "cuda", or "auto": a GPU where there is one and onnxruntime has CUDA, else the CPU.
         session: of the same file, if it is loaded already.
 
     Raises:
@@ -98,7 +99,10 @@ def first_line(error: BaseException) -> str:
 def _session(path: Path, threads: int | None, provider: str) -> Any:
     import onnxruntime as ort
 
-    wanted, present = PROVIDERS[provider], ort.get_available_providers()
+    present = ort.get_available_providers()
+    if provider == "auto":
+        provider = "cuda" if PROVIDERS["cuda"] in present and cuda_state.driver().there else "cpu"
+    wanted = PROVIDERS[provider]
     if wanted not in present:
         raise InputError(
             f"prior.provider={provider} cannot be used: onnxruntime {ort.__version__} here has "

@@ -7,6 +7,7 @@ pass: a clamped value would have no gradient to come back by.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import torch
 from torch import Tensor
@@ -45,8 +46,13 @@ class ScaleActivation:
 
     def constrain_(self, raw: Tensor, low_m: float = SCALE_MIN_M, high_m: float = SCALE_MAX_M) -> None:
         """Bring raw scales back to what means `low_m` to `high_m`, in place."""
-        low, high = self.raw_of(torch.tensor([low_m, high_m], dtype=torch.float64)).tolist()
-        raw.clamp_(low, high)
+        raw.clamp_(*_raw_bounds(self, low_m, high_m))
+
+
+@lru_cache(maxsize=8)
+def _raw_bounds(activation: ScaleActivation, low_m: float, high_m: float) -> tuple[float, float]:
+    low, high = activation.raw_of(torch.tensor([low_m, high_m], dtype=torch.float64)).tolist()
+    return low, high
 
 
 EXP = ScaleActivation()

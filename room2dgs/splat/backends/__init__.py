@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor
 
+from room2dgs.block_code import BUILDS
 from room2dgs.splat.backends import blocks, cpu, cuda, torch_reference
 from room2dgs.splat.backends.backend import Backend, View
 
@@ -19,6 +20,8 @@ def backend_for(like: Tensor, name: str | None = None) -> Backend:
         ValueError: no such backend, or it does not take tensors of this type on this device, or is not in this build.
     """
     device, dtype = like.device.type, like.dtype
+    if name is None and device != "cuda" and device in BUILDS:  # see `block_code.plain_code`
+        return blocks.BACKEND
     if name is None:
         found = [b for b in BACKENDS.values() if b.automatic and (b.devices is None or device in b.devices)]
         if not found:

@@ -6,26 +6,11 @@ back with the counts that the host waits for: a look before would be a wait of i
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
-
 import torch
-from torch import Tensor
 
+from room2dgs.block_code import Build
 from room2dgs.splat.backends import cpu_view, frames
 from room2dgs.splat.checks import check_near, check_values
-
-
-class Build(NamedTuple):
-    """Block code, compiled for one kind of device.
-
-    Attributes:
-        extension: `_C.device` or `_cuda`.
-        queue: where the work of a tensor's device goes, as `BlockFrame` takes it.
-    """
-
-    extension: Any
-    queue: Callable[[Tensor], int]
 
 
 def forward(

@@ -7,31 +7,21 @@ from functools import partial
 import torch
 from torch import Tensor
 
+from room2dgs.block_code import CUDA
 from room2dgs.splat.backends import block_view
 from room2dgs.splat.backends.backend import Backend, View
 from room2dgs.splat.backends.cpu import FLOATS
 from room2dgs.splat.backends.operators import rasterize, rasterize_backward
 from room2dgs.splat.types import Rendering, Surfels
 
-try:
-    from room2dgs import _cuda
-except ImportError:  # built without
-    _cuda = None
-
 MISSING = (
     "this room2dgs was built without CUDA: build it with `pip install . -C cmake.define.ROOM2DGS_CUDA=on` where there "
     "is an nvcc (docs/cuda.md), or move the tensors to the CPU"
 )
 
-
-def _queue(like: Tensor) -> int:
-    return torch.cuda.current_stream(like.device).cuda_stream
-
-
-if _cuda is not None:
-    BUILD = block_view.Build(_cuda, _queue)
-    rasterize.register_kernel("cuda", partial(block_view.forward, BUILD))
-    rasterize_backward.register_kernel("cuda", partial(block_view.backward, BUILD))
+if CUDA is not None:
+    rasterize.register_kernel("cuda", partial(block_view.forward, CUDA))
+    rasterize_backward.register_kernel("cuda", partial(block_view.backward, CUDA))
 
 
 def _render(surfels: Surfels, view: View) -> Rendering:
@@ -42,8 +32,8 @@ def _render(surfels: Surfels, view: View) -> Rendering:
     tensors = inputs[:8]
     # anything that traces or wraps needs the operator
     plain = not torch.compiler.is_compiling() and all(type(x) in (Tensor, torch.nn.Parameter) for x in tensors)
-    *images, _ = block_view.Rasterize.apply(*inputs, BUILD) if plain else rasterize(*inputs)
+    *images, _ = block_view.Rasterize.apply(*inputs, CUDA) if plain else rasterize(*inputs)
     return Rendering(*images)
 
 
-BACKEND = Backend("cuda", ("cuda",), FLOATS, _render, missing=MISSING if _cuda is None else None)
+BACKEND = Backend("cuda", ("cuda",), FLOATS, _render, missing=MISSING if CUDA is None else None)

@@ -22,10 +22,11 @@ def edit_seeds(model: Model, config: SeedsConfig, keep: Tensor, rows: dict[str, 
     """
     rows = rows or {}
     per_seed = set(model.decoder.per_seed)
+    keep = keep.to(model.decoder.fixed()["positions"].device)
 
     def moved(value: Tensor, new: Tensor | None) -> Tensor:
         old = value.detach()[keep]
-        return old if new is None else torch.cat([old, new.to(old.dtype)])
+        return old if new is None else torch.cat([old, new.to(old)])
 
     fixed = {name: moved(value, rows.get(name)) for name, value in model.decoder.fixed().items()}
     parameters = {

@@ -48,7 +48,7 @@ class PlainStrategy(Strategy):
 
     def after_backward(self, step: Step) -> None:
         if self._gradients is None:
-            self._gradients = ScreenGradients(len(step.opacities))
+            self._gradients = ScreenGradients(len(step.opacities), step.opacities.device)
         height, width = step.color.shape[:2]
         self._gradients.add(step.center_gradients, width, height)
 
@@ -56,7 +56,7 @@ class PlainStrategy(Strategy):
         adjustment = None
         if self._gradients is not None and self._window.due(model.iteration):
             adjustment = self._adjust(model)
-            self._gradients = ScreenGradients(model.surfel_count)
+            self._gradients = ScreenGradients(model.surfel_count, self._gradients.sums.device)
         if self._resets(model.iteration):
             _reset_opacities(model)
             adjustment = replace(adjustment or Adjustment(), reset=True)
@@ -117,7 +117,7 @@ class PlainStrategy(Strategy):
         parents = parents.repeat_interleave(CHILDREN)
         rows = _rows(model, parents)
         draws = np.random.default_rng([self._config.train.seed % 2**63, model.iteration, 0x9117])
-        steps = torch.from_numpy(draws.standard_normal((len(parents), 2), dtype=np.float32))
+        steps = torch.from_numpy(draws.standard_normal((len(parents), 2), dtype=np.float32)).to(parents.device)
         in_plane = (steps * surfels.scales[parents]).unsqueeze(2) * tangents(surfels.rotations[parents])
         rows["offsets"] += in_plane.sum(dim=1, keepdim=True)
         rows["raw_scales"] = scale_activation(self._config.seeds).raw_of(surfels.scales[parents, None] / SHRINK)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import torch
 from torch import Tensor
 
@@ -20,17 +22,16 @@ class ScreenGradients:
         visits: (N,) float32, whole numbers.
     """
 
-    def __init__(self, count: int) -> None:
-        self.sums, self.visits = (torch.zeros(count, dtype=torch.float32) for _ in range(2))
+    def __init__(self, count: int, device: torch.device | None = None) -> None:
+        self.sums, self.visits = (torch.zeros(count, dtype=torch.float32, device=device) for _ in range(2))
 
     def add(self, center_px: Tensor, width: int, height: int) -> None:
         """One iteration's (N, 2) gradients, in 1/pixel, from an image of width x height."""
         # a product with a vector: sums over a dimension of two are several times slower
-        squares = torch.mv(
-            center_px.square(), torch.tensor([(width / 2) ** 2, (height / 2) ** 2], dtype=center_px.dtype)
-        )
+        squares = torch.mv(center_px.square(), _half_squares(width, height, center_px.dtype, center_px.device))
         # x / sqrt(x): torch's reciprocal root is ten times as fast as its root
         norms = squares.clamp(min=TINY).rsqrt_().mul_(squares)
+        self.sums, self.visits = (x.to(center_px.device) for x in (self.sums, self.visits))  # from a checkpoint
         self.sums += norms
         self.visits += norms.sign_()
 
@@ -48,3 +49,8 @@ class ScreenGradients:
         gradients = cls(0)
         gradients.sums, gradients.visits = state["gradient_sums"].clone(), state["visits"].clone()
         return gradients
+
+
+@lru_cache(maxsize=8)
+def _half_squares(width: int, height: int, dtype: torch.dtype, device: torch.device) -> Tensor:
+    return torch.tensor([(width / 2) ** 2, (height / 2) ** 2], dtype=dtype, device=device)

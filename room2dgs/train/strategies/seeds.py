@@ -43,9 +43,10 @@ class SeedStrategy(Strategy):
 
     def after_backward(self, step: Step) -> None:
         if self._gradients is None:
-            self._start(len(step.opacities))
+            self._start(len(step.opacities), step.opacities.device)
         height, width = step.color.shape[:2]
         self._gradients.add(step.center_gradients, width, height)
+        self._opacities = self._opacities.to(step.opacities.device)  # from a checkpoint
         self._opacities += step.opacities
         self._gathered += 1
 
@@ -63,7 +64,7 @@ class SeedStrategy(Strategy):
         if len(growth) or len(keep) < model.seeds:
             edit_seeds(model, settings, keep, rows)
         self._unseen = torch.cat([self._unseen[keep], torch.zeros(len(growth), dtype=torch.float32)])
-        self._start(model.surfel_count)
+        self._start(model.surfel_count, self._opacities.device)
         levels = self._config.strategy.levels
         edges = [level_edge(settings.voxel_m, level, levels) for level in range(levels)]
         added = {f"{100 * edge:g} cm": int((growth.level == level).sum()) for level, edge in enumerate(edges)}
@@ -82,18 +83,18 @@ class SeedStrategy(Strategy):
             self._opacities, self._unseen = state["opacity_sums"].clone(), state["unseen"].clone()
             self._gathered = int(state["gathered"])
 
-    def _start(self, surfels: int) -> None:
-        self._gradients = ScreenGradients(surfels)
-        self._opacities = torch.zeros(surfels, dtype=torch.float32)
+    def _start(self, surfels: int, device: torch.device) -> None:
+        self._gradients = ScreenGradients(surfels, device)
+        self._opacities = torch.zeros(surfels, dtype=torch.float32, device=device)
         self._gathered = 0
 
     def _survivors(self, seeds: int) -> tuple[Tensor, dict[str, int]]:
         """Rows to keep, and how many are pruned for which reason; one seed at least stays."""
         if len(self._unseen) != seeds:
             self._unseen = torch.zeros(seeds, dtype=torch.float32)
-        seen = self._gradients.visits.view(seeds, -1).amax(dim=1) > 0
+        seen = self._gradients.visits.cpu().view(seeds, -1).amax(dim=1) > 0
         self._unseen = torch.where(seen, 0.0, self._unseen + self._gathered)
-        opacities = (self._opacities / self._gathered).view(seeds, -1).numpy()
+        opacities = (self._opacities / self._gathered).view(seeds, -1).cpu().numpy()
         faint = transparent(opacities, self._config.strategy.prune_opacity)
         hidden = unseen(self._unseen.numpy(), self._views) & ~faint
         keep = np.flatnonzero(~(faint | hidden))
@@ -104,8 +105,8 @@ class SeedStrategy(Strategy):
     def _growth(self, model: Model, keep: Tensor) -> Growth:
         """New seeds from the survivors' gradients; their parents' indices are those before the pruning."""
         settings, strategy = self._config.seeds, self._config.strategy
-        surfels = Surfels(*(values.detach() for values in model.surfels(0)))
-        seeds = model.decoder.fixed()["positions"]
+        surfels = Surfels(*(values.detach().cpu() for values in model.surfels(0)))
+        seeds = model.decoder.fixed()["positions"].cpu()
         kept = torch.zeros(len(seeds), dtype=torch.bool)
         kept[keep] = True
         of_kept = kept.repeat_interleave(settings.per_seed)
@@ -115,8 +116,8 @@ class SeedStrategy(Strategy):
             normals=normals(surfels.rotations).numpy(),
             scales=surfels.scales.prod(dim=1).sqrt().numpy(),
             rgb=(0.5 + C0 * surfels.sh[:, 0]).clamp(0, 1).numpy(),
-            gradients=self._gradients.means().numpy(),
-            known=(of_kept & (self._gradients.visits >= strategy.min_visits)).numpy(),
+            gradients=self._gradients.means().cpu().numpy(),
+            known=(of_kept & (self._gradients.visits.cpu() >= strategy.min_visits)).numpy(),
         )
         draws = np.random.default_rng([self._config.train.seed % 2**63, model.iteration, 0x6120])
         growth = grow(
@@ -138,5 +139,5 @@ def _inherited(model: Model, growth: Growth, per_seed: int) -> Tensor | None:
     features = model.decoder.parameters().get("features")
     if features is None:
         return None
-    values = features.detach().numpy()[growth.family.order // per_seed]
+    values = features.detach().cpu().numpy()[growth.family.order // per_seed]
     return torch.from_numpy(np.maximum.reduceat(values, growth.family.first, axis=0))

@@ -8,8 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from room2dgs.block_code import build_for
 from room2dgs.config import MultiviewConfig
 from room2dgs.geometry.homography import relative_pose
+from room2dgs.losses import blocks
 from room2dgs.losses.multiview import (
     agreement,
     multiview_geometric,
@@ -19,6 +21,7 @@ from room2dgs.losses.multiview import (
 )
 from room2dgs.losses.sampling import patches_at
 from room2dgs.splat.types import Rendering
+from room2dgs.train.device import upload
 from room2dgs.train.kept_depths import MIN_ALPHA, STEP
 from room2dgs.train.neighbour_views import Pair
 from room2dgs.train.terms.term import LossTerm, TermContext
@@ -38,6 +41,8 @@ def multiview_terms(
     Compared are up to `config.samples` pixels, drawn among those whose patch has texture and whose ray the surfels
     stop. The neighbour's depth is that of its last rendering and gets no gradient.
     """
+    if build_for(rendering.depth):
+        return _by_blocks(rendering, view, pair, config, names)
     column, row = drawn_pixels(rendering, pair, config.samples)
     reference = patches_at(pair.photo.grey, column, row, config.patch)
     pixels = torch.stack([column, row], dim=-1) + 0.5
@@ -66,6 +71,22 @@ def multiview_terms(
 
     results = _WithGradients.apply(values, rendering.depth[row, column], rendering.normal[row, column])
     return dict(zip(names, results, strict=True))
+
+
+def _by_blocks(
+    rendering: Rendering, view: View, pair: Pair, config: MultiviewConfig, names: list[str]
+) -> dict[str, Tensor]:
+    """The same by the kernels for a GPU, where nothing may wait for the number of pixels."""
+    neighbour = pair.neighbour
+    other = blocks.Other(
+        pair.neighbour_photo.grey, neighbour.mask, pair.inverse_depth, STEP, neighbour.K, neighbour.cam_from_world
+    )
+    normal = rendering.normal if PHOTOMETRIC in names else None
+    pixels = drawn_slots(rendering, pair, config.samples)
+    values = blocks.multiview(
+        rendering.depth, normal, pixels, pair.photo.grey, view.K, view.cam_from_world, other, config.patch
+    )  # fmt: skip
+    return {name: value for name, value in zip((GEOMETRIC, PHOTOMETRIC), values, strict=True) if name in names}
 
 
 def _term(name: str, reads: tuple[str, ...] = ()) -> LossTerm:
@@ -111,9 +132,22 @@ class _WithGradients(torch.autograd.Function):
 def drawn_pixels(rendering: Rendering, pair: Pair, count: int) -> tuple[Tensor, Tensor]:
     """(M,) columns and rows, M <= count: fewer where a small part of the image can be compared."""
     height, width = rendering.depth.shape
-    drawn = np.random.default_rng(pair.seed).integers(height * width, size=TRIES * count)
-    drawn = torch.from_numpy(drawn)
+    drawn = _tries(height * width, pair, count)
     drawn = drawn[pair.photo.textured.flatten()[drawn]]
     alpha, depth = (values.detach().flatten()[drawn] for values in (rendering.alpha, rendering.depth))
     drawn = drawn[(alpha >= MIN_ALPHA) & (depth > 0)][:count]
     return drawn % width, drawn // width
+
+
+def drawn_slots(rendering: Rendering, pair: Pair, count: int) -> Tensor:
+    """(count,) int32 of the same pixels, row * width + column, then -1: as many as wanted, however many there are."""
+    height, width = rendering.depth.shape
+    drawn = upload(_tries(height * width, pair, count).int(), rendering.depth.device)
+    alpha, depth = (values.detach().flatten()[drawn] for values in (rendering.alpha, rendering.depth))
+    fits = pair.photo.textured.flatten()[drawn] & (alpha >= MIN_ALPHA) & (depth > 0)
+    slot = torch.where(fits, fits.cumsum(0) - 1, count).clamp(max=count)  # the last one takes all that is left over
+    return drawn.new_full((count + 1,), -1).scatter_(0, slot, drawn)[:count]
+
+
+def _tries(pixels: int, pair: Pair, count: int) -> Tensor:
+    return torch.from_numpy(np.random.default_rng(pair.seed).integers(pixels, size=TRIES * count))

@@ -225,7 +225,7 @@ def test_every_ready_configuration_wants_a_model_and_says_which(kind, name):
         ("prior.depth.onnx.std=[1,1,0]", "three positive numbers"),
         ("prior.depth.onnx.mean=[0]", "three numbers"),
         ("prior.depth.onnx.sha256=abc", "64 hexadecimal digits"),
-        ("prior.provider=tpu", "choose from cpu, cuda"),
+        ("prior.provider=tpu", "choose from auto, cpu, cuda"),
     ],
 )
 def test_wrong_settings_of_a_network_are_one_sentence(override, said):

@@ -1,0 +1,229 @@
+"""Training with everything on a device: the CPU's result, the same bits again, and nothing that is waited for.
+
+No GPU is needed. With `render.device=blocks` the loop is the GPU's and its kernels are plain C++. And torch's device
+"meta", which has no numbers at all, refuses whatever a GPU would have to be waited for, and tensors of two devices.
+"""
+
+from __future__ import annotations
+
+import importlib
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from torch.utils._python_dispatch import TorchDispatchMode
+
+from room2dgs.block_code import BUILDS, Build, set_order
+from room2dgs.captures.view_maps import ViewMaps
+from room2dgs.errors import InputError
+from room2dgs.train import checkpoint, load_surfels, run, train
+from room2dgs.train.corrections import PoseCorrections
+from room2dgs.train.device import DeviceCache
+from room2dgs.train.trainer import Hook
+
+ALL_TERMS = [
+    "loss.multiview_geometric.enabled=true", "loss.multiview_geometric.start=2",
+    "loss.multiview_photometric.enabled=true", "loss.multiview_photometric.start=2",
+    "loss.multiview.samples=100", "loss.multiview.patch=5", "loss.multiview.min_baseline_m=0.05",
+    "loss.normal_reweighting.enabled=true",
+]  # fmt: skip
+GROWING = ["strategy=seeds", "strategy.start=4", "strategy.every=4", "strategy.stop=12", "train.iterations=14"]
+BLOCKS = "render.device=blocks"
+
+
+def priors(scene) -> dict[str, ViewMaps]:
+    """The wall, a little off."""
+    depth = np.full((24, 32), 1.5, np.float32) + np.linspace(0, 0.1, 32, dtype=np.float32)
+    normal = np.broadcast_to(np.array([0, 0.1, -0.995], np.float32), (24, 32, 3)).copy()
+    confidence = np.full((24, 32), 0.8, np.float32)
+    return {frame.name: ViewMaps(depth, confidence, normal, confidence) for frame in scene.train}
+
+
+def trained(capture, config, out, log, hooks=()):
+    result = train(*capture, config, out, log, priors(capture[0]), hooks)
+    return result, load_surfels(result.surfels_path)
+
+
+FIXED = ["train.iterations=14"]
+SHARED = [*FIXED, "seeds.decoder=shared", "train.refine_poses=true", "train.exposure=true"]
+
+
+@pytest.mark.parametrize("more", [FIXED, SHARED, GROWING], ids=["fixed", "shared", "growing"])
+def test_the_cpus_result_and_the_same_bits_again(capture, configure, log, tmp_path, more):
+    settings = [*ALL_TERMS, *more, "train.test_every=7"]
+    cpu, expected = trained(capture, configure(*settings), tmp_path / "cpu", log)
+    found, surfels = trained(capture, configure(*settings, BLOCKS), tmp_path / "blocks", log)
+    assert found.losses.keys() == cpu.losses.keys()
+    # where seeds are added, a gradient beside the threshold may fall to either side of it
+    relative = 2e-2 if more is GROWING else 2e-3
+    assert found.seeds == pytest.approx(cpu.seeds, rel=relative)
+    for name, value in cpu.losses.items():
+        assert found.losses[name] == pytest.approx(value, rel=relative, abs=5e-5), name
+    assert found.test_psnr_db == pytest.approx(cpu.test_psnr_db, rel=relative)
+    # Adam makes a full step of whatever sign a tiny gradient has, so the mean is what tells
+    for name, a, b in zip(surfels._fields, surfels, expected, strict=True):
+        # and hardly any gradient turns a round disc in its plane
+        share = 1e-2 if name == "rotations" else 1e-3
+        assert more is GROWING or (a - b).abs().mean() < share * b.abs().max(), name
+    set_order(5)
+    try:
+        trained(capture, configure(*settings, BLOCKS), tmp_path / "again", log)
+    finally:
+        set_order(0)
+    first, again = ((tmp_path / name / "surfels.safetensors").read_bytes() for name in ("blocks", "again"))
+    assert first == again
+
+
+def test_a_killed_run_resumes_to_the_same_bits_but_not_on_another_device(
+    capture, configure, log, tmp_path, monkeypatch
+):
+    settings = [
+        *ALL_TERMS,
+        *GROWING,
+        BLOCKS,
+        "train.exposure=true",
+        "train.refine_poses=true",
+        "train.checkpoint_every=3",
+    ]
+    whole, _ = trained(capture, configure(*settings), tmp_path / "whole", log)
+    save = checkpoint.save
+
+    def save_and_die(out, state):
+        save(out, state)
+        if state.iteration == 9:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint, "save", save_and_die)
+        with pytest.raises(KeyboardInterrupt):
+            trained(capture, configure(*settings), tmp_path / "cut", log)
+    with pytest.raises(InputError, match=r"render\.device"):
+        trained(capture, configure(*settings, "render.device=cpu", "resume=true"), tmp_path / "cut", log)
+    resumed, _ = trained(capture, configure(*settings, "resume=true"), tmp_path / "cut", log)
+    assert resumed.surfels_path.read_bytes() == whole.surfels_path.read_bytes()
+
+
+class Kernels:
+    """`_cuda`, but for the work: it takes what it is given."""
+
+    visible = entries = moved = 0
+
+    def __init__(self, scene) -> None:
+        self.calls: list[str] = []
+        self._camera = scene.train[0].camera
+        self.BlockFrame = self.BlockLosses = lambda: self
+
+    def camera(self):
+        return self._camera.cam_from_world.ravel().tolist(), self._camera.K.ravel().tolist(), [0.0, 0.0, 0.0]
+
+    def __getattr__(self, name):
+        def called(*arguments, **_):
+            self.calls.append(name)
+            tensors = [x for x in arguments if isinstance(x, torch.Tensor)]
+            assert all(x.device.type == "meta" and x.is_contiguous() for x in tensors), name
+            return 1
+
+        return called
+
+
+class NothingWaits(TorchDispatchMode):
+    """Counts what is moved to the device, and finds operators that mix devices but do not mind."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.uploads = 0
+
+    def __torch_dispatch__(self, function, types, args=(), kwargs=None):
+        flat = [x for a in args for x in (a if isinstance(a, (list, tuple)) else (a,))]
+        tensors = [x for x in flat if isinstance(x, torch.Tensor)]
+        devices = {x.device.type for x in tensors if x.dim() or x.device.type == "meta"}
+        result = function(*args, **(kwargs or {}))
+        if "_to_copy" in str(function):
+            self.uploads += result.device.type == "meta" and tensors[0].device.type == "cpu"
+        else:
+            assert devices != {"meta", "cpu"}, f"{function} has tensors of both"
+        return result
+
+
+@pytest.fixture
+def without_numbers(capture, monkeypatch):
+    """The device "meta" in a GPU's place."""
+    kernels = Kernels(capture[0])
+
+    @contextmanager
+    def on_device(name):
+        yield torch.device("meta")
+
+    monkeypatch.setitem(BUILDS, "meta", Build(kernels, lambda like: 0))
+    monkeypatch.setattr(run, "on_device", on_device)
+    monkeypatch.setattr(PoseCorrections, "on_end", lambda self, trainer: None)  # after the last iteration it may read
+    name = "_get_fused_kernels_supported_devices"  # torch's Adam asks for them
+    for module in ("torch.optim.adam", "torch.optim.optimizer", "torch.utils._foreach_utils"):
+        monkeypatch.setattr(importlib.import_module(module), name, lambda: ["cpu", "meta"], raising=False)
+    return kernels
+
+
+class Ends(Exception):
+    """A run without numbers has no result."""
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        ["strategy=seeds"],
+        ["seeds.decoder=shared", "train.exposure=true", "train.refine_poses=true"],
+        ["strategy=plain", "seeds.per_seed=1"],
+    ],
+)
+def test_an_iteration_waits_for_nothing_but_the_frames_own_counts(
+    capture, configure, log, tmp_path, without_numbers, more
+):
+    """All terms, priors, screen gradients; 16 iterations, of which the first ones move the views to the device."""
+    seen = SimpleNamespace(uploads=[])
+
+    class Watch(Hook):
+        def after_step(self, trainer, iteration):
+            seen.uploads.append((mode.uploads, iteration.pair is not None))
+            assert iteration.screen_gradients == any("strategy" in setting for setting in more)
+            if iteration.done == 16:
+                raise Ends
+
+    settings = [*ALL_TERMS, *more, "train.iterations=100", "train.log_every=50", "train.checkpoint_every=50"]
+    settings += ["strategy.start=30"] if "strategy=seeds" in more or "strategy=plain" in more else []
+    with pytest.raises(Ends), NothingWaits() as mode:
+        trained(capture, configure(*settings, "render.device=blocks"), tmp_path, log, [Watch()])
+    assert {"forward", "backward", "rgb_loss", "normal_consistency", "depth_prior", "multiview"} <= set(
+        without_numbers.calls
+    )
+    # when all views are there, an iteration moves the drawn pixels, and nothing else
+    late = [after[0] - before[0] for before, after in zip(seen.uploads[9:], seen.uploads[10:], strict=False)]
+    assert all(pair for _, pair in seen.uploads[9:]) and set(late) == {1}
+
+
+def test_the_watch_finds_what_waits(capture, configure, log, tmp_path, without_numbers):
+    class Asks(Hook):
+        def after_step(self, trainer, iteration):
+            float(iteration.step.losses["loss"])
+
+    with pytest.raises(RuntimeError, match="cannot be called on meta"), NothingWaits():
+        trained(capture, configure("render.device=blocks"), tmp_path, log, [Asks()])
+
+
+def test_views_stay_on_the_device_within_a_budget():
+    made = []
+
+    def make(name):
+        made.append(name)
+        return ViewMaps(torch.zeros(250), None, None, None)
+
+    cache = DeviceCache(torch.device("cpu"), 2.5e-3)  # two of 1000 bytes
+    for name in "abacab":
+        cache.get_or(name, lambda name=name: make(name))
+    assert made == ["a", "b", "c", "b"] and cache.in_memory == 2000
+
+
+def test_a_gpu_that_is_not_there_is_one_sentence(capture, configure, log, tmp_path):
+    with pytest.raises(InputError, match=r"render\.device=cuda lacks .*; give render\.device=cpu"):
+        trained(capture, configure("render.device=cuda"), tmp_path, log)
