@@ -23,6 +23,7 @@ using ConstPlanes = nb::ndarray<const float, nb::shape<3, -1, -1>, nb::c_contig,
 using Pose = nb::ndarray<const double, nb::shape<3, 4>, nb::c_contig, nb::device::cpu>;
 
 constexpr int64_t kRowsPerTask = 2;
+constexpr int64_t kMostPixelsAside = int64_t(1) << 15;  // positions are fixed point, 16 bits before the point
 constexpr int64_t kMostPixels = int64_t(1) << 24;  // kernels index photos with floats
 
 int64_t clamped(int64_t x, int64_t size) { return x < 0 ? 0 : x >= size ? size - 1 : x; }
@@ -36,7 +37,7 @@ struct StereoPhoto {
   explicit StereoPhoto(Bytes photo) : width(photo.shape(1)), height(photo.shape(0)) {
     require(width >= 8 && height >= 8, "a photo for stereo has at least 8 x 8 pixels");
     const int64_t wide = width + 2 * kStereoMargin, tall = height + 2 * kStereoMargin;
-    require(wide < kMostPixels && tall < kMostPixels && wide * tall < kMostPixels, "a photo for stereo has too many pixels");
+    require(wide < kMostPixelsAside && tall < kMostPixelsAside && wide * tall < kMostPixels, "a photo for stereo has too many pixels");
     grey.resize(wide * tall), quads.resize(wide * tall);
     for (int64_t y = 0; y < tall; ++y) {
       const uint8_t* row = photo.data() + clamped(y - kStereoMargin, height) * width;
@@ -46,7 +47,7 @@ struct StereoPhoto {
       const uint8_t *row = &grey[y * wide], *below = &grey[clamped(y + 1, tall) * wide];
       for (int64_t x = 0; x < wide; ++x) {
         const int64_t right = clamped(x + 1, wide);
-        quads[y * wide + x] = uint32_t(row[x]) | uint32_t(row[right]) << 8 | uint32_t(below[x]) << 16 |
+        quads[y * wide + x] = uint32_t(row[x]) | uint32_t(below[x]) << 8 | uint32_t(row[right]) << 16 |
                               uint32_t(below[right]) << 24;
       }
     }
@@ -83,6 +84,7 @@ class PatchMatch {
     job_.width = photo.width, job_.height = photo.height, job_.grey = photo.grey.data();
     job_.best = best, job_.seed = seed;
     const int reach = radius / step * step;
+    job_.side = side, job_.step = step, job_.reach = reach;
     const double log2e = 1.4426950408889634;
     for (int dy = -reach; dy <= reach; dy += step)
       for (int dx = -reach; dx <= reach; dx += step) {
@@ -95,28 +97,36 @@ class PatchMatch {
     job_.slope_limit = static_cast<float>(slope_limit), job_.pixel_slope = static_cast<float>(pixel_slope);
     for (auto* plane : {&w_, &gx_, &gy_}) plane->assign(size_, 0.0f);
     cost_.assign(size_, 1e9f);
+    judges_.assign(size_, 0);
     job_.w = w_.data(), job_.gx = gx_.data(), job_.gy = gy_.data(), job_.cost = cost_.data();
+    job_.judges = judges_.data();
   }
 
   void add_view(const StereoPhoto& photo, Pose view_from_reference, Pose reference_from_view,
                 std::optional<ConstMap> inverse_depth) {
     const InUse use(in_use_);
-    require(views_.size() < size_t(kStereoMaxViews), "too many neighbouring views");
+    const int n = job_.view_count;
+    require(n < kStereoMaxViews, "too many neighbouring views");
     require(!inverse_depth || (int64_t(inverse_depth->shape(0)) == photo.height &&
                                int64_t(inverse_depth->shape(1)) == photo.width),
             "inverse_depth differs from its photo in size");
-    StereoView view = {photo.quads.data(), photo.width, photo.height, {}, {}, {}, {}, nullptr};
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 4; ++column) {
-        const double there = view_from_reference.data()[4 * row + column], back = reference_from_view.data()[4 * row + column];
-        require(std::isfinite(there) && std::isfinite(back), "a view's warp is not finite");
-        (column < 3 ? view.M[3 * row + column] : view.t[row]) = static_cast<float>(there);
-        (column < 3 ? view.back_M[3 * row + column] : view.back_t[row]) = static_cast<float>(back);
-      }
+    require(n == 0 || inverse_depth.has_value() == !depths_.empty(), "all neighbouring views have an inverse_depth, or none");
+    const auto set = [&](int field, float value) { table_[field * kStereoMaxViews + n] = value; };
+    const auto set_whole = [&](int field, int32_t value) {
+      std::memcpy(&table_[field * kStereoMaxViews + n], &value, sizeof value);
+    };
+    for (int k = 0; k < 12; ++k) {
+      const double there = view_from_reference.data()[k], back = reference_from_view.data()[k];
+      require(std::isfinite(there) && std::isfinite(back), "a view's warp is not finite");
+      set(kStereoThere + k, static_cast<float>(there)), set(kStereoBack + k, static_cast<float>(back));
     }
-    depths_.emplace_back();
-    if (inverse_depth) depths_.back().assign(inverse_depth->data(), inverse_depth->data() + photo.width * photo.height);
-    views_.push_back(view);
+    set(kStereoWidth, static_cast<float>(photo.width)), set(kStereoHeight, static_cast<float>(photo.height));
+    set_whole(kStereoOffset, static_cast<int32_t>(quads_.size()));
+    set_whole(kStereoStrides, static_cast<int32_t>((photo.width + 2 * kStereoMargin) << 16 | 1));
+    set_whole(kStereoDepth, static_cast<int32_t>(depths_.size()));
+    quads_.insert(quads_.end(), photo.quads.begin(), photo.quads.end());
+    if (inverse_depth) depths_.insert(depths_.end(), inverse_depth->data(), inverse_depth->data() + photo.width * photo.height);
+    job_.view_count = n + 1;
   }
 
   void set_planes(ConstPlanes planes) {
@@ -131,7 +141,8 @@ class PatchMatch {
     job_.hint_w = hint_w_.data(), job_.hint_gx = hint_gx_.data(), job_.hint_gy = hint_gy_.data();
   }
 
-  void run(int iterations, double perturbation, int random_depths, double geometric_weight, uint32_t first_draw) {
+  void run(int iterations, double perturbation, int random_depths, double geometric_weight, uint32_t first_draw,
+           bool thrifty) {
     const InUse use(in_use_);
     ready();
     require(iterations >= 0 && iterations <= 1000, "iterations are 0 to 1000");
@@ -142,12 +153,15 @@ class PatchMatch {
     const auto start = R2_BEST(stereo_start_row);
     const auto sweep_row = R2_BEST(stereo_sweep_row);
     rows([&](int64_t row) { start(job_, row); });
-    for (int k = 0; k < iterations; ++k)
+    for (int k = 0; k < iterations; ++k) {
+      const bool settled = k > 0 && k >= random_depths;
       for (int colour = 0; colour < 2; ++colour) {
         const StereoSweep sweep = {colour, first_draw + uint32_t(k) + 1,
-                                   static_cast<float>(perturbation * std::pow(0.5, k)), k < random_depths};
+                                   static_cast<float>(perturbation * std::pow(0.5, k)), k < random_depths,
+                                   settled, settled && thrifty};
         rows([&](int64_t row) { sweep_row(job_, sweep, row); });
       }
+    }
   }
 
   void costs(double geometric_weight, Map cost, Map variance) {
@@ -200,19 +214,21 @@ class PatchMatch {
   }
 
   void ready() {
-    require(!views_.empty(), "there is no neighbouring view");
-    require(job_.best <= int(views_.size()), "best is more than the neighbouring views");
-    for (size_t n = 0; n < views_.size(); ++n) views_[n].inverse_depth = depths_[n].empty() ? nullptr : depths_[n].data();
-    job_.views = views_.data(), job_.view_count = static_cast<int>(views_.size());
+    require(job_.view_count > 0, "there is no neighbouring view");
+    require(job_.best <= job_.view_count, "best is more than the neighbouring views");
+    job_.table = table_.data(), job_.quads = quads_.data();
+    job_.inverse_depth = depths_.empty() ? nullptr : depths_.data();
   }
 
   const StereoPhoto& photo_;
   mutable std::atomic<bool> in_use_{false};
   int64_t size_;
   StereoJob job_;
-  std::vector<StereoView> views_;
-  std::vector<std::vector<float>> depths_;
+  std::vector<float> table_ = std::vector<float>(kStereoFields * kStereoMaxViews);
+  std::vector<uint32_t> quads_;  // of all views
+  std::vector<float> depths_;
   std::vector<float> w_, gx_, gy_, cost_, hint_w_, hint_gx_, hint_gy_;
+  std::vector<int32_t> judges_;
 };
 
 }  // namespace
@@ -228,11 +244,11 @@ void bind_stereo(nb::module_& m) {
            nb::arg("variance_floor"), nb::arg("best"), nb::arg("w_min"), nb::arg("w_max"), nb::arg("slope_limit"),
            nb::arg("pixel_slope"), nb::arg("seed"), nb::keep_alive<1, 2>())
       .def("add_view", &PatchMatch::add_view, nb::arg("photo"), nb::arg("view_from_reference").noconvert(),
-           nb::arg("reference_from_view").noconvert(), nb::arg("inverse_depth").noconvert().none(), nb::keep_alive<1, 2>())
+           nb::arg("reference_from_view").noconvert(), nb::arg("inverse_depth").noconvert().none())
       .def("set_planes", &PatchMatch::set_planes, nb::arg("planes").noconvert())
       .def("set_hints", &PatchMatch::set_hints, nb::arg("planes").noconvert())
       .def("run", &PatchMatch::run, nb::arg("iterations"), nb::arg("perturbation"), nb::arg("random_depths"),
-           nb::arg("geometric_weight"), nb::arg("first_draw"))
+           nb::arg("geometric_weight"), nb::arg("first_draw"), nb::arg("thrifty"))
       .def("costs", &PatchMatch::costs, nb::arg("geometric_weight"), nb::arg("cost").noconvert(),
            nb::arg("variance").noconvert())
       .def("planes", &PatchMatch::planes, nb::arg("out").noconvert());

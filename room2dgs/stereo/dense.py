@@ -174,7 +174,10 @@ def _searched(
         draw = 1000 * level + 100 * search
         if search:
             size = 0.5 / search
-            found.append(run.run(planes[index], options.refinements, perturbation=size, first_draw=draw))
+            thrifty = level == 0  # at smaller sizes what is missed is missed for good
+            found.append(
+                run.run(planes[index], options.refinements, perturbation=size, first_draw=draw, thrifty=thrifty)
+            )
         else:
             found.append(run.run(planes[index], options.iterations, random_depths=2, first_draw=draw))
         progress(f"stereo at {view.camera.width} pixels, search {search + 1}", index + 1, len(views))

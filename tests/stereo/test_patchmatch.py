@@ -81,11 +81,32 @@ def test_same_bits_on_any_number_of_threads(corner):
         for count in (1, 2, 3):
             set_threads(count)
             start = np.zeros((3, *corner[0][1].shape), np.float32)
-            results.append(search(corner).run(start, 2, random_depths=1))
+            results.append(search(corner).run(start, 3, random_depths=1, thrifty=True))
     finally:
         set_threads()
     np.testing.assert_array_equal(results[0], results[1])
     np.testing.assert_array_equal(results[0], results[2])
+
+
+@pytest.mark.parametrize("isa", ["avx2", "baseline"])
+def test_each_of_many_views_is_asked_about_its_own_photo(corner, isa, monkeypatch):
+    monkeypatch.setenv("ROOM2DGS_ISA", isa)
+    others = [corner[1 + index % 4] for index in range(12)]
+    others = [(np.roll(photo, index, axis=0), camera) for index, (camera, photo, _, _) in enumerate(others)]
+    planes, settings = some_planes(corner), Matching(best=4)
+    run = Search(packed(corner[0][1], corner[0][0]), [packed(*other) for other in others], settings, RANGE, 0)
+    expected, _ = plane_costs((corner[0][1], corner[0][0]), others, planes, settings)
+    assert np.mean(np.abs(run.costs(planes)[0] - expected) > 2e-4) < 2e-3
+
+
+def test_thrift_after_the_first_iteration_costs_little(corner):
+    _, _, depth, _ = corner[0]
+    start = some_planes(corner)
+    wrong = []
+    for thrifty in (False, True):
+        found = search(corner).run(start, 3, perturbation=0.5, thrifty=thrifty)
+        wrong.append(np.mean(np.abs(1 / found[0] - depth)[6:-6, 10:-10] > 0.01 * depth[6:-6, 10:-10]))
+    assert wrong[1] < wrong[0] + 0.01 and wrong[0] != wrong[1]  # and it is another search
 
 
 def test_another_seed_gives_other_draws(corner):
@@ -159,5 +180,9 @@ def test_impossible_settings_are_refused(corner):
     camera, photo, _, _ = corner[0]
     with pytest.raises(ValueError):
         packed(photo[:4], camera)
+    other, photo_there, depth, _ = corner[1]
+    poses = warp(camera, other), warp(other, camera)
+    with pytest.raises(ValueError, match="inverse_depth"):  # of one view and not of the others
+        search(corner)._match.add_view(packed(photo_there, other).photo, *poses, depth.astype(np.float32))
     with pytest.raises(ValueError):
         Search(packed(photo, camera), [], Matching(), RANGE, 0).run(np.zeros((3, *photo.shape), np.float32), 1)

@@ -21,13 +21,17 @@ constexpr int kStereoMaxBest = 8;
 constexpr float kStereoWorst = 2.0f;  // cost of a plane that a view cannot judge
 constexpr float kStereoMaxReprojectionPx = 3.0f;
 
-// A neighbouring view as the reference sees it.
-struct StereoView {
-  const uint32_t* quads;  // (height + 2 margin, width + 2 margin): a pixel, its right, lower and lower right neighbour
-  int64_t width, height;
-  float M[9], t[3];            // reference to view, homogeneous pixels
-  float back_M[9], back_t[3];  // view to reference
-  const float* inverse_depth;  // (height, width) of the view, 0 = unknown; null without geometric consistency
+// What is known of the neighbouring views, a table with a row of kStereoMaxViews numbers for each field: so that eight
+// pixels can ask eight different views.
+enum StereoField {
+  kStereoThere = 0,     // 12: rows of [M | t], reference to view, homogeneous pixels
+  kStereoBack = 12,     // 12: view to reference
+  kStereoWidth = 24,    // of the photo, pixels
+  kStereoHeight = 25,
+  kStereoOffset = 26,   // int32: of its first packed pixel
+  kStereoStrides = 27,  // int32: 1, and in the upper half the pixels of a packed row
+  kStereoDepth = 28,    // int32: of its first inverse depth
+  kStereoFields = 29,
 };
 
 // One map over all pixels of a colour, with a border so that no neighbour lies outside.
@@ -38,9 +42,12 @@ struct StereoPlane {
 struct StereoJob {
   int64_t width, height;
   const uint8_t* grey;  // (height + 2 margin, width + 2 margin), replicated border
-  const StereoView* views;
+  const float* table;          // [StereoField][kStereoMaxViews]
+  // of all views: (height + 2 margin, width + 2 margin) words of a pixel, the one below, its right one, the one below it
+  const uint32_t* quads;
+  const float* inverse_depth;  // of all views: (height, width), 0 = unknown; null without geometric consistency
   int view_count, best;
-  int samples;
+  int samples, side, step, reach;  // side^2 samples, `step` pixels apart and up to `reach` from the centre
   int16_t dx[kStereoMaxSamples], dy[kStereoMaxSamples];
   float spatial[kStereoMaxSamples];  // log2 of the weight that the distance from the centre gives
   float grey_scale;                  // log2 of the weight is grey_scale * (difference of grey levels)^2
@@ -50,6 +57,7 @@ struct StereoJob {
   float geometric_weight;            // of the forward-backward reprojection error, 1 / pixel; 0: none
   uint32_t seed;
   float *w, *gx, *gy, *cost;         // planes by colour, see `stereo_plane_size`
+  int32_t* judges;                   // likewise: a bit for each view that the cost is the mean over
   const float *hint_w, *hint_gx, *hint_gy;  // likewise: a plane to try at each pixel, w = 0 where there is none; or null
 };
 
@@ -71,6 +79,8 @@ struct StereoSweep {
   uint32_t draw;       // number of the sweep, for its random draws
   float perturbation;  // size of random changes; 1 at the start
   bool random_depth;   // also try a depth from anywhere in the range
+  bool near_only;      // of the neighbours, far ones lend no planes
+  bool judges_only;    // a plane is shown to the views alone that its owner's cost is the mean over
 };
 
 }  // namespace room2dgs
