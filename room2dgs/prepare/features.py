@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +23,7 @@ PAIRS_AT_ONCE = 60
 # Of the longer side; phones' main cameras have 0.7 to 0.9. It is estimated with the poses; this is where it starts.
 FOCAL = 0.85
 SEED = 0
+PLAIN = re.compile(r"[\w.-]+")
 KINDS = pycolmap.TwoViewGeometryConfiguration
 
 
@@ -96,6 +99,8 @@ def matched(
 
     Pairs that are there already stay. The random draws have one seed: the result does not depend on threads.
     """
+    names = [photo.name for photo in photos]
+    _rename(path, names)  # after a kill below they are numbers
     with pycolmap.Database.open(path) as database:
         missing = [(i, j) for i, j in pairs if not _is_verified(database, i + 1, j + 1)]
     if missing:
@@ -105,12 +110,36 @@ def matched(
     verification.ransac.random_seed = SEED
     pairing = pycolmap.ImportedPairingOptions(match_list_path=work / "pairs.txt")
     progress = Progress(log, "matching", len(missing), "pairs")
-    with quiet():
+    # the list of pairs is parted by spaces
+    plain = [name if PLAIN.fullmatch(name) else f"photo-{index}" for index, name in enumerate(names)]
+    with quiet(), _renamed(path, plain, names):
         for start in range(0, len(missing), PAIRS_AT_ONCE):
-            lines = [f"{photos[i].name} {photos[j].name}" for i, j in missing[start : start + PAIRS_AT_ONCE]]
+            lines = [f"{plain[i]} {plain[j]}" for i, j in missing[start : start + PAIRS_AT_ONCE]]
             (work / "pairs.txt").write_text("\n".join(lines), encoding="utf-8")
             pycolmap.match_image_pairs(path, matching, pairing, verification, device=pycolmap.Device.cpu)
             progress.at(min(start + PAIRS_AT_ONCE, len(missing)))
+
+
+@contextmanager
+def _renamed(path: Path, names: Sequence[str], before: Sequence[str]) -> Iterator[None]:
+    """The database's photos by other names."""
+    if list(names) == list(before):
+        yield
+        return
+    _rename(path, names)
+    try:
+        yield
+    finally:
+        _rename(path, before)
+
+
+def _rename(path: Path, names: Sequence[str]) -> None:
+    with pycolmap.Database.open(path) as database:
+        for index, name in enumerate(names, 1):
+            image = database.read_image(index)
+            if image.name != name:
+                image.name = name
+                database.update_image(image)
 
 
 def _is_verified(database: pycolmap.Database, first: int, second: int) -> bool:

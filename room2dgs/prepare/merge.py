@@ -1,4 +1,4 @@
-"""Models of one capture that share photos, as one model."""
+"""Models of one capture that share photos or what they show, as one model."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from room2dgs.colmap import pycolmap
 from room2dgs.files import whole_folder
 from room2dgs.logs import Log
+from room2dgs.prepare.bridge import bridged
 from room2dgs.prepare.mapping import ONE_THREAD, names_of
 from room2dgs.sfm.matching import quiet
 
@@ -24,25 +25,34 @@ def merged(
         models: largest first.
         work: a folder for pycolmap's files.
     """
-    base, *others = models
-    left = []
-    for other in others:
-        common = names_of(base) & names_of(other)
-        new = names_of(other) - names_of(base)
-        if not new:
-            continue
+    base, *left = models
+    while True:
+        others, left = left, []
+        for other in others:
+            new = names_of(other) - names_of(base)
+            if not new:
+                continue
+            base_from_other, how = _between(base, other, database)
+            if base_from_other is None:
+                left.append(other)
+                continue
+            log(f"two models share {how}: {len(new)} photos join the larger one")
+            base = _united(base, other, base_from_other, database, images, work)
+        if len(left) == len(others) or not left:
+            return base, left
+
+
+def _between(
+    base: pycolmap.Reconstruction, other: pycolmap.Reconstruction, database: Path
+) -> tuple[pycolmap.Sim3d | None, str]:
+    """base_from_other and what says so."""
+    common = names_of(base) & names_of(other)
+    if len(common) >= LEAST_COMMON:
         with quiet():
-            base_from_other = (
-                pycolmap.align_reconstructions_via_reprojections(other, base, LEAST_INLIERS, MAX_ERROR_PX)
-                if len(common) >= LEAST_COMMON
-                else None
-            )
-        if base_from_other is None:
-            left.append(other)
-            continue
-        log(f"two models share {len(common)} photos: {len(new)} photos join the larger one")
-        base = _united(base, other, base_from_other, database, images, work)
-    return base, left
+            found = pycolmap.align_reconstructions_via_reprojections(other, base, LEAST_INLIERS, MAX_ERROR_PX)
+        if found is not None:
+            return found, f"{len(common)} photos"
+    return bridged(base, other, database), "points that matches between their photos name"
 
 
 def _united(

@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -17,6 +18,9 @@ from room2dgs.captures.read import placed
 from room2dgs.colmap import pycolmap
 from room2dgs.config import load_config
 from room2dgs.eval.alignment import by_cameras, moved
+from room2dgs.prepare import bridge
+from room2dgs.prepare.bridge import Common, bridged, common_points
+from room2dgs.prepare.features import _rename, matched
 from room2dgs.prepare.merge import merged
 
 QUICK = ["prepare.features=700", "prepare.length=[height,1.3]"]
@@ -105,7 +109,8 @@ def test_a_killed_preparation_goes_on_to_the_same_bits_with_any_threads(prepared
 
 
 @pytest.mark.slow
-def test_two_models_that_share_photos_become_one(prepared, tmp_path):
+@pytest.mark.parametrize("kept", [(slice(0, 8), slice(4, 12)), (slice(0, 6), slice(6, 12))], ids=["photos", "matches"])
+def test_two_models_that_share_photos_or_matches_become_one(prepared, tmp_path, kept):
     whole = pycolmap.Reconstruction(prepared[1] / "work/model")
     ids = sorted(whole.reg_image_ids())
 
@@ -116,20 +121,62 @@ def test_two_models_that_share_photos_become_one(prepared, tmp_path):
                 model.deregister_frame(model.image(image_id).frame_id)
         return model
 
-    first, second = part(ids[:8]), part(ids[4:])
+    first, second = part(ids[kept[0]]), part(ids[kept[1]])
     turned = np.array([[0, -1.0, 0], [1, 0, 0], [0, 0, 1]])
     second.transform(pycolmap.Sim3d(np.c_[3.0 * turned, [5.0, -2, 1]]))
     database, images = prepared[1] / "work/database.db", prepared[1] / "images"
-    model, left = merged([first, second], database, images, tmp_path, lambda line: None)
+    said: list[str] = []
+    model, left = merged([first, second], database, images, tmp_path, said.append)
     assert not left and model.num_reg_images() == len(ids)
+    assert f"{len(ids) - first.num_reg_images()} photos join the larger one" in said[0]
     centre = {i: whole.image(i).projection_center() for i in ids}
     found = by_cameras(
         {str(i): model.image(i).projection_center() for i in ids}, {str(i): centre[i] for i in ids}, with_scale=True
     )
     reach = np.linalg.norm(centre[ids[0]] - centre[ids[-1]])
     assert found.rms_m < 0.01 * reach
-    apart = part(ids[:6]), part(ids[6:])  # nothing in common
-    assert merged(list(apart), database, images, tmp_path, lambda line: None)[1] == [apart[1]]
+    if second.num_reg_images() == 6:  # without a match across nothing says where they lie
+        silent = tmp_path / "silent.db"
+        shutil.copy(database, silent)
+        with pycolmap.Database.open(silent) as opened:
+            opened.clear_two_view_geometries()
+        assert merged([first, second], silent, images, tmp_path, said.append)[1] == [second]
+
+
+@pytest.mark.slow
+def test_matches_that_agree_on_no_place_join_nothing(prepared, monkeypatch):
+    """A model is bridged to itself; not where the points of its matches are mixed up, nor by a few of them."""
+    whole = pycolmap.Reconstruction(prepared[1] / "work/model")
+    common = common_points(whole, whole, prepared[1] / "work/database.db")
+    assert bridged(whole, whole, prepared[1] / "work/database.db") is not None
+    random = np.random.default_rng(0)
+    wrong = common._replace(other=random.permutation(common.other))
+    monkeypatch.setattr(bridge, "common_points", lambda *args: wrong)
+    assert bridged(whole, whole, prepared[1] / "work/database.db") is None
+    monkeypatch.setattr(bridge, "common_points", lambda *args: Common(*(column[:15] for column in common)))
+    assert bridged(whole, whole, prepared[1] / "work/database.db") is None
+
+
+@pytest.mark.slow
+def test_photos_that_show_something_else_are_left_out_by_name(walk, tmp_path, capsys):
+    source = tmp_path / "photos"
+    source.mkdir()
+    for index, (_, photo) in enumerate(walk[:8]):
+        cv2.imwrite(str(source / f"room {index}.png"), photo[..., ::-1])
+    for seed, name in enumerate(("cat.png", "zoo.png")):
+        cv2.imwrite(str(source / name), cv2.GaussianBlur(noise(seed, walk[0][1].shape[:2]), (0, 0), 1))
+    out = tmp_path / "out"
+    assert cli.main(["prepare", f"images={source}", f"out={out}", *QUICK]) == 0
+    assert "left out: cat.png, zoo.png" in capsys.readouterr().out
+    verdict = json.loads((out / "prepare.json").read_text())
+    assert verdict["left_out"] == ["cat.png", "zoo.png"] and verdict["placed"] == 8
+    assert sorted(frame.name for frame in scene_of(out).frames) == [f"room {index}" for index in range(8)]
+    database, names = out / "work/database.db", ["cat.png", *(f"room {index}.png" for index in range(8)), "zoo.png"]
+    _rename(database, [f"photo-{index}" for index in range(10)])  # as a kill amid matching leaves them
+    config = load_config([f"scene.path={source}", "out=unused"]).prepare
+    matched(database, [SimpleNamespace(name=name) for name in names], [], tmp_path, config, lambda line: None)
+    with pycolmap.Database.open(database) as opened:
+        assert [image.name for image in opened.read_all_images()] == names
 
 
 def test_a_camera_that_only_turns_is_named(corner_walk, tmp_path, capsys):
