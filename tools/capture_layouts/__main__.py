@@ -3,9 +3,10 @@
     python -m room2dgs.tools.capture_layouts CAPTURE OUT [KEY=VALUE ...] --frames 20
 
 A mesh is made of the photos alone (`run mesh.source=depth prior=room_prior`, nothing is trained, no stereo) and scored
-against CAPTURE's gt_mesh.ply. JPEG files keep their bytes and PNG files hold just what those decode to, so that all
-layouts but videos show the same pixels. The table comes as Markdown; OUT/runs keeps the runs, and the same call goes on
-after the last of them.
+against CAPTURE's gt_mesh.ply. Where cameras and pictures are those of another layout bit by bit, its run counts, unless
+--every is given. JPEG files keep their bytes and PNG files hold just what those decode to, so that all layouts but
+videos show the same pixels. The table comes as Markdown; OUT/runs keeps the runs, and the same call goes on after the
+last of them.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ RUN = [
     "mesh.source=depth", "prior=room_prior", "points.source=file", "sfm.refine_poses=false", "stereo.enabled=false",
     "report.enabled=false", "export.after_run=[]", "eval.image_metrics=false",
 ]  # fmt: skip
+MESH = "mesh", "f_score_5cm", "faces"
 ALL = {"test_every": 0, "split": "every"}
 
 
@@ -84,8 +86,13 @@ def differences(scene: Scene, made: Made, layout: Layout) -> Differences:
     return Differences(float(pose), float(K), levels, depth if layout.depth else None, points, digest.hexdigest())
 
 
-def compared(name: str, made: Made, out: Path, gt_mesh: Path | None, settings: list[str]) -> dict[str, object]:
+def compared(
+    name: str, made: Made, out: Path, gt_mesh: Path | None, settings: list[str], known: list[dict[str, object]]
+) -> dict[str, object]:
     """A row of the table; the layout's files are there only while it is made.
+
+    Args:
+        known: rows whose mesh is taken where the input is theirs, bit by bit.
 
     Raises:
         InputError: as `differences`, or a run that fails.
@@ -97,7 +104,10 @@ def compared(name: str, made: Made, out: Path, gt_mesh: Path | None, settings: l
     config = replace(load_config([f"scene.path={folder}", "out=unused"]).scene, **ALL, **told)
     found = differences(read_scene(config), made, layout)
     row: dict[str, object] = {"layout": name, **vars(found)}
-    if gt_mesh is not None:
+    same = next((before for before in known if before["digest"] == found.digest and "mesh" in before), None)
+    if gt_mesh is not None and same is not None:
+        row |= {key: same[key] for key in MESH} | {"run_of": same.get("run_of", same["layout"])}
+    elif gt_mesh is not None:
         given = [f"scene.{key}={json.dumps(value)}".replace(" ", "") for key, value in {**ALL, **told}.items()]
         given = [f"scene.path={folder}", f"out={run}", f"scene.gt_mesh={gt_mesh}", *given, *RUN]
         row |= mesh_of([*given, f"points.file={out / 'points.ply'}", *settings], run)
@@ -119,7 +129,7 @@ def mesh_of(arguments: list[str], run: Path) -> dict[str, object]:
         raise InputError(f"{run} failed: {done.stderr.strip().splitlines()[-1:]}")
     metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
     mesh = hashlib.sha256((run / "mesh.ply").read_bytes()).hexdigest()
-    return {"mesh": mesh, "f_score_5cm": metrics["f_score_5cm"], "faces": metrics["mesh_faces"]}
+    return dict(zip(MESH, (mesh, metrics["f_score_5cm"], metrics["mesh_faces"]), strict=True))
 
 
 def table(rows: list[dict[str, object]]) -> str:
@@ -142,7 +152,7 @@ def table(rows: list[dict[str, object]]) -> str:
         score = row.get("f_score_5cm")
         cells = [row["layout"], *(number(row[key]) for key in ("pose", "K", "depth_m", "points_m")), row["levels"]]
         cells += [letter("input", row["digest"]), letter("mesh", row.get("mesh"))]
-        cells += ["—" if score is None else f"{score:.4f}"]
+        cells += ["—" if score is None else f"{score:.4f}" + (f" ({row['run_of']})" if "run_of" in row else "")]
         lines.append(f"| {' | '.join(map(str, cells))} |")
     return "\n".join(lines)
 
@@ -161,6 +171,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--step", type=int, default=1, help="every which")
     parser.add_argument("--layouts", nargs="*", choices=LAYOUTS, default=list(LAYOUTS), metavar="NAME")
     parser.add_argument("--no-mesh", action="store_true", help="cameras and pictures alone")
+    parser.add_argument("--every", action="store_true", help="a run also for layouts that give another one's bits")
     parser.add_argument("settings", nargs="*", default=["scene.image_width=320"], help="of the runs")
     given = parser.parse_args(arguments)
     gt_mesh = given.capture / "gt_mesh.ply"
@@ -172,7 +183,7 @@ def main(arguments: list[str] | None = None) -> int:
         trimesh.PointCloud(made.xyz, colors=made.rgb).export(given.out / "points.ply")
         rows = []
         for name in given.layouts:
-            rows.append(kept(name, made, given, None if given.no_mesh else gt_mesh))
+            rows.append(kept(name, made, given, None if given.no_mesh else gt_mesh, [] if given.every else rows))
             print(table(rows[-1:]).splitlines()[-1], flush=True)
     except InputError as error:
         print(f"capture_layouts: {error}", file=sys.stderr)
@@ -181,7 +192,9 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def kept(name: str, made: Made, given: argparse.Namespace, gt_mesh: Path | None) -> dict[str, object]:
+def kept(
+    name: str, made: Made, given: argparse.Namespace, gt_mesh: Path | None, known: list[dict[str, object]]
+) -> dict[str, object]:
     """The row of an earlier call that was about the same, or a new one."""
     path = given.out / "rows" / f"{name}.json"
     asked = [str(given.capture), given.first, given.frames, given.step, bool(gt_mesh), given.settings]
@@ -191,7 +204,7 @@ def kept(name: str, made: Made, given: argparse.Namespace, gt_mesh: Path | None)
             return before["row"]
     except (OSError, ValueError, KeyError, TypeError):
         pass
-    row = compared(name, made, given.out, gt_mesh, given.settings)
+    row = compared(name, made, given.out, gt_mesh, given.settings, known)
     with whole_file(path) as temporary:
         temporary.write_text(json.dumps({"asked": asked, "row": row}), encoding="utf-8")
     return row
