@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from room2dgs import _C
+from room2dgs import _C, cuda_state
+from room2dgs.errors import InputError
 
 
 class Build(NamedTuple):
@@ -22,11 +23,12 @@ class Build(NamedTuple):
 
     Attributes:
         extension: `_C.device` or `_cuda`.
-        queue: where the work on a tensor's device goes, as the extension's functions take it.
+        queue: where the work on a tensor's device goes, as the extension's functions take it; without one, on the
+            current device.
     """
 
     extension: Any
-    queue: Callable[[Tensor], int]
+    queue: Callable[[Tensor | None], int]
 
 
 _order = 0
@@ -50,9 +52,10 @@ def _cuda() -> Build | None:
         extension = importlib.import_module("room2dgs._cuda")
     except ImportError:  # built without
         return None
-    return Build(extension, lambda like: torch.cuda.current_stream(like.device).cuda_stream)
+    return Build(extension, lambda like: torch.cuda.current_stream(None if like is None else like.device).cuda_stream)
 
 
+CPU = Build(_C, lambda like: 0)  # the CPU's own kernels, where those have the names of block code's
 PLAIN = Build(_C.device, lambda like: _order)
 CUDA = _cuda()
 BUILDS: dict[str, Build] = {"cuda": CUDA} if CUDA else {}  # that work by themselves, by type of device
@@ -81,3 +84,16 @@ def build_for(*maps: Tensor) -> Build | None:
 def stays(numbers: Tensor) -> bool:
     """Whether a number stays on its device until somebody asks: where block code works, a look at it is a wait."""
     return numbers.device.type in BUILDS
+
+
+def build_of(device: str) -> Build:
+    """The kernels that `render.device` names, for what is no tensor: the CPU's own, CUDA's, or block code's plain C++.
+
+    Raises:
+        InputError: no GPU, or nothing that runs on it.
+    """
+    if device == "cuda" and (lacking := cuda_state.missing()):
+        raise InputError(
+            f"render.device=cuda lacks {', '.join(lacking)}; give render.device=cpu (room2dgs doctor says more)"
+        )
+    return {"cpu": CPU, "blocks": PLAIN, "cuda": CUDA}[device]

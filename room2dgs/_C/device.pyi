@@ -2,6 +2,7 @@
 
 from typing import Annotated
 
+import numpy
 from numpy.typing import NDArray
 
 
@@ -76,3 +77,33 @@ def adam_rows(parameters: NDArray, gradients: Annotated[NDArray, dict(writable=F
     """
     One step of Adam, in place, for the rows whose `seen`, uint8, is not 0 (None: all); the others keep everything. queue: as in BlockFrame.
     """
+
+class StereoPhoto:
+    """A grey photo, packed for bilinear samples."""
+
+    def __init__(self, grey: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None: ...
+
+    @property
+    def width(self) -> int: ...
+
+    @property
+    def height(self) -> int: ...
+
+class PatchMatch:
+    """
+    PatchMatch stereo of one photo; planes are (inverse depth, d/dx, d/dy).
+    """
+
+    def __init__(self, photo: StereoPhoto, radius: int, step: int, sigma_grey: float, sigma_px: float, variance_floor: float, best: int, w_min: float, w_max: float, slope_limit: float, pixel_slope: float, seed: int) -> None: ...
+
+    def add_view(self, photo: StereoPhoto, view_from_reference: Annotated[NDArray[numpy.float64], dict(shape=(3, 4), order='C', device='cpu', writable=False)], reference_from_view: Annotated[NDArray[numpy.float64], dict(shape=(3, 4), order='C', device='cpu', writable=False)], inverse_depth: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None) -> None: ...
+
+    def set_planes(self, planes: Annotated[NDArray[numpy.float32], dict(shape=(3, None, None), order='C', device='cpu', writable=False)]) -> None: ...
+
+    def set_hints(self, planes: Annotated[NDArray[numpy.float32], dict(shape=(3, None, None), order='C', device='cpu', writable=False)]) -> None: ...
+
+    def run(self, iterations: int, perturbation: float, random_depths: int, geometric_weight: float, first_draw: int, thrifty: bool, queue: int = 0) -> None: ...
+
+    def costs(self, geometric_weight: float, cost: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')], variance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')], queue: int = 0) -> None: ...
+
+    def planes(self, out: Annotated[NDArray[numpy.float32], dict(shape=(3, None, None), order='C', device='cpu')]) -> None: ...

@@ -53,7 +53,7 @@ def main(argv: list[str]) -> int:
         with timed(seconds, "points"):
             points = sparse_points(scene, config.points, Path(config.points.cache or out / POINTS), log)
         with timed(seconds, "stereo"):
-            cameras, found = scene_stereo(scene.train, points, config.stereo, log)
+            cameras, found = scene_stereo(scene.train, points, config.stereo, log, config.render.device)
             views = list(found)
         share = coverage(views)
         log(

@@ -141,7 +141,7 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     stereo: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
     def compare() -> StereoPoints:
-        found = stereo_points(scene.train, points, config.stereo, log)
+        found = stereo_points(scene.train, points, config.stereo, log, config.render.device)
         stereo.update(found.maps)
         return found
 

@@ -63,6 +63,11 @@ inline void device_release(void* data) { cudaFree(data); }  // waits for what st
 inline void fill_bytes(const Queue& queue, void* data, int value, size_t bytes) {
   cuda_check(cudaMemsetAsync(data, value, bytes, queue.stream));
 }
+// The host's memory may change afterwards.
+inline void bytes_from_host(const Queue& queue, void* to, const void* from, size_t bytes) {
+  cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, queue.stream));
+  cuda_check(cudaStreamSynchronize(queue.stream));
+}
 // Waits for the queue: the numbers are there.
 inline void bytes_to_host(const Queue& queue, void* to, const void* from, size_t bytes) {
   cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToHost, queue.stream));
@@ -162,6 +167,7 @@ inline void* device_allocate(const Queue&, size_t bytes) {
 }
 inline void device_release(void* data) { std::free(data); }
 inline void fill_bytes(const Queue&, void* data, int value, size_t bytes) { std::memset(data, value, bytes); }
+inline void bytes_from_host(const Queue&, void* to, const void* from, size_t bytes) { std::memcpy(to, from, bytes); }
 inline void bytes_to_host(const Queue&, void* to, const void* from, size_t bytes) { std::memcpy(to, from, bytes); }
 
 struct Turn {
@@ -244,6 +250,10 @@ class DeviceBuffer {
   int64_t capacity_ = 0;
 };
 
+template <class T>
+void from_host(const Queue& queue, T* to, const T* from, int64_t count) {
+  bytes_from_host(queue, to, from, sizeof(T) * static_cast<size_t>(count));
+}
 template <class T>
 void to_host(const Queue& queue, T* to, const T* from, int64_t count = 1) {
   bytes_to_host(queue, to, from, sizeof(T) * static_cast<size_t>(count));

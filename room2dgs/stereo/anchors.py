@@ -34,19 +34,20 @@ class StereoPoints(NamedTuple):
 
 
 def stereo_points(
-    frames: Sequence[Frame], points: PointCloud, settings: StereoConfig, log: Log = print
+    frames: Sequence[Frame], points: PointCloud, settings: StereoConfig, log: Log = print, device: str = "cpu"
 ) -> StereoPoints:
     """Compare the photos of some frames.
 
     Args:
         frames: training views.
         points: sparse points, metres.
+        device: what matches, as `render.device` names it.
 
     Raises:
         InputError: as `scene_stereo`.
     """
     started = time.monotonic()
-    cameras, views = scene_stereo(frames, points, settings, log)
+    cameras, views = scene_stereo(frames, points, settings, log, device)
     maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
     share = np.array([np.mean(depth > 0) for depth, _ in maps.values()])
     log(

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from room2dgs.block_code import build_of
 from room2dgs.geometry.camera import Camera
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.neighbours import choose_neighbours
@@ -29,6 +30,7 @@ class Options(NamedTuple):
         rounds: searches with geometric consistency, at each image size.
         levels: image sizes, each half of the next.
         min_agreeing, max_px, max_relative, max_cost: what a pixel must satisfy to be kept.
+        device: what matches, as `render.device` names it.
     """
 
     neighbours: int = 6
@@ -41,6 +43,7 @@ class Options(NamedTuple):
     max_px: float = 1.0
     max_relative: float = 0.01
     max_cost: float = 0.6
+    device: str = "cpu"
 
 
 class Sight(NamedTuple):
@@ -102,7 +105,7 @@ def dense_views(
     planes: list[np.ndarray] = []
     coarse: list[DenseView] = []
     for level in reversed(range(options.levels)):
-        views = [_at_level(photo, camera, level) for photo, camera in zip(photos, cameras, strict=True)]
+        views = [_at_level(photo, camera, level, options.device) for photo, camera in zip(photos, cameras, strict=True)]
         first = not planes
         if first:
             scales = [view.camera.width / camera.width for view, camera in zip(views, cameras, strict=True)]
@@ -144,11 +147,13 @@ def _completed(fine: DenseView, coarse: DenseView) -> DenseView:
     )
 
 
-def _at_level(photo: np.ndarray, camera: Camera, level: int) -> Packed:
+def _at_level(photo: np.ndarray, camera: Camera, level: int, device: str) -> Packed:
+    kernels = build_of(device)
     if level == 0:
-        return packed(photo, camera)
+        return packed(photo, camera, kernels)
     width, height = max(8, round(camera.width / 2**level)), max(8, round(camera.height / 2**level))
-    return packed(cv2.resize(photo, (width, height), interpolation=cv2.INTER_AREA), camera.resized(width, height))
+    smaller = cv2.resize(photo, (width, height), interpolation=cv2.INTER_AREA)
+    return packed(smaller, camera.resized(width, height), kernels)
 
 
 def _searched(

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from room2dgs import _C
+from room2dgs.block_code import CPU, Build
 from room2dgs.geometry.camera import Camera
 
 
@@ -39,15 +40,17 @@ class Packed:
     """A view ready for stereo.
 
     Attributes:
-        photo: its grey photo, packed.
+        photo: its grey photo, packed by `kernels`.
         camera: of the photo's size.
+        kernels: the CPU's own, or block code's: they find the same planes.
     """
 
-    photo: _C.StereoPhoto
+    photo: Any
     camera: Camera
+    kernels: Build
 
 
-def packed(grey: np.ndarray, camera: Camera) -> Packed:
+def packed(grey: np.ndarray, camera: Camera, kernels: Build = CPU) -> Packed:
     """A view from its grey photo.
 
     Args:
@@ -55,7 +58,7 @@ def packed(grey: np.ndarray, camera: Camera) -> Packed:
     """
     if grey.shape != (camera.height, camera.width):
         raise ValueError(f"the photo has shape {grey.shape}, its camera {camera.width} x {camera.height} pixels")
-    return Packed(_C.StereoPhoto(np.ascontiguousarray(grey, np.uint8)), camera)
+    return Packed(kernels.extension.StereoPhoto(np.ascontiguousarray(grey, np.uint8)), camera, kernels)
 
 
 def warp(camera: Camera, other: Camera) -> np.ndarray:
@@ -95,7 +98,8 @@ class Search:
         focal = 0.5 * (view.camera.K[0, 0] + view.camera.K[1, 1])
         self._size = (view.camera.height, view.camera.width)
         self._geometric = settings.geometric_weight if inverse_depths is not None else 0.0
-        self._match = _C.PatchMatch(
+        self._kernels = view.kernels
+        self._match = view.kernels.extension.PatchMatch(
             view.photo,
             settings.radius,
             settings.step,
@@ -143,7 +147,8 @@ class Search:
         self._match.set_planes(np.ascontiguousarray(planes, np.float32))
         if hints is not None:
             self._match.set_hints(np.ascontiguousarray(hints, np.float32))
-        self._match.run(iterations, perturbation, random_depths, self._geometric, first_draw, thrifty)
+        queue = self._kernels.queue(None)
+        self._match.run(iterations, perturbation, random_depths, self._geometric, first_draw, thrifty, queue)
         found = np.empty((3, *self._size), np.float32)
         self._match.planes(found)
         return found
@@ -152,5 +157,5 @@ class Search:
         """(H, W) photometric costs of planes, 0 (alike) to 2, and (H, W) variances of the windows, grey levels^2."""
         self._match.set_planes(np.ascontiguousarray(planes, np.float32))
         cost, variance = np.empty(self._size, np.float32), np.empty(self._size, np.float32)
-        self._match.costs(0.0, cost, variance)
+        self._match.costs(0.0, cost, variance, self._kernels.queue(None))
         return cost, variance

@@ -21,7 +21,7 @@ LOG_SECONDS = 10.0
 
 
 def scene_stereo(
-    frames: Sequence[Frame], points: PointCloud, settings: StereoConfig, log: Log = print
+    frames: Sequence[Frame], points: PointCloud, settings: StereoConfig, log: Log = print, device: str = "cpu"
 ) -> tuple[list[Camera], Iterator[DenseView]]:
     """Depth and normals of each view where several views agree.
 
@@ -29,6 +29,7 @@ def scene_stereo(
         frames: the views, at their working size.
         points: sparse points, metres; their tracks tell which views see the same.
         log: takes one line at a time.
+        device: what matches, as `render.device` names it.
 
     Returns:
         The views' cameras at stereo's image size, and what was found in each, in the frames' order; the work is done as
@@ -51,6 +52,7 @@ def scene_stereo(
         max_px=settings.max_px,
         max_relative=settings.max_relative,
         max_cost=settings.max_cost,
+        device=device,
     )
     matching = Matching(radius=settings.radius, step=settings.step, best=settings.best)
     views = dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log))

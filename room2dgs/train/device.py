@@ -10,9 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from room2dgs import cuda_state
-from room2dgs.block_code import plain_code
-from room2dgs.errors import InputError
+from room2dgs.block_code import build_of, plain_code
 
 CPU = torch.device("cpu")
 
@@ -24,10 +22,7 @@ def on_device(name: str) -> Iterator[torch.device]:
     Raises:
         InputError: no GPU, or nothing that runs on it.
     """
-    if name == "cuda" and (lacking := cuda_state.missing()):
-        raise InputError(
-            f"render.device=cuda lacks {', '.join(lacking)}; give render.device=cpu (room2dgs doctor says more)"
-        )
+    build_of(name)
     with plain_code() if name == "blocks" else nullcontext():
         yield torch.device("cuda", torch.cuda.current_device()) if name == "cuda" else CPU
 

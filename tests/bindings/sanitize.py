@@ -15,9 +15,10 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
+BLOCKS = ("test_block_frame.py", "test_block_losses.py", "test_block_stereo.py")
 TESTS = {
-    "address": ("test_arguments.py", "test_threads.py", "test_block_frame.py", "test_block_losses.py"),
-    "thread": ("test_threads.py", "test_block_frame.py", "test_block_losses.py"),
+    "address": ("test_arguments.py", "test_threads.py", *BLOCKS),
+    "thread": ("test_threads.py", *BLOCKS),
 }
 BUILDS = {"address": "address,undefined", "thread": "thread"}
 LIBRARIES = {"address": ("asan", "ubsan"), "thread": ("tsan",)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from room2dgs.errors import InputError
 from room2dgs.splat import set_threads
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.dense import Options, Sight, dense_views
@@ -122,3 +123,13 @@ def test_unknown_depth_has_nobody_that_agrees(corner, value):
     inverse = np.full((72, 96), value, np.float32)
     found = agreement(corner[0][0], inverse, [(corner[1][0], (1 / corner[1][2]).astype(np.float32))], 1.0, 0.01)
     assert (found.count == 0).all() and np.isfinite(found.inverse_depth).all()
+
+
+def test_the_kernels_for_a_gpu_find_the_same_depth(corner, monkeypatch):
+    """As plain C++, to the bit without fused arithmetic; and nobody's else than `device` names."""
+    monkeypatch.setenv("ROOM2DGS_ISA", "baseline")
+    few = Options(iterations=1, rounds=1, refinements=1)
+    for a, b in zip(run(corner, few), run(corner, few._replace(device="blocks")), strict=True):
+        assert all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+    with pytest.raises(InputError, match=r"render\.device=cuda lacks"):
+        run(corner, few._replace(device="cuda"))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from room2dgs.block_code import CPU, PLAIN, set_order
 from room2dgs.splat import set_threads
 from room2dgs.stereo.patchmatch import Matching, Search, packed, warp
 from room2dgs.stereo.planes import plane_normals, planes_of_depth
@@ -15,8 +16,8 @@ from room2dgs.stereo.reference import plane_costs
 RANGE = (0.5, 8.0)
 
 
-def search(corner, settings=Matching(), seed=1, inverse_depths=None, **kwargs):  # noqa: B008
-    views = [packed(photo, camera) for camera, photo, _, _ in corner]
+def search(corner, settings=Matching(), seed=1, inverse_depths=None, kernels=CPU, **kwargs):  # noqa: B008
+    views = [packed(photo, camera, kernels) for camera, photo, _, _ in corner]
     return Search(views[0], views[1:], settings, RANGE, seed, inverse_depths, **kwargs)
 
 
@@ -107,6 +108,36 @@ def test_thrift_after_the_first_iteration_costs_little(corner):
         found = search(corner).run(start, 3, perturbation=0.5, thrifty=thrifty)
         wrong.append(np.mean(np.abs(1 / found[0] - depth)[6:-6, 10:-10] > 0.01 * depth[6:-6, 10:-10]))
     assert wrong[1] < wrong[0] + 0.01 and wrong[0] != wrong[1]  # and it is another search
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [Matching(), Matching(radius=3, step=1, best=2, geometric_weight=0.3), Matching(best=1, step=4)],
+)
+def test_the_kernels_for_a_gpu_find_the_same_bits(corner, settings, monkeypatch):
+    """As plain C++, which has no fused multiply-add; in any order of blocks and threads: one source of the maths."""
+    monkeypatch.setenv("ROOM2DGS_ISA", "baseline")
+    inverse = [(1 / depth).astype(np.float32) for _, _, depth, _ in corner[1:]]
+    inverse[0][20:40, 30:60] = 0
+    start = some_planes(corner)
+    start[:, 30:50, 20:70] = 0  # drawn at random
+    hints = planes_of_depth(corner[0][2].astype(np.float32))
+    hints[:, :, 48:] = 0
+
+    def found(kernels):
+        first = search(corner, settings, kernels=kernels).run(start, 3, random_depths=1, hints=hints)
+        later = search(corner, settings, inverse_depths=inverse, kernels=kernels)
+        runs = [first, later.run(start, 3, perturbation=0.5, thrifty=True)]
+        return [*runs, *search(corner, settings, kernels=kernels).costs(runs[0])]
+
+    expected = found(CPU)
+    try:
+        for order in (0, 3):
+            set_order(order)
+            for a, b in zip(found(PLAIN), expected, strict=True):
+                np.testing.assert_array_equal(a, b)
+    finally:
+        set_order(0)
 
 
 def test_another_seed_gives_other_draws(corner):

@@ -11,6 +11,7 @@ void bind_device(nb::module_& m) {
   bind_block_frame(m);
   bind_block_losses(m);
   bind_block_adam(m);
+  bind_block_stereo(m);
 }
 
 }  // namespace R2_ISA

@@ -76,7 +76,7 @@ struct DepthGradient {
       mine[thread].value[0] = 0;
       const int64_t i = block.place(thread);
       if (i >= maps.height * maps.width) return;
-      const DepthFit& fit = *from;
+      const DepthAlignment fit = from->alignment;
       const DepthPixel p = depth_pixel(maps, i);
       gradient[i] = 0;
       if (!p.compared || fit.mean == 0.0f) return;
@@ -87,8 +87,11 @@ struct DepthGradient {
       for (int level = 0; level < kDepthLevels; ++level) {
         const int64_t stride = int64_t(1) << level;
         if (row % stride || column % stride) break;
+#ifdef __CUDACC__
+#pragma unroll 1
+#endif
         for (int along = 0; along < 2; ++along) {
-          const float share = fit.shares[level][along];
+          const float share = from->shares[level][along];
           const int64_t place = along ? row : column, length = along ? maps.height : maps.width;
           const int64_t step = along ? stride * maps.width : stride;
           if (share == 0.0f) continue;

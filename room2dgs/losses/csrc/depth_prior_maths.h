@@ -7,7 +7,6 @@
 namespace R2_ISA {
 
 constexpr int kDepthLevels = 4;
-constexpr int kDepthSums = 7 + 2 * kDepthLevels;  // see DepthSums
 // As losses/depth_prior.py has them.
 constexpr float kDepthMinAlpha = 0.5f, kDepthRounding = 1e-6f;
 constexpr double kDepthMinPixels = 64, kDepthMinSpread = 1e-4, kDepthMinCorrelation = 0.1;
@@ -32,13 +31,15 @@ R2_HD DepthPixel depth_pixel(const DepthMaps& maps, int64_t i) {
 }
 
 // Of all compared pixels: number, w, w p, w x, w p p, w p x, w x x; then pairs along rows and along columns, by level.
-struct DepthSums {
-  double value[kDepthSums];
+constexpr int kDepthSums = 7 + 2 * kDepthLevels;
+
+struct DepthAlignment {
+  float scale, shift, inverse_unit;
+  float mean;  // 1 / number of pixels; 0 where too few are compared: no loss, no gradient
 };
 
 struct DepthFit {
-  float scale, shift, inverse_unit;
-  float mean;                      // 1 / number of pixels; 0 where too few are compared: no loss, no gradient
+  DepthAlignment alignment;
   float shares[kDepthLevels][2];   // of a pair of neighbours, along rows and along columns
 };
 
@@ -57,9 +58,8 @@ R2_HD DepthFit depth_fit(const double* sums, bool align, double gradient_weight,
     scale = told ? covariance / priors : rendered / prior;
     shift = told ? rendered - scale * prior : 0.0;
   }
-  fit.scale = static_cast<float>(scale), fit.shift = static_cast<float>(shift);
-  fit.inverse_unit = static_cast<float>(1 / (scale * prior + shift));
-  fit.mean = static_cast<float>(1 / count);
+  fit.alignment = {static_cast<float>(scale), static_cast<float>(shift),
+                   static_cast<float>(1 / (scale * prior + shift)), static_cast<float>(1 / count)};
   for (int level = 0; level < levels; ++level)
     for (int along = 0; along < 2; ++along) {
       const double pairs = sums[7 + 2 * level + along];
@@ -68,7 +68,7 @@ R2_HD DepthFit depth_fit(const double* sums, bool align, double gradient_weight,
   return fit;
 }
 
-R2_HD float depth_residual(const DepthPixel& p, const DepthFit& fit) {
+R2_HD float depth_residual(const DepthPixel& p, const DepthAlignment& fit) {
   return (p.rendered - fma(fit.scale, p.prior, fit.shift)) * fit.inverse_unit;
 }
 
@@ -77,7 +77,7 @@ struct DepthPair {
   float difference, trust;
 };
 
-R2_HD DepthPair depth_pair(const DepthPixel& before, const DepthPixel& after, const DepthFit& fit) {
+R2_HD DepthPair depth_pair(const DepthPixel& before, const DepthPixel& after, const DepthAlignment& fit) {
   const float trust = before.compared && after.compared ? vmin(before.weight, after.weight) : 0.0f;
   const float d = depth_residual(after, fit) - depth_residual(before, fit);
   const bool counts = trust > 0.0f && (d > kDepthRounding || d < -kDepthRounding);

@@ -11,6 +11,8 @@
 
 #include <cstdint>
 
+#include "scalar.h"
+
 namespace room2dgs {
 
 constexpr int kStereoReach = 24;      // the farthest neighbour that a pixel asks, rounded up
@@ -46,6 +48,7 @@ struct StereoJob {
   // of all views: (height + 2 margin, width + 2 margin) words of a pixel, the one below, its right one, the one below it
   const uint32_t* quads;
   const float* inverse_depth;  // of all views: (height, width), 0 = unknown; null without geometric consistency
+  int64_t words, depths;  // numbers of both
   int view_count, best;
   int samples, side, step, reach;  // side^2 samples, `step` pixels apart and up to `reach` from the centre
   int16_t dx[kStereoMaxSamples], dy[kStereoMaxSamples];
@@ -61,15 +64,15 @@ struct StereoJob {
   const float *hint_w, *hint_gx, *hint_gy;  // likewise: a plane to try at each pixel, w = 0 where there is none; or null
 };
 
-static inline int64_t stereo_half(int64_t width) { return (width + 1) / 2; }
+R2_HD int64_t stereo_half(int64_t width) { return (width + 1) / 2; }
 // Floats of a row of one colour: a border to both sides, and whole vectors.
-static inline int64_t stereo_stride(int64_t width) { return (stereo_half(width) + 7) / 8 * 8 + 2 * kStereoReach; }
-static inline int64_t stereo_rows(int64_t height) { return height + 2 * kStereoReach; }
-static inline int64_t stereo_plane_size(int64_t width, int64_t height) {
+R2_HD int64_t stereo_stride(int64_t width) { return (stereo_half(width) + 7) / 8 * 8 + 2 * kStereoReach; }
+R2_HD int64_t stereo_rows(int64_t height) { return height + 2 * kStereoReach; }
+R2_HD int64_t stereo_plane_size(int64_t width, int64_t height) {
   return 2 * stereo_rows(height) * stereo_stride(width);
 }
 // Where pixel `index` of a colour in a row is kept.
-static inline int64_t stereo_at(int64_t width, int64_t height, int colour, int64_t row, int64_t index) {
+R2_HD int64_t stereo_at(int64_t width, int64_t height, int colour, int64_t row, int64_t index) {
   return (colour * stereo_rows(height) + row + kStereoReach) * stereo_stride(width) + kStereoReach + index;
 }
 
