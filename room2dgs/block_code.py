@@ -6,7 +6,6 @@ plain C++, for tests, and works while `plain_code` says so.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
@@ -15,6 +14,7 @@ import torch
 from torch import Tensor
 
 from room2dgs import _C, cuda_state
+from room2dgs.cuda_extension import cuda_extension
 from room2dgs.errors import InputError
 
 
@@ -48,9 +48,8 @@ def set_order(seed: int) -> int:
 
 
 def _cuda() -> Build | None:
-    try:
-        extension = importlib.import_module("room2dgs._cuda")
-    except ImportError:  # built without
+    extension = cuda_extension().module
+    if extension is None:
         return None
     return Build(extension, lambda like: torch.cuda.current_stream(None if like is None else like.device).cuda_stream)
 

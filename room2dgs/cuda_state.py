@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import ctypes
-import importlib
 import os
 import shutil
 import subprocess
 from pathlib import Path
 from typing import NamedTuple
 
-BUILD = "pip install . -C cmake.define.ROOM2DGS_CUDA=on"
+from room2dgs.cuda_extension import BUILD, cuda_extension
 
 
 class Part(NamedTuple):
@@ -70,12 +69,11 @@ def compiler() -> Part:
 
 def kernels() -> Part:
     """The extension `_cuda`."""
-    try:
-        importlib.import_module("room2dgs._cuda")
-    except ModuleNotFoundError:
+    found = cuda_extension()
+    if not found.built:
         return Part(False, f"not built ({BUILD})")
-    except ImportError as error:
-        return Part(False, f"built, but cannot be loaded ({first_line(error)})")
+    if found.module is None:
+        return Part(False, f"built, but cannot be loaded ({found.reason})")
     return Part(True, "built; never run on a GPU by those who wrote them: docs/cuda.md")
 
 
@@ -98,8 +96,3 @@ def missing() -> list[str]:
         "torch with CUDA": in_torch,
     }
     return [name for name, find in parts.items() if not find().there]
-
-
-def first_line(error: BaseException) -> str:
-    """What an error says first."""
-    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from room2dgs import __version__, cuda_state
 from room2dgs.cores import available_cores
-from room2dgs.cuda_state import first_line
+from room2dgs.errors import first_line
 from room2dgs.system_libraries import package_of
 
 # module -> (distribution, what it is here for); every one is needed

@@ -26,3 +26,9 @@ class RunFailed(Exception):
 
     def __str__(self) -> str:
         return self.why
+
+
+def first_line(error: BaseException) -> str:
+    """What an error says first, without the point at its end; its type if it says nothing."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return (lines or [type(error).__name__])[0].rstrip(".;")

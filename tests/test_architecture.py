@@ -24,6 +24,7 @@ FLOW = (
         "cores",
         "torch_threads",
         "system_libraries",
+        "cuda_extension",
         "cuda_state",
         "block_code",
         "memory",

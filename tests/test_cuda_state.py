@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import ctypes
+import importlib.machinery
+import subprocess
 import sys
 import types
 
 import pytest
 
 from room2dgs import cuda_state, doctor
+from room2dgs.cuda_extension import BUILD, cuda_extension
+
+
+@pytest.fixture(autouse=True)
+def _asked_anew():
+    yield
+    cuda_extension.cache_clear()
 
 
 class Driver:
@@ -59,9 +68,33 @@ def test_the_driver_is_asked_itself(library, there, said, monkeypatch):
 
 def test_kernels_that_are_not_built_say_how_to_build_them(monkeypatch):
     monkeypatch.setitem(sys.modules, "room2dgs._cuda", None)
-    assert cuda_state.kernels() == (False, f"not built ({cuda_state.BUILD})")
+    cuda_extension.cache_clear()
+    assert cuda_state.kernels() == (False, f"not built ({BUILD})")
+    assert "was built without CUDA" in cuda_extension().missing
     monkeypatch.setitem(sys.modules, "room2dgs._cuda", types.ModuleType("room2dgs._cuda"))
-    assert cuda_state.kernels().there
+    cuda_extension.cache_clear()
+    assert cuda_state.kernels().there and cuda_extension().missing is None
+
+
+def test_kernels_that_cannot_be_loaded_say_why_wherever_they_are_asked_for(tmp_path):
+    """Not that they were not built: that would send the user to build again what a missing library keeps from loading.
+
+    In a process of its own, since a backend looks for them once.
+    """
+    suffix = importlib.machinery.EXTENSION_SUFFIXES[0]
+    (tmp_path / f"_cuda{suffix}").write_bytes(b"no library")
+    program = (
+        "import sys, room2dgs\n"
+        "room2dgs.__path__.insert(0, sys.argv[1])\n"
+        "from room2dgs import block_code, cuda_state, splat\n"
+        "assert block_code.CUDA is None\n"
+        "print(cuda_state.kernels().text)\n"
+        "print(splat.backends.BACKENDS['cuda'].missing)\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", program, str(tmp_path)], capture_output=True, text=True, check=True)
+    doctors, backends = ran.stdout.splitlines()
+    for said in (doctors, backends):
+        assert "cannot be loaded (" in said and f"_cuda{suffix}" in said and "without CUDA" not in said
 
 
 def test_doctor_names_all_that_is_missing_and_is_content(monkeypatch):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from room2dgs.errors import InputError
+from room2dgs.errors import InputError, first_line
 from room2dgs.files import whole_file
 
 
@@ -35,7 +35,7 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
         mesh = trimesh.load(path, process=False, force="mesh")
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     except Exception as error:  # trimesh's parsers raise whatever their file format met
-        raise InputError(f"{path} cannot be decoded as a mesh ({_first_line(error)}); write it again") from error
+        raise InputError(f"{path} cannot be decoded as a mesh ({first_line(error)}); write it again") from error
     if vertices.ndim != 2 or not len(vertices) or faces.ndim != 2 or not len(faces):
         raise InputError(f"{path} holds no triangles; give a triangle mesh, not a point cloud or an empty file")
     if faces.min() < 0 or faces.max() >= len(vertices):
@@ -44,7 +44,3 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     if bad:
         raise InputError(f"{path} has {bad} vertices that are NaN or infinite; remove them")
     return mesh
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from room2dgs.config import OnnxConfig
-from room2dgs.errors import InputError
+from room2dgs.errors import InputError, first_line
 from room2dgs.geometry.camera import Camera
 from room2dgs.priors.network.fit import Fit, fitted, input_intrinsics, network_input, photo_part
 from room2dgs.priors.network.flip import Prediction, averaged, mirrored_back, mirrored_camera
 from room2dgs.priors.network.output import one_channel, raw_map, unit_normals
-from room2dgs.priors.network.session import FLOATS, Network, described, first_line, shape_in_words
+from room2dgs.priors.network.session import FLOATS, Network, described, shape_in_words
 
 NUMBERS = {**FLOATS, "tensor(int64)": np.int64, "tensor(int32)": np.int32}
 # of a map's pixels; so few may be NaN or infinite, and are left out

@@ -11,7 +11,7 @@ import numpy as np
 from room2dgs import cuda_state
 from room2dgs.config import OnnxConfig
 from room2dgs.cores import available_cores
-from room2dgs.errors import InputError
+from room2dgs.errors import InputError, first_line
 
 PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
 FLOATS = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(double)": np.float64}
@@ -89,11 +89,6 @@ def described(session: Any) -> str:
         return ", ".join(f"{arg.name} {arg.type.partition('(')[2].rstrip(')')} {shape_in_words(arg)}" for arg in args)
 
     return f"in: {each(session.get_inputs())}; out: {each(session.get_outputs())}"
-
-
-def first_line(error: BaseException) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return (lines or [type(error).__name__])[0].rstrip(".;")
 
 
 def _session(path: Path, threads: int | None, provider: str) -> Any:

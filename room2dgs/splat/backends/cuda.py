@@ -8,16 +8,12 @@ import torch
 from torch import Tensor
 
 from room2dgs.block_code import CUDA
+from room2dgs.cuda_extension import cuda_extension
 from room2dgs.splat.backends import block_view
 from room2dgs.splat.backends.backend import Backend, View
 from room2dgs.splat.backends.cpu import FLOATS
 from room2dgs.splat.backends.operators import rasterize, rasterize_backward
 from room2dgs.splat.types import Rendering, Surfels
-
-MISSING = (
-    "this room2dgs was built without CUDA: build it with `pip install . -C cmake.define.ROOM2DGS_CUDA=on` where there "
-    "is an nvcc (docs/cuda.md), or move the tensors to the CPU"
-)
 
 if CUDA is not None:
     rasterize.register_kernel("cuda", partial(block_view.forward, CUDA))
@@ -36,4 +32,4 @@ def _render(surfels: Surfels, view: View) -> Rendering:
     return Rendering(*images)
 
 
-BACKEND = Backend("cuda", ("cuda",), FLOATS, _render, missing=MISSING if CUDA is None else None)
+BACKEND = Backend("cuda", ("cuda",), FLOATS, _render, missing=cuda_extension().missing)
