@@ -8,6 +8,8 @@ import numpy as np
 import trimesh
 from trimesh.visual.material import PBRMaterial
 
+from room2dgs.export.text_rows import text_rows
+
 ARRAY, ELEMENTS = 34962, 34963  # what a glTF buffer holds
 SRGB_KNEE = 0.04045
 COLOR = "_COLOR"  # trimesh's name of an attribute that it does not know; glTF's is COLOR_0
@@ -42,12 +44,14 @@ def dull_material(picture: Any = None) -> PBRMaterial:
 def obj(mesh: trimesh.Trimesh, rotation: np.ndarray) -> bytes:
     """OBJ with y up and normals; colours 0..1 behind the coordinates, which most programs read."""
     out = turned_mesh(mesh, rotation)
-    rows = np.column_stack([out.vertices, colors_of(mesh) / 255]).tolist()
-    lines = ["# metres, y up"]
-    lines += ["v {:.6f} {:.6f} {:.6f} {:.4f} {:.4f} {:.4f}".format(*row) for row in rows]
-    lines += ["vn {:.4f} {:.4f} {:.4f}".format(*row) for row in out.vertex_normals.tolist()]
-    lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in (np.asarray(out.faces) + 1).tolist()]
-    return "\n".join([*lines, ""]).encode("ascii")
+    places = np.column_stack([out.vertices, colors_of(mesh) / 255])
+    parts = [
+        b"# metres, y up\n",
+        text_rows("v {} {} {} {} {} {}", places, decimals=6),
+        text_rows("vn {} {} {}", out.vertex_normals, decimals=4),
+        text_rows("f {}//{} {}//{} {}//{}", np.repeat(np.asarray(out.faces) + 1, 2, axis=1)),
+    ]
+    return b"".join(parts)
 
 
 def ply(mesh: trimesh.Trimesh) -> bytes:
@@ -59,11 +63,13 @@ def ply(mesh: trimesh.Trimesh) -> bytes:
 
 def turned_mesh(mesh: trimesh.Trimesh, rotation: np.ndarray) -> trimesh.Trimesh:
     """A mesh without colours in another frame; each normal has length 1, also where no face has an area."""
-    out = trimesh.Trimesh(np.asarray(mesh.vertices) @ rotation.T, np.asarray(mesh.faces), process=False)
-    normals = np.asarray(out.vertex_normals).copy()
+    # of the mesh itself: it keeps them, and the next format has them ready
+    normals = np.asarray(mesh.vertex_normals) @ rotation.T
     lengths = np.linalg.norm(normals, axis=1)
     normals[lengths < 0.5] = (0.0, 1.0, 0.0)
-    return trimesh.Trimesh(out.vertices, out.faces, vertex_normals=normals, process=False)
+    return trimesh.Trimesh(
+        np.asarray(mesh.vertices) @ rotation.T, np.asarray(mesh.faces), vertex_normals=normals, process=False
+    )
 
 
 def colors_of(mesh: trimesh.Trimesh) -> np.ndarray:

@@ -12,6 +12,7 @@ from PIL import Image
 
 from room2dgs.export.mesh_files import dull_material, gltf_bytes, turned_mesh
 from room2dgs.export.source import Source
+from room2dgs.export.text_rows import text_rows
 from room2dgs.export.texture.bake import baked
 from room2dgs.export.texture.charts import Charts, charts, texels
 from room2dgs.files import whole_file
@@ -89,15 +90,16 @@ def obj_of(mesh: trimesh.Trimesh, found: Charts, rotation: np.ndarray) -> bytes:
         rotation: (3, 3) from the world to a frame with y up.
     """
     out = turned_mesh(mesh, rotation)
-    lines = ["# metres, y up", "mtllib room.mtl"]
-    lines += ["v {:.6f} {:.6f} {:.6f}".format(*row) for row in out.vertices.tolist()]
-    lines += ["vt {:.6f} {:.6f}".format(*row) for row in found.uv.tolist()]
-    lines += ["vn {:.4f} {:.4f} {:.4f}".format(*row) for row in out.vertex_normals.tolist()]
-    lines.append("usemtl room")
-    places, corners = (found.source[found.faces] + 1).tolist(), (found.faces + 1).tolist()
-    for (a, b, c), (i, j, k) in zip(places, corners, strict=True):
-        lines.append(f"f {a}/{i}/{a} {b}/{j}/{b} {c}/{k}/{c}")
-    return "\n".join([*lines, ""]).encode("ascii")
+    places, corners = found.source[found.faces] + 1, found.faces + 1  # (F, 3) each
+    parts = [
+        b"# metres, y up\nmtllib room.mtl\n",
+        text_rows("v {} {} {}", out.vertices, decimals=6),
+        text_rows("vt {} {}", found.uv, decimals=6),
+        text_rows("vn {} {} {}", out.vertex_normals, decimals=4),
+        b"usemtl room\n",
+        text_rows("f {}/{}/{} {}/{}/{} {}/{}/{}", np.stack([places, corners, places], axis=2).reshape(-1, 9)),
+    ]
+    return b"".join(parts)
 
 
 def glb_of(mesh: trimesh.Trimesh, found: Charts, picture: np.ndarray, rotation: np.ndarray) -> bytes:
