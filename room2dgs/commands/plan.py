@@ -10,7 +10,7 @@ from room2dgs.commands.export import source_of
 from room2dgs.commands.settings_help import asked_for_help
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
-from room2dgs.runs.folder import MESH, SURFELS, earlier_run, last_value, required
+from room2dgs.runs.folder import MESH, earlier_run, last_value, required
 
 USAGE = "room2dgs plan run=DIR [out=DIR] [up=auto|x|y|z|-x|-y|-z]"
 PLAN = "plan"
@@ -34,8 +34,7 @@ def main(argv: list[str]) -> int:
     rest = [text for text in argv if text.partition("=")[0] not in ("run", "out")]
     config = earlier_run([*(_written_out(text) for text in rest), f"out={run}"])
     folder = Path(config.out)
-    for name, verb in ((SURFELS, "train"), (MESH, "mesh")):
-        required(folder / name, verb)
+    required(folder / MESH, "mesh")
     source = source_of(config, print)
     if source.up is None:
         raise InputError("export.up=keep does not say which way is up; give up=auto or up=z")

@@ -11,10 +11,11 @@ from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
 from room2dgs.config import Config
 from room2dgs.logs import Log, run_log
-from room2dgs.runs.folder import earlier_run
+from room2dgs.runs.folder import MESH, earlier_run, required
 from room2dgs.runs.metrics import record, timed
 
 if TYPE_CHECKING:
+    from room2dgs.runs.page.views import Rendered
     from room2dgs.splat.types import Surfels
 
 LARGE_MB = 15
@@ -27,22 +28,33 @@ def main(argv: list[str]) -> int:
         return show(USAGE, main.__doc__, ("report",))
     config = earlier_run(argv)
     out = Path(config.out)
-    surfels = trained_surfels(out)
+    surfels = None if config.mesh.source == "depth" else trained_surfels(out)
     report_scene(with_poses_of_run(read(config), out), surfels, config, out, run_log(out), {})
     return 0
 
 
 def report_scene(
-    scene: Scene, surfels: Surfels, config: Config, out: Path, log: Log, seconds: dict[str, float]
+    scene: Scene, surfels: Surfels | None, config: Config, out: Path, log: Log, seconds: dict[str, float]
 ) -> None:
-    """report.html of what the run's folder holds so far."""
+    """report.html of what the run's folder holds so far.
+
+    Args:
+        surfels: None: nothing was trained, and photos are compared with the mesh.
+    """
     from room2dgs.runs.page.write import write_report
 
     use_threads(config)
-    draw = partial(rendered, surfels, config=config)
     with timed(seconds, "report"):
+        draw = _of_mesh(config, out) if surfels is None else partial(rendered, surfels, config=config)
         path = write_report(scene, surfels, draw, config, out)
     size_mb = path.stat().st_size / 1e6
     record(out, {"report_mb": round(size_mb, 2)}, seconds)
     smaller = "; smaller with less of report.views, report.faces, report.discs" if size_mb > LARGE_MB else ""
     log(f"report: {path} ({size_mb:.1f} MB{smaller})")
+
+
+def _of_mesh(config: Config, out: Path) -> Rendered:
+    from room2dgs.mesh.io import read_mesh
+    from room2dgs.runs.page.mesh_views import mesh_rendered
+
+    return partial(mesh_rendered, read_mesh(required(out / MESH, "mesh")), background=tuple(config.render.background))

@@ -56,6 +56,8 @@ def main(argv: list[str]) -> int:
         if config.mesh.source == "depth":
             mesh_of_depth(scene, config, out, log, seconds)
             score_run(scene, None, config, out, seconds)
+            if config.report.enabled:
+                report_scene(scene, None, config, out, log, seconds)
         else:
             _train_and_show(scene, config, out, log, seconds)
         log("")

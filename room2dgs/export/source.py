@@ -113,7 +113,9 @@ class Source:
         return [f"room2dgs {__version__}, metres", f"file_from_world (rows of the rotation) {numbers}"]
 
     def _normals(self) -> np.ndarray:
-        """(N, 3) unit, of surfels: they are there in every run, the mesh is not."""
+        """(N, 3) unit, of surfels; of the mesh where nothing was trained."""
+        if self.config.mesh.source == "depth":
+            return np.asarray(self.mesh.face_normals)
         from room2dgs.geometry.rotations import normals
 
         return normals(self.surfels.rotations).double().numpy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import cv2
 import numpy as np
@@ -48,6 +49,16 @@ def test_nothing_is_trained_and_the_mesh_is_scored(wall, maps, tmp_path, capsys)
     assert np.quantile(vertices[:, 2], 0.05) > WALL_Z - 0.005 and np.quantile(vertices[:, 2], 0.95) < WALL_Z + 0.035
     metrics = json.loads((out / "metrics.json").read_text())
     assert "primitives" not in metrics and metrics["depth_source"] == "files" and metrics["mesh_faces"] > 100
+    page = (out / "report.html").read_text()
+    assert "nothing was trained" in page and 'data-layer="error"' in page and "How the training went" not in page
+    assert 'data-layer="discs"' not in page  # there are none
+    views = json.loads(re.search(r'id="views">(.*?)</script>', page, re.S)[1])
+    assert {"photo", "rendering", "difference", "depth", "normals", "trust"} <= set(views[-1]["pictures"])
+    # the mesh with its fused colours looks like the photos; black would have 10 dB
+    assert all(float(re.search(r"PSNR of ([\d.]+)", view["note"])[1]) > 15 for view in views)
+    assert cli.main(["export", f"run={out}", "to=glb"]) == 0
+    assert cli.main(["export", f"run={out}", "to=splats"]) == 2
+    assert "surfels.safetensors" in capsys.readouterr().err
     assert cli.main(["eval", f"out={out}"]) == 0
     assert cli.main(["mesh", f"out={out}"]) == 2
     assert "room2dgs run" in capsys.readouterr().err

@@ -28,7 +28,10 @@ SCORES = (
 def opening(config: Config, metrics: dict[str, Any]) -> str:
     """Which capture, by what."""
     version = metrics.get("versions", {}).get("room2dgs", "")
-    return f"Capture {config.scene.path}, reconstructed by room2dgs {version} in {config.out}."
+    said = f"Capture {config.scene.path}, reconstructed by room2dgs {version} in {config.out}."
+    if config.mesh.source == "depth":
+        said += " A first look: its depth maps were fused as they are, nothing was trained; renderings are of the mesh."
+    return said
 
 
 def facts(scene: Scene, metrics: dict[str, Any]) -> list[dict[str, str]]:

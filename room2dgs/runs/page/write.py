@@ -41,11 +41,12 @@ BUTTONS = (
 KEY_STEPS = 5
 
 
-def write_report(scene: Scene, surfels: Surfels, rendered: Rendered, config: Config, out: Path) -> Path:
+def write_report(scene: Scene, surfels: Surfels | None, rendered: Rendered, config: Config, out: Path) -> Path:
     """Write out/report.html, whole or not at all.
 
     Args:
         scene: with the poses that the run worked with.
+        surfels: None: the run trained nothing.
         rendered: renders frames of the scene.
 
     Returns:
@@ -96,7 +97,7 @@ def _room(scene: Scene, config: Config, out: Path) -> tuple[Solid | None, Covera
     return with_photos(room, seen.photos), seen, spots(room, seen, scene.frames)
 
 
-def _solid(room: Solid, surfels: Surfels, places: list[Spot], scene: Scene, config: Config) -> dict[str, Any]:
+def _solid(room: Solid, surfels: Surfels | None, places: list[Spot], scene: Scene, config: Config) -> dict[str, Any]:
     cameras = [frame.camera for frame in scene.frames]
     up = up_axis(cameras, room.normals)
     low, high = room.vertices.min(axis=0), room.vertices.max(axis=0)
@@ -112,7 +113,7 @@ def _solid(room: Solid, surfels: Surfels, places: list[Spot], scene: Scene, conf
     }
     shown = dict.fromkeys(room.layers)
     said = f"{len(room.faces):,} triangles of the mesh"
-    if config.report.discs:
+    if config.report.discs and surfels is not None:
         about["discs"], disc_bytes = discs.block(surfels, config.report.discs, room)
         blocks.append(("discs", disc_bytes))
         shown["discs"] = None
