@@ -7,6 +7,7 @@ import pytest
 import trimesh
 from scipy.spatial import KDTree
 
+from room2dgs.mesh import simplify
 from room2dgs.mesh.fill import holes_filled, watertight
 from room2dgs.mesh.simplify import decimated, measured, simplified
 
@@ -45,6 +46,17 @@ def test_colours_stay_where_they_were(wavy):
     less = decimated(wavy, 1500)
     red = np.asarray(less.visual.vertex_colors)[:, 0] / 255
     assert np.abs(red - (less.vertices[:, 0] - 50)).max() < 0.03
+
+
+def test_a_large_mesh_is_first_made_smaller_and_keeps_its_place(wavy, monkeypatch):
+    """By another library, in float32: far from the origin that must not show, and every face must be there once."""
+    monkeypatch.setattr(simplify, "LARGE", 4000)
+    found = simplified(wavy, faces=1500)
+    assert len(found.mesh.faces) == pytest.approx(1500, abs=2)
+    assert found.mean_m < 0.0005 and found.most_m < 0.005
+    assert found.mesh.area == pytest.approx(wavy.area, rel=0.02)
+    red = np.asarray(found.mesh.visual.vertex_colors)[:, 0] / 255
+    assert np.abs(red - (found.mesh.vertices[:, 0] - 50)).max() < 0.03
 
 
 def test_a_missing_part_is_an_error(wavy):
