@@ -10,6 +10,7 @@ import trimesh
 UPRIGHT_DEG = 12.0  # faces that lean less are of walls
 LEVEL_DEG = 12.0
 BIN_DEG = 1.0
+CELL_M = 0.08  # within which faces that look the same way share a normal
 WINDOW_DEG = 6.0
 
 
@@ -55,14 +56,34 @@ def level_surface(mesh: trimesh.Trimesh, up: np.ndarray) -> LevelSurface:
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     doubled = np.linalg.norm(cross, axis=1)
     good = doubled > 0
-    normal, area = cross[good] / doubled[good, None], doubled[good] / 2
+    middle, area = corners[good].mean(axis=1), doubled[good] / 2
+    normal = _calm(middle, cross[good])
     across = np.array([1.0, 0, 0]) if abs(up[0]) < 0.9 else np.array([0, 1.0, 0])
     right = across - (across @ up) * up
     right /= np.linalg.norm(right)
     first = np.stack([right, np.cross(up, right), up])
     walls = np.abs(normal @ up) < np.sin(np.radians(UPRIGHT_DEG))
-    surface = LevelSurface(first, corners[good].mean(axis=1) @ first.T, normal @ first.T, area)
+    surface = LevelSurface(first, middle @ first.T, normal @ first.T, area)
     return turned_about_up(surface, heading(surface.normal[walls, :2], area[walls]))
+
+
+def _calm(middle: np.ndarray, cross: np.ndarray) -> np.ndarray:
+    """(F, 3) unit: the mean normal of the faces around that look the same way; of a face alone its own.
+
+    Small faces of a rough mesh lean anywhere: of a wall that is uneven by a centimetre, a fifth would look upright.
+
+    Args:
+        middle: (F, 3) metres.
+        cross: (F, 3) normals with a length that grows with the area.
+    """
+    side = np.abs(cross).argmax(axis=1)
+    side = 2 * side + (cross[np.arange(len(cross)), side] > 0)
+    cell = np.floor(middle / CELL_M).astype(np.int64)
+    cell -= cell.min(axis=0, initial=0)
+    keys = np.ravel_multi_index((*cell.T, side), (*(cell.max(axis=0, initial=0) + 1), 6))
+    group = np.unique(keys, return_inverse=True)[1]
+    total = np.stack([np.bincount(group, part) for part in cross.T], axis=1)
+    return (total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-30))[group]
 
 
 def turned_about_up(surface: LevelSurface, angle: float) -> LevelSurface:
