@@ -62,6 +62,7 @@ gpu-check:
 	@test -x $(BIN)/room2dgs || { echo "make install comes first"; exit 2; }
 	$(PIP) install -q --no-build-isolation --no-deps --no-index -C cmake.define.ROOM2DGS_CUDA=on \
 		-C cmake.define.ROOM2DGS_CUDA_ARCHITECTURES=$(GPU_ARCHITECTURES) -e .
+	@$(BIN)/room2dgs doctor | grep -E "CUDA|GPU"
 	$(BIN)/room2dgs bench gpu --json gpu_check.json $(GPU_OPTIONS)
 
 clean:

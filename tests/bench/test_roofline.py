@@ -10,6 +10,7 @@ import torch
 
 from room2dgs import _C
 from room2dgs.bench.raster_scene import box_surfels, inside_view
+from room2dgs.bench.roofline import training
 from room2dgs.bench.roofline.cost import Cost, Kernel, expected, seconds, total
 from room2dgs.bench.roofline.devices import DEVICES
 from room2dgs.bench.roofline.scene import Counts, boxes, measured
@@ -142,3 +143,14 @@ def test_the_command_prints_and_writes(tmp_path, capsys):
     row = json.loads((tmp_path / "r.json").read_text())["cases"][0]
     assert row["ours"]["counts"]["surfels"] == 100_000
     assert "| ours: blend" in (tmp_path / "r.md").read_text()
+
+
+def test_kernels_of_training_by_hand():
+    """A copy's bytes are memory's alone; and twice the pixels are twice the work of all but what no pixel decides."""
+    by_name = {kernel.name: kernel for kernel in training.kernels()}
+    one, two = training.counts(320, 240), training.counts(640, 240)
+    work = {name: (total(kernel, one), total(kernel, two)) for name, kernel in by_name.items()}
+    assert work["Adam"][0].dram == 28 * 14 * 500_000 and work["Adam"][0] == work["Adam"][1]
+    for name in ("L1 with D-SSIM", "depth prior", "PatchMatch, a first sweep"):
+        assert work[name][1].instructions == pytest.approx(2 * work[name][0].instructions)
+    assert expected(by_name["Adam"], one, DEVICES[0])[2] == "memory"

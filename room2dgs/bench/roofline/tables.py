@@ -9,6 +9,7 @@ from room2dgs.bench.roofline import gsplat, ours
 from room2dgs.bench.roofline.cost import Kernel, expected, total
 from room2dgs.bench.roofline.devices import DEVICES
 from room2dgs.bench.roofline.scene import GSPLAT_DEFAULT_NEAR_M, Counts, boxes, measured
+from room2dgs.bench.roofline.training import training_table
 from room2dgs.report.table import Table, table
 
 SIZES = ((640, 480), (1296, 968))
@@ -95,7 +96,7 @@ def tables(rows: list[Row], shown: Row) -> list[Table]:
         },
         parts,
     )
-    return [work, speed, each]
+    return [work, speed, each, training_table()]
 
 
 def _name(row: Row) -> str:
