@@ -23,6 +23,7 @@ from room2dgs.errors import InputError
 from room2dgs.files import remove_leftovers, whole_file, whole_folder
 from room2dgs.json_files import plain
 from room2dgs.logs import Log
+from room2dgs.prepare.contradictions import contradictions
 from room2dgs.prepare.features import descriptors, extracted, matched, new_database, verified_pairs
 from room2dgs.prepare.loose import loose_photos, take_out
 from room2dgs.prepare.mapping import mapped, names_of, triangulation_angles
@@ -42,7 +43,7 @@ from room2dgs.prepare.room_lines import RoomFrame, room_frame
 from room2dgs.prepare.similar import similarity
 from room2dgs.prepare.sources import depth_files, network_depths, sensor_depths
 from room2dgs.prepare.stages import Progress, Stages, key_of
-from room2dgs.prepare.verdict import FEW_POINTS, scale_dict, upright_line, verdict_lines, weak_stretches
+from room2dgs.prepare.verdict import FEW_POINTS, doubts, scale_dict, upright_line, verdict_lines, weak_stretches
 
 VERDICT, PICTURE, WORK = "prepare.json", "camera_path.png", "work"
 IMAGES, SPARSE, DEPTH = "images", "sparse", "depth"
@@ -135,7 +136,8 @@ def _model(
     with whole_folder(work / "model") as partial:
         model.write(partial)
     other = [sorted(names_of(one) - names_of(model)) for one in others]
-    return stages.finished("model", key, {"other_models": other, "angle_deg": angle})
+    doubt = contradictions(model, database)._asdict()
+    return stages.finished("model", key, {"other_models": other, "angle_deg": angle, "contradictions": doubt})
 
 
 def _pairs(
@@ -292,6 +294,8 @@ def _written(
         "track_length": model.compute_mean_track_length(),
         "reprojection_px": model.compute_mean_reprojection_error(),
         "angle_deg": found["angle_deg"],
+        "contradictions": found.get("contradictions"),
+        "warnings": doubts(found.get("contradictions")),
         "focal_px": float(np.median([camera.mean_focal_length() for camera in model.cameras.values()])),
         "metric": scale is not None,
         "scale": scale_dict(scale),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from room2dgs.prepare.contradictions import DOUBTFUL
 from room2dgs.prepare.metres import Scale
 from room2dgs.prepare.photos import TakenPhoto
 from room2dgs.prepare.room_lines import RoomFrame
@@ -91,16 +92,28 @@ def verdict_lines(verdict: dict[str, Any]) -> list[str]:
             else ""
         )
         lines.append(f"height: the cameras are {verdict['height_m']:.2f} m over the lowest level surface{mend}")
+    lines += [f"WARNING: {doubt}" for doubt in verdict["warnings"]]
     for stretch in verdict["film_again"]:
         what = f"{stretch['not_placed']} of {stretch['photos']} photos not placed"
         if not stretch["not_placed"]:
             what = f"{stretch['photos']} photos hang on few points"
         lines.append(f"film again: {stretch['from']} to {stretch['to']}, {what}; {stretch['why']}")
-    if not verdict["film_again"]:
+    if not verdict["film_again"] and not verdict["warnings"]:
         lines.append("nothing has to be filmed again")
     if verdict["left_out"]:
         lines.append(f"left out: {', '.join(verdict['left_out'])}")
     return lines
+
+
+def doubts(found: dict[str, Any] | None) -> list[str]:
+    """Says that parts may lie wrongly to each other, if too many matches contradict the poses."""
+    if found is None or found["share"] < DOUBTFUL:
+        return []
+    pairs = ", ".join(f"{one} and {other}" for one, other in found["pairs"])
+    return [
+        f"{found['share']:.0%} of the pairs of photos that match contradict the poses ({pairs}): parts of the "
+        "room may lie wrongly to each other; film what lies between them, or prepare the parts alone"
+    ]
 
 
 WORDS = {"sensor": "the sensor's depth", "length": "prepare.length", "network": "the depth network"}

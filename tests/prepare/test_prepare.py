@@ -20,8 +20,10 @@ from room2dgs.config import load_config
 from room2dgs.eval.alignment import by_cameras, moved
 from room2dgs.prepare import bridge
 from room2dgs.prepare.bridge import Common, bridged, common_points
+from room2dgs.prepare.contradictions import contradictions
 from room2dgs.prepare.features import _rename, matched
 from room2dgs.prepare.merge import merged
+from room2dgs.prepare.verdict import doubts
 
 QUICK = ["prepare.features=700", "prepare.length=[height,1.3]"]
 VIEWS = 12
@@ -155,6 +157,30 @@ def test_matches_that_agree_on_no_place_join_nothing(prepared, monkeypatch):
     assert bridged(whole, whole, prepared[1] / "work/database.db") is None
     monkeypatch.setattr(bridge, "common_points", lambda *args: Common(*(column[:15] for column in common)))
     assert bridged(whole, whole, prepared[1] / "work/database.db") is None
+
+
+@pytest.mark.slow
+def test_a_model_that_was_put_together_wrongly_is_doubted(prepared, tmp_path):
+    database = prepared[1] / "work/database.db"
+    model = pycolmap.Reconstruction(prepared[1] / "work/model")
+    right = contradictions(model, database)
+    assert right.share < 0.05 and doubts(right._asdict()) == []
+    for image_id in sorted(model.reg_image_ids())[7:]:  # the rest of the walk, twice as long and turned by 9 degrees
+        pose = model.image(image_id).cam_from_world()
+        turned = cv2.Rodrigues(np.array([0.0, 0.15, 0.0]))[0] @ pose.rotation.matrix()
+        model.frame(model.image(image_id).frame_id).rig_from_world = pycolmap.Rigid3d(
+            np.c_[turned, 2 * pose.translation]
+        )
+    wrong = contradictions(model, database)
+    assert wrong.share > 0.2 and len(wrong.pairs) == 3
+    (said,) = doubts(wrong._asdict())
+    assert "contradict the poses" in said and wrong.pairs[0][0] in said
+    for name in ("images", "sparse"):
+        shutil.copytree(prepared[1] / name, tmp_path / name)
+    verdict = json.loads((prepared[1] / "prepare.json").read_text())
+    assert verdict["warnings"] == []
+    (tmp_path / "prepare.json").write_text(json.dumps({**verdict, "warnings": [said, 7]}))
+    assert scene_of(tmp_path).warnings == (said,)
 
 
 @pytest.mark.slow

@@ -56,7 +56,15 @@ def read_colmap(root: Path, config: SceneConfig) -> Capture:
         points=model.points if model.has_points else None,
         gt_mesh=gt_mesh_in(root),
         notes=notes,
+        warnings=_warnings(root),
     )
+
+
+def _warnings(root: Path) -> list[str]:
+    """What `room2dgs prepare` doubts of the capture."""
+    path = root / PREPARED
+    said = read_json_object(path).get("warnings") if path.is_file() else None
+    return [line for line in said if isinstance(line, str)] if isinstance(said, list) else []
 
 
 def prepared_scale(root: Path) -> str | None:
