@@ -13,17 +13,16 @@ using room2dgs::SpanSink;
 
 // A bit for each of eight surfels that may be seen.
 R2_INLINE uint32_t maybe_seen_of(const SurfelArrays& s, const Frustum& f, int64_t i, int lanes) {
-  f8 x = splat(0), y = x, z = x, scale = x, opacity = x;
+  // by way of memory: with UBSan's checks GCC loses the index of a vector's element in a loop
+  float x[kLanes] = {}, y[kLanes] = {}, z[kLanes] = {}, scale[kLanes] = {}, opacity[kLanes] = {};
   for (int k = 0; k < lanes; ++k) {
     const float *c = s.centers + 3 * (i + k), *e = s.scales + 2 * (i + k);
     x[k] = c[0], y[k] = c[1], z[k] = c[2];
     scale[k] = e[0] > e[1] ? e[0] : e[1];
     opacity[k] = s.opacities[i + k];
   }
-  const i8 seen = maybe_seen<f8>(f, x, y, z, scale, opacity);
-  uint32_t bits = 0;
-  for (int k = 0; k < lanes; ++k) bits |= (seen[k] ? 1u : 0u) << k;
-  return bits;
+  const i8 seen = maybe_seen<f8>(f, load(x), load(y), load(z), load(scale), load(opacity));
+  return bits(seen) & ((1u << lanes) - 1);
 }
 
 // Fills a visible surfel's spans and extent. False when it reaches no pixel.
