@@ -110,7 +110,7 @@ def load_priors(
         if config.depth.completion:
             given = (depths, confidences, normals, normal_confidences)
             misfits = {name: fit.residual for name, fit in fits.items()}
-            complete_views(frames, *given, points, fine, misfits, log, take)
+            complete_views(frames, *given, points, fine, misfits, config.depth.planes, log, take)
             depths = {}
     for name, depth in depths.items():
         take(name, depth, _by_fit(depth, confidences.get(name), fits.get(name)))

@@ -40,6 +40,7 @@ class DepthPriorConfig:
     completion: bool = Field(
         description="and each is drawn to what stereo found, and trusted by what the views then say of each other"
     )
+    planes: bool = Field(description="and pixels that seem to lie on one of the room's large planes are drawn to it")
     sensor: SensorConfig = Field()
     onnx: OnnxConfig = Field()
 

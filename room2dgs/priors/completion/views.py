@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple
 
 import cv2
@@ -16,6 +17,8 @@ from room2dgs.captures.seen_points import seen_points
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
+from room2dgs.priors.completion.on_planes import on_planes
+from room2dgs.priors.completion.planes import Plane, Samples, find_planes
 from room2dgs.priors.completion.solve import completed, normal_slopes, prior_slopes
 from room2dgs.priors.files import resize_depth
 from room2dgs.stereo.agreement import agreement
@@ -25,6 +28,8 @@ COLUMNS = 160  # of the small images that are solved
 ASKED = 10  # views that are asked whether they agree
 MAX_PX, MAX_RELATIVE = 2.0, 0.03
 HALF_MISFIT = 0.1  # relative residual at the points, before any optimisation, that halves the weight of the maps
+PLANE_ROUNDS = 2  # planes are found in the completed depth, which then bends to them
+LEAST_SURE = 0.3  # confidence of a pixel that takes part in finding planes
 LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
 
 
@@ -54,6 +59,7 @@ def complete_views(
     points: PointCloud,
     stereo: Mapping[str, tuple[np.ndarray, np.ndarray]],
     misfits: Mapping[str, float],
+    planes: bool,
     log: Log,
     take: Callable[[str, np.ndarray, np.ndarray], None],
 ) -> None:
@@ -68,28 +74,29 @@ def complete_views(
         stereo: frame name -> depth and agreeing views of stereo, of any size; may be empty.
         misfits: frame name -> median relative residual of the prior at the points before any optimisation, NaN =
             unknown: where the network does badly, by the median over the views, its maps bend to the points.
+        planes: what looks as if it lay on one of the room's large planes is drawn to it.
         take: gets each frame's name, its (H, W) depth in metres, 0 = invalid, and (H, W) confidence.
     """
     frames = [frame for frame in frames if frame.name in depths]
     known = [one for one in (misfits.get(frame.name, np.nan) for frame in frames) if np.isfinite(one)]
     misfit = float(np.median(known)) if known else 0.0  # of a single view it says little where the view has few points
     with ThreadPoolExecutor(_C.threads()) as pool:
-        solving = []
+        reading = []
         for frame in frames:
             name = frame.name
             maps = (depths[name], confidences.get(name), normals.get(name), normal_confidences.get(name))
-            solving.append(pool.submit(_completed, _small_maps(frame, *maps, points, misfit)))
-        small = [one.result() for one in solving]
-    tracked = points if points.tracks is None else points.chosen(points.track_length > 1)
-    cameras = [frame.camera for frame in frames]
-    near = choose_neighbours(cameras, [seen_points(tracked, frame).index for frame in frames], tracked.xyz, ASKED)
-    inverse = [np.divide(1, part.depth, out=np.zeros_like(part.depth), where=part.depth > 0) for part in small]
-    errors = []
-    for frame, part, own, others in zip(frames, small, inverse, near, strict=True):
-        beside = [(small[other].camera, inverse[other]) for other in others]
-        count = agreement(part.camera, own, beside, MAX_PX, MAX_RELATIVE).count
-        error = expected_relative_error(part.depth, part.anchor, part.trust, count)
-        errors.append(float(np.median(error[part.depth > 0])) if (part.depth > 0).any() else float("nan"))
+            reading.append(pool.submit(_small_maps, frame, *maps, points, misfit))
+        given = [one.result() for one in reading]
+        small = list(pool.map(_completed, given))
+        near = _near_views(frames, points)
+        found: list[Plane] = []
+        for _ in range(PLANE_ROUNDS if planes and len(normals) else 0):
+            found = find_planes(_samples(given, small, _expected_errors(small, near)))
+            small = list(pool.map(partial(_held_by_planes, planes=found), given, small))
+    all_errors = _expected_errors(small, near)
+    medians = []
+    for frame, part, error in zip(frames, small, all_errors, strict=True):
+        medians.append(float(np.median(error[part.depth > 0])) if (part.depth > 0).any() else float("nan"))
         depth = depths[frame.name]
         sure = cv2.resize(confidence(error), depth.shape[::-1], interpolation=cv2.INTER_LINEAR)
         scale = np.exp(cv2.resize(part.log_scale, depth.shape[::-1], interpolation=cv2.INTER_LINEAR))
@@ -98,7 +105,45 @@ def complete_views(
             full = _with_fine(full, *stereo[frame.name], frame.camera)
         take(frame.name, full, np.where(full > 0, sure, 0).astype(np.float32))
     if frames:
-        log(f"completion: depth of {len(frames)} views, expected error {np.nanmedian(errors):.1%} (median)")
+        on = f"; planes: {len(found)}, with {sum(one.share for one in found):.0%} of the surface" if found else ""
+        log(f"completion: depth of {len(frames)} views, expected error {np.nanmedian(medians):.1%} (median){on}")
+
+
+def _near_views(frames: Sequence[Frame], points: PointCloud) -> list[list[int]]:
+    tracked = points if points.tracks is None else points.chosen(points.track_length > 1)
+    seen = [seen_points(tracked, frame).index for frame in frames]
+    return choose_neighbours([frame.camera for frame in frames], seen, tracked.xyz, ASKED)
+
+
+def _expected_errors(small: Sequence[Completed], near: Sequence[Sequence[int]]) -> list[np.ndarray]:
+    """(h, w) relative, of each view."""
+    inverse = [np.divide(1, part.depth, out=np.zeros_like(part.depth), where=part.depth > 0) for part in small]
+    errors = []
+    for part, own, others in zip(small, inverse, near, strict=True):
+        beside = [(small[other].camera, inverse[other]) for other in others]
+        count = agreement(part.camera, own, beside, MAX_PX, MAX_RELATIVE).count
+        errors.append(expected_relative_error(part.depth, part.anchor, part.trust, count))
+    return errors
+
+
+def _samples(given: Sequence[_SmallMaps], small: Sequence[Completed], errors: Sequence[np.ndarray]) -> Samples:
+    """Every other pixel of every other row of the views whose normals are known, where the depth is trusted."""
+    parts = []
+    for maps, part, error in zip(given, small, errors, strict=True):
+        row, column = (one.ravel() for one in np.mgrid[1 : part.depth.shape[0] : 2, 1 : part.depth.shape[1] : 2])
+        depth, normal, sure = part.depth[row, column], maps.normal[row, column], confidence(error[row, column])
+        use = (depth > 0) & (sure > LEAST_SURE) & normal.any(axis=1)
+        pixel = np.stack([column, row], axis=1)[use] + 0.5
+        xyz = part.camera.unproject(pixel, depth[use])
+        parts.append(Samples(xyz, normal[use], depth[use], sure[use] * depth[use] ** 2))
+    return Samples(*(np.concatenate(one) for one in zip(*parts, strict=True)))
+
+
+def _held_by_planes(maps: _SmallMaps, before: Completed, planes: Sequence[Plane]) -> Completed:
+    """Completed once more: a plane is an anchor wherever it is trusted more than stereo."""
+    on, trust = on_planes(before.depth, maps.normal, maps.camera, planes)
+    use = trust > maps.trust
+    return _completed(maps._replace(anchor=np.where(use, on, maps.anchor), trust=np.where(use, trust, maps.trust)))
 
 
 class _SmallMaps(NamedTuple):
@@ -111,6 +156,7 @@ class _SmallMaps(NamedTuple):
     prior_weight: np.ndarray
     slopes: tuple[np.ndarray, np.ndarray]
     tie: np.ndarray
+    normal: np.ndarray  # (h, w, 3) unit, world frame; 0 = none
 
 
 def _small_maps(
@@ -128,17 +174,19 @@ def _small_maps(
     weight = np.ones(prior.shape, np.float32) if sure is None else _small(sure, camera)
     weight = weight / np.float32(1 + (misfit / HALF_MISFIT) ** 4)
     slopes, tie = prior_slopes(prior), np.ones(prior.shape)
+    unit = np.zeros((*prior.shape, 3), np.float32)
     if normal is not None:
-        in_cam = camera.turned_to_camera(_small(normal, camera))
-        length = np.linalg.norm(in_cam, axis=-1, keepdims=True)
-        in_cam = np.where(length > 0.5, in_cam / np.maximum(length, 1e-6), 0)
+        unit = _small(normal, camera)
+        length = np.linalg.norm(unit, axis=-1, keepdims=True)
+        unit = np.where(length > 0.5, unit / np.maximum(length, 1e-6), 0)
+        in_cam = camera.turned_to_camera(unit)
         slopes = normal_slopes(in_cam, camera.rays(), (camera.K[0, 0], camera.K[1, 1]))
         tie = tie if normal_sure is None else _small(normal_sure, camera)
-    return _SmallMaps(camera, anchor, trust, prior, weight, slopes, tie)
+    return _SmallMaps(camera, anchor, trust, prior, weight, slopes, tie, unit)
 
 
 def _completed(maps: _SmallMaps) -> Completed:
-    scale = completed(*maps[1:]).astype(np.float32)
+    scale = completed(*maps[1:7]).astype(np.float32)
     return Completed(maps.camera, maps.anchor, maps.trust, scale, (maps.prior * np.exp(scale)).astype(np.float32))
 
 

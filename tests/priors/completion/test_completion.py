@@ -89,17 +89,18 @@ def views(box_room):
     return frames, depths
 
 
-def everything(frames, depths, points, stereo=None, misfits=None):
+def everything(frames, depths, points, stereo=None, misfits=None, normals=None, planes=True):
     found = {}
     complete_views(
         frames,
         depths,
         {},
-        {},
+        normals or {},
         {},
         points,
         stereo or {},
         misfits or {},
+        planes,
         lambda line: None,
         lambda *one: found.update({one[0]: one[1:]}),
     )

@@ -1,0 +1,39 @@
+"""Which pixels of a view show one of the room's planes, and how far away that is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from room2dgs.geometry.camera import Camera
+from room2dgs.priors.completion.planes import Plane
+
+NEAR = 0.1  # relative difference between a pixel's depth and a plane's at which the pixel starts to count as off it
+TURNED = (0.85, 0.95)  # cosine between the normals of pixel and plane: from none of the trust to all of it
+
+
+def on_planes(
+    depth: np.ndarray, normal: np.ndarray, camera: Camera, planes: Sequence[Plane]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Depth of the plane that each pixel most probably shows, and the trust in that.
+
+    Args:
+        depth: (h, w) metres, 0 = invalid.
+        normal: (h, w, 3) unit, world frame, towards the camera; 0 = invalid.
+
+    Returns:
+        (h, w) metres, 0 = none, and (h, w) 0..1.
+    """
+    found, trust = np.zeros(depth.shape), np.zeros(depth.shape)
+    rays, centre = camera.rays() @ camera.rotation, camera.centre
+    for plane in planes:
+        facing = rays @ plane.normal
+        z = np.divide(plane.offset - centre @ plane.normal, facing, out=np.zeros(depth.shape), where=facing < -1e-3)
+        seen = (z > 0) & (depth > 0)
+        off = np.log(np.where(seen, z, 1) / np.where(seen, depth, 1)) / NEAR
+        turned = np.clip((normal @ plane.normal - TURNED[0]) / (TURNED[1] - TURNED[0]), 0, 1)
+        mine = np.where(seen & (np.abs(off) < 2), turned / (1 + off**2), 0)
+        better = mine > trust
+        found[better], trust[better] = z[better], mine[better]
+    return found, trust

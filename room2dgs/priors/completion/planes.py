@@ -1,0 +1,120 @@
+"""Large planes of a room: found in the completed depth of all views together.
+
+One view's depth of a blank wall may be off by decimetres; the plane through what all views have of that wall seldom is.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+LEAST_SHARE = 0.01  # of all samples, that a plane has to hold
+MOST = 24  # planes
+DRAWN = 60000  # samples that are looked at
+TRIED, AGAINST = 600, 6000  # candidates in each round, and samples that judge them
+WIDTH_M, WIDTH_RELATIVE = 0.02, 0.012  # distance from a plane at which a sample starts to count as off it
+TURN = 0.94  # least cosine between normals of a candidate and of a sample that speaks for it
+REFITS = 8
+FEWEST = 200  # samples left that are worth another round
+
+
+class Samples(NamedTuple):
+    """Points on surfaces.
+
+    Attributes:
+        xyz: (N, 3) metres, world frame.
+        normal: (N, 3) unit, world frame, towards the camera.
+        depth: (N,) metres, from the camera that saw it.
+        weight: (N,) how often to draw it: area on the surface times confidence.
+    """
+
+    xyz: np.ndarray
+    normal: np.ndarray
+    depth: np.ndarray
+    weight: np.ndarray
+
+
+class Plane(NamedTuple):
+    """normal · x = offset.
+
+    Attributes:
+        normal: (3,) unit, world frame, towards the cameras.
+        offset: metres.
+        share: of the samples that lie on it.
+    """
+
+    normal: np.ndarray
+    offset: float
+    share: float
+
+
+def find_planes(samples: Samples) -> list[Plane]:
+    """Planes by the samples that they hold, the largest first, each sample on one of them; the same input gives the
+    same bits.
+
+    Candidates are samples with their own normals. The one that most samples lie on is refitted to them by reweighted
+    least squares (Geman and McClure), they are taken out, and the rest is searched again.
+    """
+    generator = np.random.default_rng(0)
+    total = samples.weight.sum()
+    if len(samples.xyz) < FEWEST or not total > 0:
+        return []
+    at_once = min(DRAWN, np.count_nonzero(samples.weight))
+    drawn = generator.choice(len(samples.xyz), at_once, replace=False, p=samples.weight / total)
+    xyz, normal = samples.xyz[drawn].astype(np.float64), samples.normal[drawn].astype(np.float64)
+    width = np.maximum(WIDTH_M, WIDTH_RELATIVE * samples.depth[drawn])
+    free = np.ones(len(xyz), bool)
+    planes: list[Plane] = []
+    for _ in range(MOST):
+        left = np.nonzero(free)[0]
+        if len(left) < FEWEST:
+            break
+        start = _best_candidate(xyz, normal, width, left, generator)
+        direction, offset = _refitted(xyz[left], normal[left], width[left], *start)
+        on = free & (np.abs(_along(xyz, direction) - offset) < 2.5 * width) & (_along(normal, direction) > 0.9)
+        share = float(on.sum()) / len(xyz)
+        if share < LEAST_SHARE / 3:  # the best that there is
+            break
+        free &= ~on
+        if share >= LEAST_SHARE:
+            planes.append(Plane(direction, offset, share))
+    return sorted(planes, key=lambda plane: -plane.share)
+
+
+def _best_candidate(
+    xyz: np.ndarray, normal: np.ndarray, width: np.ndarray, left: np.ndarray, generator: np.random.Generator
+) -> tuple[np.ndarray, float]:
+    judges = generator.choice(left, min(len(left), AGAINST), replace=False)
+    candidates = generator.choice(left, min(len(left), TRIED), replace=False)
+    offset = (normal[candidates] * xyz[candidates]).sum(axis=1)
+    most, best = -1, 0
+    for index, candidate in enumerate(candidates):
+        near = np.abs(_along(xyz[judges], normal[candidate]) - offset[index]) < 2 * width[judges]
+        count = int((near & (_along(normal[judges], normal[candidate]) > TURN)).sum())
+        if count > most:
+            most, best = count, index
+    return normal[candidates[best]], float(offset[best])
+
+
+def _refitted(
+    xyz: np.ndarray, normal: np.ndarray, width: np.ndarray, direction: np.ndarray, offset: float
+) -> tuple[np.ndarray, float]:
+    scale = 3.0
+    for _ in range(REFITS):
+        off = (_along(xyz, direction) - offset) / (scale * width)
+        weight = np.where((np.abs(off) < 2.5) & (_along(normal, direction) > 0.9), 1 / (1 + off**2), 0)
+        if np.count_nonzero(weight) < 50:
+            break
+        centre = np.einsum("n,nd->d", weight, xyz) / weight.sum()
+        spread = xyz - centre
+        # einsum, not BLAS, whose bits depend on its threads.
+        least = np.linalg.eigh(np.einsum("n,ni,nj->ij", weight, spread, spread))[1][:, 0]
+        direction = least if least @ direction > 0 else -least
+        offset = float(direction @ centre)
+        scale = max(1.0, 0.8 * scale)
+    return direction, offset
+
+
+def _along(vectors: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    return vectors[:, 0] * direction[0] + vectors[:, 1] * direction[1] + vectors[:, 2] * direction[2]
