@@ -82,6 +82,11 @@ def test_more_agreeing_views_and_no_contradiction_are_trusted_more():
 
 
 @pytest.fixture
+def room_normals(box_room):
+    return box_room(count=12, turn=0.3).normals
+
+
+@pytest.fixture
 def views(box_room):
     room = box_room(count=12, turn=0.3)
     frames: list[Frame] = room.frames
@@ -132,6 +137,16 @@ def test_a_map_that_fitted_badly_bends_more_to_its_anchors(views):
     assert off[2] < 0.5 * off[1] and off[0] == pytest.approx(off[1], rel=0.1)
 
 
+def test_one_view_that_fitted_badly_bends_no_more_than_the_others(views):
+    """A single view's misfit says little where it has few points: the median over the views counts."""
+    frames, depths = views
+    wrong = {name: (depth * 1.025).astype(np.float32) for name, depth in depths.items()}
+    points, alike = anchors_at(frames, depths, step=8), {frame.name: 0.02 for frame in frames}
+    plain = everything(frames, wrong, points, misfits=alike)
+    outlier = everything(frames, wrong, points, misfits={**alike, frames[0].name: 5.0})
+    assert all(np.array_equal(plain[name][0], outlier[name][0]) for name in depths)
+
+
 def test_anchors_mend_what_the_maps_have_wrong(views):
     frames, depths = views
     wrong = {name: (depth * 1.04).astype(np.float32) for name, depth in depths.items()}
@@ -162,14 +177,19 @@ def test_fine_stereo_stands_where_it_is_not_contradicted(views):
     assert np.abs(depth[:, :35] / depths[name][:, :35] - 1).max() < 0.02
 
 
-def test_the_same_bits_on_one_thread_and_on_two(views):
+def test_the_same_bits_on_one_thread_and_on_two(views, room_normals):
     from room2dgs.splat import set_threads
 
     frames, depths = views
     points = anchors_at(frames, depths)
+    normals = {
+        frame.name: (normal @ frame.camera.rotation).astype(np.float32)
+        for frame, normal in zip(frames, room_normals, strict=True)
+    }
     bits = []
     for count in (1, 2):
         set_threads(count)
-        bits.append([b"".join(part.tobytes() for part in one) for one in everything(frames, depths, points).values()])
+        found = everything(frames, depths, points, normals=normals)
+        bits.append([b"".join(part.tobytes() for part in one) for one in found.values()])
     set_threads(None)
     assert bits[0] == bits[1]

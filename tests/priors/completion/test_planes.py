@@ -1,0 +1,124 @@
+"""Planes of a room: found in noisy samples, given to the pixels that show them, and what they do for the depth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from room2dgs.geometry.camera import Camera
+from room2dgs.priors.completion.on_planes import on_planes
+from room2dgs.priors.completion.planes import Plane, Samples, find_planes
+from room2dgs.priors.completion.views import complete_views
+
+NONE = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
+OFF = (1.06, 0.94, 1.09, 0.92)  # of the depth of every third view
+
+
+def on_plane(rng, normal, offset, count, noise):
+    """Samples of a square of 3 m on the plane, seen from 2 m."""
+    normal = np.asarray(normal, float) / np.linalg.norm(normal)
+    across = np.cross(normal, [0.3, -0.5, 0.8])
+    across /= np.linalg.norm(across)
+    flat = rng.uniform(-1.5, 1.5, (count, 2)) @ np.stack([across, np.cross(normal, across)])
+    xyz = flat + (offset + rng.normal(0, noise, (count, 1))) * normal
+    tilted = normal + rng.normal(0, 0.05, (count, 3))
+    tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
+    return Samples(xyz, tilted, np.full(count, 2.0), np.ones(count))
+
+
+def together(*parts: Samples) -> Samples:
+    return Samples(*(np.concatenate(one) for one in zip(*parts, strict=True)))
+
+
+def test_planes_are_found_through_noise_and_clutter():
+    rng = np.random.default_rng(1)
+    wall, floor = ((1.0, 0.1, 0.0), -1.2), ((0.0, 0.05, 1.0), 0.1)
+    clutter = Samples(rng.uniform(-1.5, 1.5, (3000, 3)), rng.normal(0, 1, (3000, 3)), np.full(3000, 2.0), np.ones(3000))
+    clutter = clutter._replace(normal=clutter.normal / np.linalg.norm(clutter.normal, axis=1, keepdims=True))
+    found = find_planes(together(on_plane(rng, *wall, 9000, 0.015), on_plane(rng, *floor, 5000, 0.015), clutter))
+    for plane, (normal, offset) in zip(found[:2], (wall, floor), strict=True):
+        assert plane.normal @ normal / np.linalg.norm(normal) > 0.9999
+        assert plane.offset == pytest.approx(offset, abs=0.003)
+    assert sum(plane.share for plane in found[2:]) < 0.1
+
+
+def test_a_wall_with_some_views_off_is_where_most_have_it():
+    rng = np.random.default_rng(2)
+    right, off = on_plane(rng, (0, 1, 0), 2.0, 8000, 0.01), on_plane(rng, (0, 1, 0), 2.06, 2500, 0.01)
+    assert find_planes(together(right, off))[0].offset == pytest.approx(2.0, abs=0.005)
+
+
+def test_both_sides_of_a_thin_wall_are_two_planes():
+    rng = np.random.default_rng(3)
+    found = find_planes(
+        together(on_plane(rng, (0, 1, 0), 2.0, 5000, 0.005), on_plane(rng, (0, -1, 0), -2.02, 4000, 0.005))
+    )
+    assert sorted(round(float(plane.normal[1])) for plane in found[:2]) == [-1, 1]
+
+
+@pytest.mark.parametrize("count", [0, 100])
+def test_few_samples_have_no_plane(count):
+    assert find_planes(on_plane(np.random.default_rng(0), (0, 1, 0), 1.0, count, 0.0)) == []
+    assert find_planes(Samples(*NONE)) == []
+
+
+def test_samples_of_no_weight_do_not_count():
+    samples = on_plane(np.random.default_rng(0), (0, 1, 0), 1.0, 1000, 0.0)
+    assert find_planes(samples._replace(weight=np.zeros(1000))) == []
+    assert find_planes(samples._replace(weight=np.r_[np.ones(300), np.zeros(700)]))[0].share == 1.0
+
+
+def test_pixels_get_the_plane_that_they_are_near_and_face(camera: Camera):
+    """A wall 2 m away and one a metre behind; pixels at 1.9 m that face the camera, and pixels that do not."""
+    towards = -camera.forward
+    planes = [Plane(towards, float(towards @ (camera.centre + away * camera.forward)), 0.5) for away in (2.0, 3.0)]
+    depth = np.full((camera.height, camera.width), 1.9)
+    depth[0], depth[1] = 2.9, 0
+    normal = np.broadcast_to(towards, (*depth.shape, 3)).copy()
+    normal[:, 0] = camera.rotation[0]
+    found, trust = on_planes(depth, normal, camera, planes)
+    np.testing.assert_allclose(found[2:, 1:], 2.0)
+    np.testing.assert_allclose(found[0, 1:], 3.0)
+    assert (trust[2:, 1:] > 0.7).all() and (trust[0, 1:] > trust[2, 5]).all()
+    assert (trust[1] == 0).all() and (trust[:, 0] == 0).all() and (found[:, 0] == 0).all()
+
+
+def test_a_plane_seen_from_behind_is_nobodys(camera: Camera):
+    away = camera.forward
+    plane = Plane(away, float(away @ (camera.centre + 2 * away)), 0.5)
+    depth = np.full((camera.height, camera.width), 2.0)
+    _, trust = on_planes(depth, np.broadcast_to(away, (*depth.shape, 3)), camera, [plane])
+    assert (trust == 0).all()
+
+
+def off_by_view(room, planes: bool) -> float:
+    """Median over the views of how far each is off, of those that are."""
+    frames, found = room.frames, {}
+    depths = {
+        frame.name: (depth * (1.0 if index % 3 else OFF[index // 3])).astype(np.float32)
+        for index, (frame, depth) in enumerate(zip(frames, room.depths, strict=True))
+    }
+    normals = {
+        frame.name: (normal @ frame.camera.rotation).astype(np.float32)
+        for frame, normal in zip(frames, room.normals, strict=True)
+    }
+    points = replace(room.points, weight=np.full(len(room.points), 1e-3, np.float32))  # which views are near, no more
+    give = (depths, {}, normals, {}, points, {}, {})
+    complete_views(frames, *give, planes, lambda line: None, lambda *one: found.update({one[0]: one[1]}))
+    return float(
+        np.median(
+            [
+                np.median(np.abs(found[frame.name] / depth - 1))
+                for index, (frame, depth) in enumerate(zip(frames, room.depths, strict=True))
+                if index % 3 == 0
+            ]
+        )
+    )
+
+
+def test_views_whose_depth_is_off_come_back_to_the_walls_that_the_others_see(box_room):
+    room = box_room(count=12, turn=0.15)
+    assert off_by_view(room, planes=False) > 0.05
+    assert off_by_view(room, planes=True) < 0.02
