@@ -75,7 +75,7 @@ def test_other_rates_do_not_scale_with_the_scene_and_higher_harmonics_learn_at_a
 
 
 def test_sh_degree_rises_at_its_iterations_and_stops_at_the_top():
-    render = RenderConfig(sh_degree=2, sh_every=10, near_m=0.05, background=[0, 0, 0], threads=None)
+    render = RenderConfig(sh_degree=2, sh_every=10, near_m=0.05, background=[0, 0, 0], threads=None, device="cpu")
     assert [active_sh_degree(i, render) for i in (0, 9, 10, 19, 20, 1000)] == [0, 0, 1, 1, 2, 2]
 
 
