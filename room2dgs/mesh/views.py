@@ -69,9 +69,8 @@ def fused_view(rendering: Rendering, camera: Camera, config: MeshConfig) -> Fuse
 def trusted_view(maps: ViewMaps[np.ndarray], camera: Camera, color: np.ndarray, config: MeshConfig) -> FusedView:
     """A view's own depth where it is trusted, without any surfels.
 
-    A pixel weighs confidence^2 / z. On greywhite flat weights give F@5cm 0.883 and F@2cm 0.640, these 0.880 and 0.655
-    (320x240, nothing trained). Leaving pixels under a confidence of 0.3 out is worth +0.012 there and costs 0.035 on
-    bathroom, so it is no default.
+    A pixel weighs confidence^2 / z, which keeps more detail than flat weights. Leaving out pixels of little confidence
+    (`mesh.min_confidence`) helps one scene and hurts another (docs/results.md), so it is no default.
 
     Args:
         maps: of the camera's size; `depth` is not None.

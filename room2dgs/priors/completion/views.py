@@ -150,13 +150,13 @@ class _SmallMaps(NamedTuple):
     """What `completed` is given, and the camera of that size."""
 
     camera: Camera
-    anchor: np.ndarray
+    normal: np.ndarray  # (h, w, 3) unit, world frame; 0 = none
+    anchor: np.ndarray  # from here on as `completed` takes them
     trust: np.ndarray
     prior: np.ndarray
     prior_weight: np.ndarray
     slopes: tuple[np.ndarray, np.ndarray]
     tie: np.ndarray
-    normal: np.ndarray  # (h, w, 3) unit, world frame; 0 = none
 
 
 def _small_maps(
@@ -182,11 +182,11 @@ def _small_maps(
         in_cam = camera.turned_to_camera(unit)
         slopes = normal_slopes(in_cam, camera.rays(), (camera.K[0, 0], camera.K[1, 1]))
         tie = tie if normal_sure is None else _small(normal_sure, camera)
-    return _SmallMaps(camera, anchor, trust, prior, weight, slopes, tie, unit)
+    return _SmallMaps(camera, unit, anchor, trust, prior, weight, slopes, tie)
 
 
 def _completed(maps: _SmallMaps) -> Completed:
-    scale = completed(*maps[1:7]).astype(np.float32)
+    scale = completed(*maps[2:]).astype(np.float32)
     return Completed(maps.camera, maps.anchor, maps.trust, scale, (maps.prior * np.exp(scale)).astype(np.float32))
 
 
