@@ -3,48 +3,58 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from room2dgs.captures.scene import Frame
+from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.view_maps import ViewMaps
+from room2dgs.commands.filled_depth import filled, with_prior
+from room2dgs.commands.mesh_of_depth import trusted_views
+from room2dgs.commands.own_arguments import choices, own_arguments
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import cached, read, refined, use_threads
+from room2dgs.config import Config
 from room2dgs.files import whole_file
-from room2dgs.logs import run_log
+from room2dgs.logs import Log, run_log
 from room2dgs.runs.folder import MESH, POINTS, claimed, new_run
-from room2dgs.runs.metrics import record, timed
+from room2dgs.runs.metrics import Stages, record, timed
 
 if TYPE_CHECKING:
     from room2dgs.geometry.camera import Camera
     from room2dgs.mesh.views import FusedView
     from room2dgs.stereo.dense import DenseView
 
-USAGE = "room2dgs depth scene.path=DIR out=DIR [stereo.KEY=VALUE ...] [mesh.KEY=VALUE ...]"
+USAGE = "room2dgs depth scene.path=DIR out=DIR [fill=true] [stereo.KEY=VALUE ...] [mesh.KEY=VALUE ...]"
 CLOUD = "dense.ply"
 MAPS = ("depth", "normal", "error", "agreeing")
+FILLED = {"filled": "depth", "filled_confidence": "depth_confidence"}  # folder -> field of `ViewMaps`
 
 
 def main(argv: list[str]) -> int:
     """Compare the photos with each other: depth, normals, expected errors and agreeing views of each, a coloured
-    point cloud (dense.ply), and a mesh of the depth alone (mesh.ply).
+    point cloud (dense.ply), a mesh of the depth alone (mesh.ply), and a report of coverage and time (report.html,
+    coverage.json).
 
     The maps are .npy files named as the photos: depth in metres (0 = none), unit normals in the world frame, errors in
     metres. `room2dgs run ... prior/depth=files prior.depth.path=OUT/depth prior.depth.align=false` trains with them.
+    fill=true fills what stereo leaves empty with the network's depth (prior=room_prior), drawn to stereo's: filled/ and
+    filled_confidence/ beside the others, and the mesh is of these.
     """
     if asked_for_help(argv):
-        return show(USAGE, main.__doc__, ("scene", "points", "stereo", "mesh"))
-    config = new_run(argv)
-    seconds: dict[str, float] = {}
+        return show(USAGE, main.__doc__, ("scene", "points", "stereo", "prior", "mesh", "report"))
+    own, rest = own_arguments(argv, ("fill",))
+    fills = choices(own, "fill", "false", ("true", "false")) == ("true",)
+    config = new_run(with_prior(rest) if fills else rest)
+    seconds = Stages()
     with timed(seconds, "read"):
         scene = read(config, keep=True)
     with claimed(config) as out, cached(scene, out):
         from room2dgs.mesh.fuse import fuse
         from room2dgs.mesh.io import write_mesh
         from room2dgs.sfm.sparse import sparse_points
-        from room2dgs.stereo.cloud import fused_cloud, ply_bytes
         from room2dgs.stereo.scene import coverage, scene_stereo
 
         log = run_log(out)
@@ -60,44 +70,94 @@ def main(argv: list[str]) -> int:
             f"stereo: {share.mean():.0%} of the pixels of {len(views)} views have a depth (least {share.min():.0%}), "
             f"{seconds['stereo'] / len(views):.1f} s a view"
         )
+        priors = filled(scene, points, cameras, views, config, out, log, seconds) if fills else None
+        maps = priors.by_frame if priors else {}
         with timed(seconds, "write"):
-            _write_maps(out, scene.train, views)
-            pixels = (
-                (camera, view.depth, view.normal, color)
-                for camera, view, color in zip(cameras, views, _colors(scene.train, cameras), strict=True)
-            )
-            cloud = fused_cloud(pixels, config.stereo.cell_m)
-            with whole_file(out / CLOUD) as temporary:
-                temporary.write_bytes(ply_bytes(cloud))
-        log(f"points: {out / CLOUD}, {len(cloud.xyz):,}")
-        part = {"stereo_coverage": round(float(share.mean()), 4), "dense_points": len(cloud.xyz)}
-        if share.any():
+            _write_maps(out, scene.train, views, maps)
+            count = _write_cloud(out, scene.train, cameras, views, config.stereo.cell_m)
+        log(f"points: {out / CLOUD}, {count:,}")
+        if share.any() or any(one.depth is not None for one in maps.values()):
             with timed(seconds, "mesh"):
-                mesh = fuse(_fused_views(scene.train, cameras, views), config.mesh, log)
-                write_mesh(out / MESH, mesh)
+                depths = trusted_views(scene, priors, config) if priors else _fused_views(scene.train, cameras, views)
+                write_mesh(out / MESH, fuse(depths, config.mesh, log))
             log(f"mesh: {out / MESH}")
+        part = {
+            "stereo_coverage": round(float(share.mean()), 4),
+            "dense_points": count,
+            "depth_source": priors.depth_source if priors else "none",
+        }
         record(out, part, seconds)
+        _report(scene, views, maps, seconds, config, out, log)
     return 0
 
 
-def _write_maps(out: Path, frames: tuple[Frame, ...], views: list[DenseView]) -> None:
+def _report(
+    scene: Scene,
+    views: Sequence[DenseView],
+    maps: Mapping[str, ViewMaps[np.ndarray]],
+    seconds: Stages,
+    config: Config,
+    out: Path,
+    log: Log,
+) -> None:
+    """coverage.json, and report.html if it is wanted."""
+    from room2dgs.runs.depth_coverage import photo_coverage, write_coverage
+    from room2dgs.runs.page.depth import write_depth_report
+
+    photos = [
+        photo_coverage(frame.color_path.stem, view, maps.get(frame.name))
+        for frame, view in zip(scene.train, views, strict=True)
+    ]
+    write_coverage(out, photos, seconds)
+    if config.report.enabled:
+        log(f"report: {write_depth_report(scene, views, maps, photos, config, out)}")
+
+
+def _write_cloud(
+    out: Path, frames: Sequence[Frame], cameras: Sequence[Camera], views: Sequence[DenseView], cell_m: float
+) -> int:
+    """dense.ply; the number of its points."""
+    from room2dgs.stereo.cloud import fused_cloud, ply_bytes
+
+    pixels = (
+        (camera, view.depth, view.normal, color)
+        for camera, view, color in zip(cameras, views, _colors(frames, cameras), strict=True)
+    )
+    cloud = fused_cloud(pixels, cell_m)
+    with whole_file(out / CLOUD) as temporary:
+        temporary.write_bytes(ply_bytes(cloud))
+    return len(cloud.xyz)
+
+
+def _write_maps(
+    out: Path, frames: Sequence[Frame], views: Sequence[DenseView], filled: Mapping[str, ViewMaps[np.ndarray]]
+) -> None:
     for name in MAPS:
-        (out / name).mkdir(exist_ok=True)
         for frame, view in zip(frames, views, strict=True):
-            buffer = io.BytesIO()
-            np.save(buffer, getattr(view, name))
-            with whole_file(out / name / f"{frame.color_path.stem}.npy") as temporary:
-                temporary.write_bytes(buffer.getvalue())
+            _save(out / name / f"{frame.color_path.stem}.npy", getattr(view, name))
+    for frame in frames:
+        for name, field in FILLED.items():
+            maps = filled.get(frame.name)
+            if maps is not None and getattr(maps, field) is not None:
+                _save(out / name / f"{frame.color_path.stem}.npy", getattr(maps, field))
 
 
-def _colors(frames: tuple[Frame, ...], cameras: list[Camera]) -> Iterator[np.ndarray]:
+def _save(path: Path, values: np.ndarray) -> None:
+    path.parent.mkdir(exist_ok=True)
+    buffer = io.BytesIO()
+    np.save(buffer, values)
+    with whole_file(path) as temporary:
+        temporary.write_bytes(buffer.getvalue())
+
+
+def _colors(frames: Sequence[Frame], cameras: Sequence[Camera]) -> Iterator[np.ndarray]:
     import cv2
 
     for frame, camera in zip(frames, cameras, strict=True):
         yield cv2.resize(frame.color(), camera.size, interpolation=cv2.INTER_AREA)
 
 
-def _fused_views(frames: tuple[Frame, ...], cameras: list[Camera], views: list[DenseView]) -> Iterator[FusedView]:
+def _fused_views(frames: Sequence[Frame], cameras: Sequence[Camera], views: Sequence[DenseView]) -> Iterator[FusedView]:
     from room2dgs.mesh.views import FusedView
 
     for camera, view, color in zip(cameras, views, _colors(frames, cameras), strict=True):

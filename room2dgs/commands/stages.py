@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import Config
 from room2dgs.logs import Log
 from room2dgs.runs.folder import CACHE, CHECKPOINTS, POINTS, POSES, PRIOR_MAPS, PRIORS, SURFELS, TRUST, required
-from room2dgs.runs.metrics import record, timed
+from room2dgs.runs.metrics import Stages, by_stage, record, timed
 
 if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be reported at once
     import numpy as np
@@ -146,7 +147,10 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
         return found
 
     settings = replace(config.prior, cache=config.prior.cache or str(out / PRIOR_MAPS))
-    priors = load_priors(scene.train, points, settings, log, compare if config.stereo.enabled else None)
+    seconds = Stages()
+    compared = compare if config.stereo.enabled else None
+    priors = load_priors(scene.train, points, settings, log, compared, partial(timed, seconds))
+    record(out, {"prior_seconds": by_stage(seconds)}, {})
     write_trust(out / TRUST, scene.train, priors.by_frame, stereo)
     if priors.fits:
         rows = ["view,scale,shift,median_relative_residual,points"]

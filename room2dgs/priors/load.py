@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -35,6 +36,7 @@ from room2dgs.priors.simulated import simulated
 from room2dgs.stereo.anchors import StereoPoints
 
 CHECKED_FRAMES = 24
+Timed = Callable[[str], AbstractContextManager[None]]
 HALF_WORTH = 0.1  # median relative residual at the points that halves the confidence in a map
 
 
@@ -62,6 +64,7 @@ def load_priors(
     config: PriorConfig,
     log: Log = print,
     compare: Callable[[], StereoPoints] | None = None,
+    timed: Timed = nullcontext,
 ) -> Priors:
     """Read and align the priors of some frames.
 
@@ -71,6 +74,8 @@ def load_priors(
         config: sources and conventions.
         log: takes one line at a time.
         compare: finds stereo's points; called if there are depth maps that they could hold in place.
+        timed: gives, for a stage's name, what to do that stage in: "stereo", "maps" (read or predicted, and aligned),
+            "joint" and "completion".
 
     Raises:
         InputError: no map for any frame, an unusable map, or normals in another convention than configured.
@@ -90,13 +95,16 @@ def load_priors(
         depths, confidences, fits = sensor
     elif config.depth.source != "none":
         if compare and config.depth.joint:
-            points, fine = compare()
-        files = _maps(frames, config, "depth", models, log)
-        depths, fits = aligned_depths(frames, files, points, config.depth, log)
+            with timed("stereo"):
+                points, fine = compare()
+        with timed("maps"):
+            files = _maps(frames, config, "depth", models, log)
+            depths, fits = aligned_depths(frames, files, points, config.depth, log)
         confidences = _confidences({name: files[name] for name in depths}, config.depth.onnx)
     if config.normal.source != "none":
-        for name, normal, confidence in _normals(frames, depths, points, config, models, log):
-            stored.put(name, ViewMaps(normal=normal, normal_confidence=confidence, source=label))
+        with timed("maps"):
+            for name, normal, confidence in _normals(frames, depths, points, config, models, log):
+                stored.put(name, ViewMaps(normal=normal, normal_confidence=confidence, source=label))
 
     def take(name: str, depth: np.ndarray, confidence: np.ndarray | None = None) -> None:
         confidence = _where(depth > 0, confidences.get(name) if confidence is None else confidence)
@@ -106,11 +114,13 @@ def load_priors(
     if config.depth.joint and depths:
         normals, normal_confidences = _stored_normals(stored)
         both = (confidences, normal_confidences)
-        depths = logged_joint_depths(frames, depths, normals, points, config.depth.manhattan, log, both)
+        with timed("joint"):
+            depths = logged_joint_depths(frames, depths, normals, points, config.depth.manhattan, log, both)
         if config.depth.completion:
             given = (depths, confidences, normals, normal_confidences)
             misfits = {name: fit.residual for name, fit in fits.items()}
-            complete_views(frames, *given, points, fine, misfits, config.depth.planes, log, take)
+            with timed("completion"):
+                complete_views(frames, *given, points, fine, misfits, config.depth.planes, log, take)
             depths = {}
     for name, depth in depths.items():
         take(name, depth, _by_fit(depth, confidences.get(name), fits.get(name)))

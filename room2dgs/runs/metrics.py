@@ -58,6 +58,11 @@ def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
         seconds.cpu[stage] = seconds.cpu.get(stage, 0.0) + round(time.process_time() - cpu, 3)
 
 
+def by_stage(seconds: Stages) -> dict[str, dict[str, float]]:
+    """Stage -> "wall" and "cpu" seconds (all cores together)."""
+    return {stage: {"wall": wall, "cpu": seconds.cpu.get(stage, 0.0)} for stage, wall in seconds.items()}
+
+
 def record(out: Path, part: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
     """Sets `part` in the run's metrics.json, and what every command adds to it.
 

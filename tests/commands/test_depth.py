@@ -72,3 +72,56 @@ def test_photos_that_have_nothing_in_common_are_reported_and_leave_no_mesh(wall,
     assert cli.main(["depth", *arguments]) == 0
     assert "stereo: 0% of the pixels" in capsys.readouterr().out
     assert not (out / "mesh.ply").exists() and (out / "dense.ply").exists()
+
+
+def test_coverage_counts_what_the_maps_hold(out):
+    coverage = json.loads((out / "coverage.json").read_text())
+    assert len(coverage["photos"]) == 6
+    for photo in coverage["photos"]:
+        agreeing = np.load(out / "agreeing" / f"{photo['photo']}.npy")
+        error = np.load(out / "error" / f"{photo['photo']}.npy")
+        assert photo["stereo"] == pytest.approx(np.mean(np.load(out / "depth" / f"{photo['photo']}.npy") > 0))
+        for count, share in photo["agreeing"].items():
+            assert share == pytest.approx(np.mean(agreeing == int(count)))
+        assert sum(photo["agreeing"].values()) == pytest.approx(photo["stereo"])
+        assert photo["error_m"] == pytest.approx(np.median(error[error > 0]))
+        assert photo["filled"] is None
+    assert coverage["total"]["stereo"] == pytest.approx(np.mean([photo["stereo"] for photo in coverage["photos"]]))
+    assert coverage["seconds"]["stereo"]["wall"] > 0 and coverage["seconds"]["stereo"]["cpu"] > 0
+
+
+def test_the_page_says_the_same_and_needs_no_network(out):
+    text = (out / "report.html").read_text(encoding="utf-8")
+    total = json.loads((out / "coverage.json").read_text())["total"]
+    assert f"<td>stereo's depth in all</td>\n      <td>{total['stereo']:.1%}</td>" in text.replace("&#39;", "'")
+    assert text.count("<figure>") == 6 * 3 and text.count('src="data:image/jpeg') == 6 * 3
+    assert "default-src 'none'" in text and "http://" not in text and "https://" not in text
+
+
+@pytest.mark.slow
+def test_what_stereo_leaves_empty_is_filled_on_demand(out, wall, tmp_path, capsys):
+    """A prior 10 % too far, of half of each photo: drawn to the stereo around it, and counted where stereo is not."""
+    (tmp_path / "prior").mkdir()
+    half = np.zeros((48, 64), np.float32)
+    half[:, 32:] = 1.1 * WALL_Z
+    for photo in (wall / "color").iterdir():
+        np.save(tmp_path / "prior" / f"{photo.stem}.npy", half)
+    arguments = [f"scene.path={wall}", f"out={tmp_path / 'out'}", "points.source=file", "scene.test_every=4"]
+    arguments += [f"points.file={wall / 'points.ply'}", "mesh.voxel_m=0.04", "mesh.min_triangles=10", "fill=true"]
+    arguments += ["prior=files", f"prior.depth.path={tmp_path / 'prior'}", "prior.normal.source=none"]
+    assert cli.main(["depth", *arguments]) == 0
+    coverage = json.loads((tmp_path / "out" / "coverage.json").read_text())
+    assert {"stereo", "maps", "joint", "completion", "mesh"} <= coverage["seconds"].keys()
+    for photo in coverage["photos"]:
+        filled = np.load(tmp_path / "out" / "filled" / f"{photo['photo']}.npy")
+        sure = np.load(tmp_path / "out" / "filled_confidence" / f"{photo['photo']}.npy")
+        added = (filled > 0) & (np.load(out / "depth" / f"{photo['photo']}.npy") == 0)
+        assert photo["filled"] == pytest.approx(added.mean()) and photo["filled"] <= 0.5
+        assert photo["filled_sure"] == pytest.approx((added & (sure >= 0.5)).mean())
+        assert np.median(np.abs(filled[filled > 0] - WALL_Z)) < 0.02
+    assert "were filled" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_fill_takes_true_or_false_alone(wall, tmp_path, capsys):
+    assert cli.main(["depth", f"scene.path={wall}", f"out={tmp_path / 'out'}", "fill=yes"]) == 2
+    assert "fill=yes" in capsys.readouterr().err and not (tmp_path / "out").exists()

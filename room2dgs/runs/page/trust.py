@@ -105,6 +105,14 @@ def key(source: str) -> list[tuple[str, str]]:
     ]
 
 
+def stereo_key() -> list[tuple[str, str]]:
+    """Likewise where stereo is the only source."""
+    return [
+        (_css(STEREO), "stereo: the brighter, the more photos agree"),
+        (_css(NOTHING), "no depth"),
+    ]
+
+
 def other_source(source: str) -> str:
     """The prior's source (`Priors.depth_source`) in words."""
     words = {"sensor": "the capture's depth camera", "files": "depth files", "none": "no other source"}

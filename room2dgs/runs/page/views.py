@@ -64,13 +64,14 @@ def _view(frame: Frame, view: Rendering, sort: str, trusted: Trust | None) -> di
     return {
         "title": f"{frame.name} ({sort})",
         "note": f"{frame.name}, {sort}: the rendering has a PSNR of {quality:.1f} dB against the photo.",
-        "pictures": {kind: data_uri(_small(picture)) for kind, picture in pictures.items()},
+        "pictures": {kind: data_uri(small(picture, LONGEST)) for kind, picture in pictures.items()},
     }
 
 
-def _small(picture: np.ndarray) -> np.ndarray:
+def small(picture: np.ndarray, longest: int) -> np.ndarray:
+    """The picture, (H, W, 3) RGB, with no side longer than so many pixels."""
     height, width = picture.shape[:2]
-    scale = LONGEST / max(height, width)
+    scale = longest / max(height, width)
     if scale >= 1:
         return picture
     size = max(1, round(width * scale)), max(1, round(height * scale))

@@ -1,0 +1,57 @@
+"""What stereo leaves empty, filled: `room2dgs depth fill=true`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from room2dgs.captures.scene import Scene
+from room2dgs.config import Config
+from room2dgs.logs import Log
+from room2dgs.runs.folder import PRIOR_MAPS
+from room2dgs.runs.metrics import Stages, timed
+
+if TYPE_CHECKING:
+    from room2dgs.captures.point_cloud import PointCloud
+    from room2dgs.geometry.camera import Camera
+    from room2dgs.priors import Priors
+    from room2dgs.stereo.dense import DenseView
+
+
+def with_prior(overrides: Sequence[str]) -> list[str]:
+    """The overrides, and the network as prior unless they choose another."""
+    chosen = any(text.partition("=")[0] in ("prior", "prior/depth") for text in overrides)
+    return [*([] if chosen else ["prior=room_prior"]), *overrides]
+
+
+def filled(
+    scene: Scene,
+    points: PointCloud,
+    cameras: Sequence[Camera],
+    views: Sequence[DenseView],
+    config: Config,
+    out: Path,
+    log: Log,
+    seconds: Stages,
+) -> Priors:
+    """The prior's depth as a run has it, held in place by the stereo that is there already.
+
+    Args:
+        points: the scene's sparse ones.
+        cameras, views: of stereo, in the order of the training views.
+
+    Raises:
+        InputError: as `load_priors`.
+    """
+    from room2dgs.priors import load_priors
+    from room2dgs.stereo.anchors import StereoPoints, with_stereo
+
+    def compare() -> StereoPoints:
+        maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(scene.train, views, strict=True)}
+        return StereoPoints(with_stereo(points, scene.train, cameras, maps), maps)
+
+    settings = replace(config.prior, cache=config.prior.cache or str(out / PRIOR_MAPS))
+    return load_priors(scene.train, points, settings, log, compare, partial(timed, seconds))
