@@ -73,11 +73,6 @@ class BlockLosses:
         Writes geometric and photometric mean and the numbers of their pixels to values, (4,) float64, and each pixel's gradients, not yet divided by these. pixels, int32, are row * width + column, or -1; usable is uint8. Without a normal there is no photometric term.
         """
 
-def adam_rows(parameters: NDArray, gradients: Annotated[NDArray, dict(writable=False)], first: NDArray, second: NDArray, seen: Annotated[NDArray, dict(writable=False)] | None, rate: float, beta1: float, beta2: float, epsilon: float, step: int, queue: int = 0) -> None:
-    """
-    One step of Adam, in place, for the rows whose `seen`, uint8, is not 0 (None: all); the others keep everything. queue: as in BlockFrame.
-    """
-
 class StereoPhoto:
     """A grey photo, packed for bilinear samples."""
 
@@ -107,3 +102,13 @@ class PatchMatch:
     def costs(self, geometric_weight: float, cost: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')], variance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')], queue: int = 0) -> None: ...
 
     def planes(self, out: Annotated[NDArray[numpy.float32], dict(shape=(3, None, None), order='C', device='cpu')]) -> None: ...
+
+def touched_blocks(depth: Annotated[NDArray, dict(writable=False)], K: Annotated[NDArray, dict(writable=False)], local_from_cam: Annotated[NDArray, dict(writable=False)], side: float, truncation: float, keys: NDArray, queue: int = 0) -> None:
+    """
+    Writes the blocks near a depth map's surface to keys, (pixels of every fourth row and column, 4) int64: ((x + h) 2h + y + h) 2h + z + h with h = 2^20, or -1; some more than once. K and local_from_cam, (3, 4), are float64 on the CPU. queue: as in BlockFrame.
+    """
+
+def fuse_depth(block: Annotated[NDArray, dict(writable=False)], row: Annotated[NDArray, dict(writable=False)], distance: NDArray, weight: NDArray, views: NDArray, color: NDArray, depth: Annotated[NDArray, dict(writable=False)], trust: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], pixel_from_voxel: Annotated[NDArray, dict(writable=False)], truncation: float, queue: int = 0) -> None:
+    """
+    As the CPU's `fuse_depth`; no row may come twice, and one that is not there is passed over. pixel_from_voxel is on the CPU. queue: as in BlockFrame.
+    """

@@ -79,7 +79,7 @@ def main(argv: list[str]) -> int:
         if share.any() or any(one.depth is not None for one in maps.values()):
             with timed(seconds, "mesh"):
                 depths = trusted_views(scene, priors, config) if priors else _fused_views(scene.train, cameras, views)
-                write_mesh(out / MESH, fuse(depths, config.mesh, log))
+                write_mesh(out / MESH, fuse(depths, config.mesh, log, config.render.device))
             log(f"mesh: {out / MESH}")
         part = {
             "stereo_coverage": round(float(share.mean()), 4),

@@ -62,7 +62,7 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
 
     use_threads(config)
     with timed(seconds, "mesh"):
-        mesh = fuse(_Views(scene, surfels, config), config.mesh, log)
+        mesh = fuse(_Views(scene, surfels, config), config.mesh, log, config.render.device)
         write_mesh(out / MESH, mesh)
     # Scores of a mesh that is no longer there must not stand beside this one.
     faded = stale(out, SCORES)
@@ -81,5 +81,5 @@ class _Views:
     def __iter__(self) -> Iterator[FusedView]:
         from room2dgs.mesh.views import fused_view
 
-        for frame, rendering in rendered(self.surfels, self.scene.train, self.config):
+        for frame, rendering in rendered(self.surfels, self.scene.train, self.config, self.config.render.device):
             yield fused_view(rendering, frame.camera, self.config.mesh)

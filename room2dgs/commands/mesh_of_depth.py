@@ -33,7 +33,7 @@ def mesh_of_depth(scene: Scene, config: Config, out: Path, log: Log, seconds: di
     if not any(maps.depth is not None for maps in priors.by_frame.values()):
         raise InputError("mesh.source=depth has no depth to mesh; give prior=room_prior, or mesh.source=surfels")
     with timed(seconds, "mesh"):
-        mesh = fuse(trusted_views(scene, priors, config), config.mesh, log)
+        mesh = fuse(trusted_views(scene, priors, config), config.mesh, log, config.render.device)
         write_mesh(out / MESH, mesh)
     record(out, {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces)}, seconds)
     log(f"mesh: {out / MESH}, of depth alone: nothing was trained")

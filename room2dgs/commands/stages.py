@@ -172,18 +172,29 @@ def trained_surfels(out: Path) -> Surfels:
     return load_surfels(required(out / SURFELS, "train"))
 
 
-def rendered(surfels: Surfels, frames: Iterable[Frame], config: Config) -> Iterator[tuple[Frame, Rendering]]:
-    """Each view's rendering, one at a time, at the size that the run works at."""
+def rendered(
+    surfels: Surfels, frames: Iterable[Frame], config: Config, device: str = "cpu"
+) -> Iterator[tuple[Frame, Rendering]]:
+    """Each view's rendering, one at a time, at the size that the run works at.
+
+    Args:
+        device: as `render.device`; the images stay where they are drawn.
+
+    Raises:
+        InputError: no GPU where one is asked for.
+    """
     import torch
 
     from room2dgs.geometry.camera_tensors import view_matrices
     from room2dgs.splat import render
+    from room2dgs.train.device import moved, on_device
 
-    background = torch.tensor(config.render.background, dtype=torch.float32)
+    with on_device(device) as where:
+        there = moved(surfels, where)
+        background = moved(torch.tensor(config.render.background, dtype=torch.float32), where)
     for frame in frames:
         camera = frame.camera
-        with torch.no_grad():  # around the call alone: a generator would leave it on in its caller
-            view = render(
-                surfels, *view_matrices(camera), *camera.size, background=background, near_m=config.render.near_m
-            )
+        matrices = (moved(matrix, where) for matrix in view_matrices(camera))
+        with on_device(device), torch.no_grad():  # around the call alone: a generator would leave it on in its caller
+            view = render(there, *matrices, *camera.size, background=background, near_m=config.render.near_m)
         yield frame, view

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import trimesh
 
@@ -14,18 +14,21 @@ from room2dgs.mesh.tsdf import integrate
 from room2dgs.mesh.views import FusedView
 
 
-def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log) -> trimesh.Trimesh:
+def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str = "cpu") -> trimesh.Trimesh:
     """Fuse, mesh and clean; the views are taken one at a time and not kept.
 
     With mesh.space=contracted they are taken several times, and kept if `views` can be taken only once.
+
+    Args:
+        device: `render.device`: what fuses. Marching cubes, cleaning and mesh.space=contracted are the CPU's.
 
     Returns:
         Coloured mesh in the world frame, metres, faces towards the cameras; the same on any number of threads.
 
     Raises:
-        InputError: no surface is left; names the settings to relax.
+        InputError: no surface is left; names the settings to relax. No GPU where one is asked for.
     """
-    raw = _integrated(views, config)
+    raw = _integrated(views, config, device)
     if not len(raw.faces):
         raise InputError(
             "no surface came out of the depth maps; train longer, or lower mesh.min_weight or mesh.min_alpha"
@@ -39,12 +42,26 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log) -> trimesh.Tr
     return _filled(mesh, config, log)
 
 
-def _integrated(views: Iterable[FusedView], config: MeshConfig) -> trimesh.Trimesh:
+def _integrated(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:
+    if config.space == "bounded" and device != "cpu":
+        from room2dgs.mesh.device_volume import integrate_on_device
+
+        return integrate_on_device(views, config, device)
     if config.space == "bounded":
         return integrate(views, config)
     from room2dgs.mesh.contracted import integrate_contracted
 
-    return integrate_contracted(list(views) if iter(views) is views else views, config)
+    return integrate_contracted(_OnCpu(list(views) if iter(views) is views else views), config)
+
+
+class _OnCpu:
+    """The views in the CPU's memory, each time that they are gone through."""
+
+    def __init__(self, views: Iterable[FusedView]) -> None:
+        self._views = views
+
+    def __iter__(self) -> Iterator[FusedView]:
+        return (view.on_cpu() for view in self._views)
 
 
 def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:

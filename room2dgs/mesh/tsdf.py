@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import open3d as o3d
@@ -13,6 +14,9 @@ from room2dgs import _C
 from room2dgs.config import MeshConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.views import FusedView
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 ATTRIBUTES = ("tsdf", "weight", "views", "color")
 BLOCK = 8  # voxels a block side
@@ -45,14 +49,14 @@ def integrate(views: Iterable[FusedView], config: MeshConfig) -> trimesh.Trimesh
             continue
         if volume is None:
             volume = empty_volume(config.voxel_m)
-            origin = _origin(view.camera, config.voxel_m)
+            origin = start_of(view.camera, config.voxel_m)
         _integrate_one(volume, origin, view, depth, config)
     if volume is None or volume.hashmap().size() == 0:
         return trimesh.Trimesh(process=False)
     return extracted(volume, origin, config.min_weight)
 
 
-def empty_volume(voxel_m: float) -> o3d.t.geometry.VoxelBlockGrid:
+def empty_volume(voxel_m: float, room_for: int = FIRST_BLOCKS) -> o3d.t.geometry.VoxelBlockGrid:
     """Without blocks; on the CPU, so that its attributes can be written in place."""
     return o3d.t.geometry.VoxelBlockGrid(
         ATTRIBUTES,
@@ -60,14 +64,23 @@ def empty_volume(voxel_m: float) -> o3d.t.geometry.VoxelBlockGrid:
         ((1,), (1,), (1,), (3,)),
         voxel_m,
         BLOCK,
-        FIRST_BLOCKS,
+        room_for,
         DEVICE,
     )
 
 
-def _origin(camera: Camera, voxel_m: float) -> np.ndarray:
-    """The volume works in float32, so its origin lies near the first camera, on the world's voxel lattice."""
+def start_of(camera: Camera, voxel_m: float) -> np.ndarray:
+    """(3,) the volume's origin: it works in float32, so near the first camera, on the world's voxel lattice."""
     return np.round(camera.centre / voxel_m) * voxel_m
+
+
+def camera_in_volume(camera: Camera, origin: np.ndarray, voxel_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """(4, 4) cam_from_local, metres; (3, 4) from voxels about the origin to (u z, v z, z), pixels and metres."""
+    cam_from_local = camera.cam_from_world.copy()
+    cam_from_local[:3, 3] += cam_from_local[:3, :3] @ origin
+    pixel_from_voxel = camera.K @ cam_from_local[:3]
+    pixel_from_voxel[:, :3] *= voxel_m
+    return cam_from_local, pixel_from_voxel
 
 
 def _integrate_one(
@@ -77,24 +90,21 @@ def _integrate_one(
     depth: np.ndarray,
     config: MeshConfig,
 ) -> None:
-    cam_from_local = view.camera.cam_from_world.copy()
-    cam_from_local[:3, 3] += cam_from_local[:3, :3] @ origin
-    blocks = _touched(volume, view.camera.K, cam_from_local, depth, config.truncation_voxels)
+    cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, config.voxel_m)
+    blocks = _touched(volume, view.camera.K, cam_from_local, depth, config)
     if not len(blocks):
         return
     hashmap = volume.hashmap()
     hashmap.activate(blocks)
     rows, _ = hashmap.find(blocks)
     parts = [volume.attribute(name).numpy() for name in ATTRIBUTES]  # not copies; growth of the table moves them
-    pixel_from_voxel = view.camera.K @ cam_from_local[:3]
-    pixel_from_voxel[:, :3] *= config.voxel_m
     _C.fuse_depth(
         blocks.numpy(),
         rows.numpy().astype(np.int64),
         *(part.reshape(len(part), -1) for part in parts),
         depth,
         np.ones_like(depth) if view.weight is None else np.ascontiguousarray(view.weight, np.float32),
-        _bytes_as_floats(view.color),
+        np.ascontiguousarray(photo_as_floats(view.color), np.float32),
         pixel_from_voxel,
         config.voxel_m * config.truncation_voxels,
     )
@@ -105,12 +115,13 @@ def _touched(
     K: np.ndarray,
     cam_from_local: np.ndarray,
     depth: np.ndarray,
-    truncation_voxels: float,
+    config: MeshConfig,
 ) -> o3c.Tensor:
     """(N, 3) int32 blocks near the surface."""
     image = o3d.t.geometry.Image(o3c.Tensor(np.ascontiguousarray(depth)))
-    # our depth is in metres already (scale 1) and already cut: the last bound only has to lie above it
-    bounds = (1.0, float(depth.max()) + 1.0, float(truncation_voxels))
+    # our depth is in metres already (scale 1) and already cut: the second bound only has to lie above it
+    beyond = float(depth.max()) + config.truncation_voxels * config.voxel_m + 1.0
+    bounds = (1.0, beyond, float(config.truncation_voxels))
     try:
         return volume.compute_unique_block_coordinates(image, o3c.Tensor(K), o3c.Tensor(cam_from_local), *bounds)
     except RuntimeError as error:
@@ -120,10 +131,9 @@ def _touched(
         raise
 
 
-def _bytes_as_floats(color: np.ndarray) -> np.ndarray:
-    """(H, W, 3) float32 0..255, as open3d keeps colours."""
-    scaled = color if color.dtype == np.uint8 else 255 * color
-    return np.ascontiguousarray(scaled, dtype=np.float32)
+def photo_as_floats(color: np.ndarray | Tensor) -> np.ndarray | Tensor:
+    """(H, W, 3) 0..255, as open3d keeps colours."""
+    return color if "uint8" in str(color.dtype) else 255 * color
 
 
 def extracted(volume: o3d.t.geometry.VoxelBlockGrid, origin: np.ndarray, min_weight: float) -> trimesh.Trimesh:

@@ -13,13 +13,16 @@ from room2dgs.geometry.camera import Camera
 
 NEAREST_M = 0.5  # what is nearer than this weighs no more
 
-if TYPE_CHECKING:  # fusion serves renderings and depth maps from elsewhere
+if TYPE_CHECKING:  # fusion serves renderings and depth maps from elsewhere, and torch takes seconds to import
+    import torch
+    from torch import Tensor
+
     from room2dgs.splat.types import Rendering
 
 
 @dataclass(frozen=True)
 class FusedView:
-    """One depth map that goes into the volume.
+    """One depth map that goes into the volume: numpy's arrays, or tensors on a GPU.
 
     Attributes:
         camera: K with pixel centres at +0.5, pose in metres.
@@ -29,41 +32,54 @@ class FusedView:
     """
 
     camera: Camera
-    depth: np.ndarray
-    color: np.ndarray
-    weight: np.ndarray | None = None
+    depth: np.ndarray | Tensor
+    color: np.ndarray | Tensor
+    weight: np.ndarray | Tensor | None = None
+
+    def on_cpu(self) -> FusedView:
+        """With numpy's arrays alone."""
+        if isinstance(self.depth, np.ndarray):
+            return self
+        parts = (None if x is None else x.cpu().numpy() for x in (self.depth, self.color, self.weight))
+        return FusedView(self.camera, *parts)
 
 
-def chosen_depth(rendering: Rendering, config: MeshConfig) -> np.ndarray:
+def chosen_depth(rendering: Rendering, config: MeshConfig) -> Tensor:
     """(H, W) float32 z-depth in metres: the rendering's median or expected depth, as `mesh.depth` says."""
-    return _numpy(rendering.median_depth if config.depth == "median" else rendering.depth).astype(np.float32)
+    return _tensor(rendering.median_depth if config.depth == "median" else rendering.depth).float()
 
 
-def valid_depth(rendering: Rendering, camera: Camera, config: MeshConfig) -> np.ndarray:
+def valid_depth(rendering: Rendering, camera: Camera, config: MeshConfig) -> Tensor:
     """Pixels that may be fused: opaque enough, near enough, not seen at a grazing angle.
 
     Args:
         rendering: maps of (H, W) or (H, W, 3), torch or numpy; the normal (world frame) need not be unit length.
 
     Returns:
-        (H, W) bool: alpha >= min_alpha, 0 < depth <= max_depth_m, and the angle between the normal's line
-        and the view ray is at most max_angle_deg. A pixel without a normal is not valid.
+        (H, W) bool, on the rendering's device: alpha >= min_alpha, 0 < depth <= max_depth_m, and the angle between the
+        normal's line and the view ray is at most max_angle_deg. A pixel without a normal is not valid.
     """
+    import torch
+
     depth = chosen_depth(rendering, config)
-    normal = camera.turned_to_camera(_numpy(rendering.normal).astype(np.float64))
-    rays = camera.rays()
-    along = np.abs(np.einsum("hwc,hwc->hw", normal, rays))
-    lengths = np.linalg.norm(normal, axis=-1) * np.linalg.norm(rays, axis=-1)
-    facing = (lengths > 0) & (along >= np.cos(np.radians(config.max_angle_deg)) * lengths)
+    rotation = torch.from_numpy(camera.rotation.copy()).to(depth.device)
+    normal = _tensor(rendering.normal).double() @ rotation.T
+    rays = _rays(camera, depth.device)
+    along = (normal * rays).sum(-1).abs()
+    lengths = normal.norm(dim=-1) * rays.norm(dim=-1)
+    facing = (lengths > 0) & (along >= float(np.cos(np.radians(config.max_angle_deg))) * lengths)
     # a NaN fails each comparison, so it is never fused
-    return (_numpy(rendering.alpha) >= config.min_alpha) & (depth > 0) & (depth <= config.max_depth_m) & facing
+    return (_tensor(rendering.alpha) >= config.min_alpha) & (depth > 0) & (depth <= config.max_depth_m) & facing
 
 
 def fused_view(rendering: Rendering, camera: Camera, config: MeshConfig) -> FusedView:
-    """The rendering's depth with every unfit pixel set to 0, and its colour clipped to 0..1."""
-    depth = np.where(valid_depth(rendering, camera, config), chosen_depth(rendering, config), np.float32(0))
-    color = np.clip(np.nan_to_num(_numpy(rendering.color)), 0.0, 1.0).astype(np.float32)
-    return FusedView(camera, depth, color)
+    """The rendering's depth with every unfit pixel set to 0, and its colour clipped to 0..1; where the rendering is."""
+    import torch
+
+    depth = torch.where(valid_depth(rendering, camera, config), chosen_depth(rendering, config), 0.0)
+    color = torch.nan_to_num(_tensor(rendering.color)).clamp(0.0, 1.0).float()
+    on_cpu = depth.device.type == "cpu"
+    return FusedView(camera, depth.numpy(), color.numpy()) if on_cpu else FusedView(camera, depth, color)
 
 
 def trusted_view(maps: ViewMaps[np.ndarray], camera: Camera, color: np.ndarray, config: MeshConfig) -> FusedView:
@@ -81,5 +97,18 @@ def trusted_view(maps: ViewMaps[np.ndarray], camera: Camera, color: np.ndarray, 
     return FusedView(camera, depth, color, sure**2 / np.maximum(depth, NEAREST_M))
 
 
-def _numpy(values) -> np.ndarray:
-    return values.detach().cpu().numpy() if hasattr(values, "detach") else np.asarray(values)
+def _rays(camera: Camera, device: torch.device) -> Tensor:
+    """`camera.rays` made on a device."""
+    import torch
+
+    (focal_x, focal_y), (cx, cy) = camera.K[(0, 1), (0, 1)].tolist(), camera.K[:2, 2].tolist()
+    x = (torch.arange(camera.width, dtype=torch.float64, device=device) + 0.5 - cx) / focal_x
+    y = (torch.arange(camera.height, dtype=torch.float64, device=device) + 0.5 - cy) / focal_y
+    down, across = torch.meshgrid(y, x, indexing="ij")
+    return torch.stack([across, down, torch.ones_like(across)], dim=-1)
+
+
+def _tensor(values: Tensor | np.ndarray) -> Tensor:
+    import torch
+
+    return torch.as_tensor(values).detach()

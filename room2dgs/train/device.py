@@ -24,7 +24,12 @@ def on_device(name: str) -> Iterator[torch.device]:
     """
     build_of(name)
     with plain_code() if name == "blocks" else nullcontext():
-        yield torch.device("cuda", torch.cuda.current_device()) if name == "cuda" else CPU
+        yield torch_device(name)
+
+
+def torch_device(name: str) -> torch.device:
+    """Where tensors are that `render.device` works on."""
+    return torch.device("cuda", torch.cuda.current_device()) if name == "cuda" else CPU
 
 
 def upload(values: Tensor, device: torch.device) -> Tensor:

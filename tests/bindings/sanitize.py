@@ -15,7 +15,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-BLOCKS = ("test_block_frame.py", "test_block_losses.py", "test_block_stereo.py")
+BLOCKS = ("test_block_frame.py", "test_block_losses.py", "test_block_stereo.py", "test_block_fusion.py")
 TESTS = {
     "address": ("test_arguments.py", "test_threads.py", *BLOCKS),
     "thread": ("test_threads.py", *BLOCKS),

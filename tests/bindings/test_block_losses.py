@@ -1,7 +1,7 @@
-"""Losses and Adam of block code (`_C.device`), without torch; also for `make sanitize`.
+"""Losses of block code (`_C.device`), without torch; also for `make sanitize`.
 
-What they compute is tested in tests/losses/test_blocks.py and tests/train/test_block_adam.py; here no index may be
-wrong, at any size and in any order of blocks and threads, and what is written is written whole.
+What they compute is tested in tests/losses/test_blocks.py; here no index may be wrong, at any size and in any order
+of blocks and threads, and what is written is written whole.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def outputs(height: int, width: int, queue: int) -> list[np.ndarray]:
     K = np.array([[50.0, 0, width / 2], [0, 52.0, height / 2], [0, 0, 1]], np.float32)
     camera, moved_camera = (K, np.eye(4, dtype=np.float32)), np.eye(4, dtype=np.float32)
     moved_camera[:3, 3] = 0.05, 0.01, -0.02
-    to_color, to_normal, normals, moved = (np.full_like(color, np.nan) for _ in range(4))
+    to_color, to_normal, normals = (np.full_like(color, np.nan) for _ in range(3))
     to_depth, values, ten = np.full_like(depth, np.nan), np.full(2, np.nan), np.full(10, np.nan)
     losses.rgb_loss(color, target, 0.2, values, to_color, queue)
     losses.normal_consistency(depth, alpha, normal, *camera, to_depth, to_normal, ten, queue)
@@ -44,11 +44,6 @@ def outputs(height: int, width: int, queue: int) -> list[np.ndarray]:
             with_depth, normal_map, pixels, alpha, alpha, usable, with_depth[::2, ::2].copy(), 2, *camera, K,
             moved_camera, 5, pairs, normals_of, four, queue,
         )  # fmt: skip
-    moved[:] = color
-    first, second = np.zeros_like(color), np.zeros_like(color)
-    rows = (moved, to_color, first, second)
-    seen = (random.random(height) < 0.5).astype(np.uint8)
-    _C.device.adam_rows(*(x.reshape(height, -1) for x in rows), seen, 0.01, 0.9, 0.999, 1e-15, 1, queue)
     return [
         values,
         to_color,
@@ -61,9 +56,6 @@ def outputs(height: int, width: int, queue: int) -> list[np.ndarray]:
         pairs,
         normals_of,
         four,
-        moved,
-        first,
-        second,
     ]
 
 

@@ -48,7 +48,6 @@ LIMITS: dict[str, Limit] = {
     "BlendTilesBackward<true, true>": Limit(256, 80, 24 * 1024, 0.37),
     "BackgroundOfTiles": Limit(256, 40, 256, 0.7),
     "BackgroundBackward": Limit(256, 40, 256, 0.7),
-    "AdamRows": Limit(256, 40, 0, 0.75),
     "SsimOfPatches": Limit(256, 56, 13000, 0.5),
     "SsimGradient": Limit(256, 40, 14000, 0.6),
     "NormalConsistency": Limit(256, 64, 5000, 0.5),
@@ -57,6 +56,8 @@ LIMITS: dict[str, Limit] = {
     "StartPlanes": Limit(128, 72, 0, 0.4, 8),  # about a call; it runs once a search
     "SweepPlanes": Limit(128, 128, 0, 0.25),
     "CostOfPlanes": Limit(128, 72, 0, 0.4),
+    "TouchBlocks": Limit(256, 32, 0, 1.0),
+    "FuseBlocks": Limit(512, 32, 0, 1.0),
     "DepthMoments": Limit(256, 56, 1200, 0.5),
     "FitDepth": Limit(256, 56, 1200, 0.5),
     "DepthGradient": Limit(256, 48, 128, 0.6),

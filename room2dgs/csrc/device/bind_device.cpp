@@ -10,8 +10,8 @@ void bind_device(nb::module_& m) {
 #endif
   bind_block_frame(m);
   bind_block_losses(m);
-  bind_block_adam(m);
   bind_block_stereo(m);
+  bind_block_fusion(m);
 }
 
 }  // namespace R2_ISA

@@ -21,8 +21,8 @@ inline room2dgs::Arguments on_device(const room2dgs::Input& first) {
 
 void bind_block_frame(nb::module_& m);
 void bind_block_losses(nb::module_& m);
-void bind_block_adam(nb::module_& m);
 void bind_block_stereo(nb::module_& m);
+void bind_block_fusion(nb::module_& m);
 
 // Everything, in the module that it is given.
 void bind_device(nb::module_& m);

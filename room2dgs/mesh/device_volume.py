@@ -1,0 +1,148 @@
+"""Fusion by block code: `tsdf.integrate` on a GPU, or by a GPU's kernels as plain C++ (`render.device`).
+
+Voxels, and the table of the blocks that hold them, stay on the device while views come; open3d meshes them on the CPU
+at the end. The blocks are those that open3d finds, and a voxel takes a view in by the CPU's own function, so the same
+views give the same mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import open3d as o3d
+import open3d.core as o3c
+import torch
+import trimesh
+from torch import Tensor
+
+from room2dgs.block_code import Build, build_of
+from room2dgs.config import MeshConfig
+from room2dgs.mesh.tsdf import ATTRIBUTES, BLOCK, camera_in_volume, empty_volume, extracted, photo_as_floats, start_of
+from room2dgs.mesh.views import FusedView
+from room2dgs.train.device import torch_device, upload
+
+VOXELS = BLOCK**3
+SIZES = {"tsdf": VOXELS, "weight": VOXELS, "views": VOXELS, "color": 3 * VOXELS}  # numbers of a block
+FIRST_BLOCKS = 4096  # 12 kB each
+HALF = 2**20  # of a key's base: blocks on either side of the origin
+STRIDE, STEPS = 4, 4  # as the kernel has them
+
+
+class Voxels:
+    """Blocks of voxels on a device, in the order in which views touched them.
+
+    Attributes:
+        keys: (N,) int64, rising: the blocks' coordinates as one number each, as `touched_blocks` has them.
+        rows: (N,) int64: where in `parts` each lies.
+        parts: by attribute, (capacity, numbers) float32; zeros where nothing was taken in.
+    """
+
+    def __init__(self, device: torch.device) -> None:
+        self.keys, self.rows = (torch.zeros(0, dtype=torch.int64, device=device) for _ in range(2))
+        self.parts = {name: torch.zeros(FIRST_BLOCKS, size, device=device) for name, size in SIZES.items()}
+
+    def rows_of(self, keys: Tensor) -> Tensor:
+        """Rows of blocks, those that are new behind the others.
+
+        Args:
+            keys: (M,) int64, rising, none twice.
+        """
+        new = keys[~torch.isin(keys, self.keys)]
+        first = len(self.rows)
+        self.keys, order = torch.cat([self.keys, new]).sort()
+        self.rows = torch.cat([self.rows, torch.arange(first, first + len(new), device=keys.device)])[order]
+        self._make_room()
+        return self.rows[torch.searchsorted(self.keys, keys)]
+
+    def blocks(self) -> np.ndarray:
+        """(N, 3) int32 coordinates, in the order of the rows."""
+        return coordinates(self.keys[self.rows.argsort()]).cpu().numpy()
+
+    def _make_room(self) -> None:
+        if len(self.rows) <= len(self.parts["tsdf"]):
+            return
+        for name, part in self.parts.items():  # one after the other: twice the largest is all that it takes more
+            self.parts[name] = torch.cat([part, torch.zeros_like(part[:1]).expand(len(self.rows), -1)])
+
+
+def integrate_on_device(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:
+    """As `tsdf.integrate`; the views' maps may lie on the device already.
+
+    Args:
+        device: `render.device`, not the CPU's own kernels.
+
+    Raises:
+        InputError: no GPU, or nothing that runs on it.
+    """
+    build, where = build_of(device), torch_device(device)
+    voxels, origin = None, np.zeros(3)
+    for view in views:
+        if voxels is None:
+            voxels, origin = Voxels(where), start_of(view.camera, config.voxel_m)
+        _take_in(voxels, origin, view, config, build)
+    if voxels is None or not len(voxels.keys):
+        return trimesh.Trimesh(process=False)
+    return extracted(_on_cpu(voxels, config.voxel_m), origin, config.min_weight)
+
+
+def touched(depth: Tensor, K: np.ndarray, cam_from_local: np.ndarray, config: MeshConfig, build: Build) -> Tensor:
+    """(M,) int64 keys of the blocks near a surface, rising, none twice.
+
+    Args:
+        depth: (H, W) float32 metres, 0 = invalid.
+        cam_from_local: (4, 4) from the volume's frame.
+    """
+    height, width = depth.shape
+    found = torch.empty((height // STRIDE) * (width // STRIDE), STEPS, dtype=torch.int64, device=depth.device)
+    rotation, translation = cam_from_local[:3, :3], cam_from_local[:3, 3:]
+    local_from_cam = np.ascontiguousarray(np.concatenate([rotation.T, -rotation.T @ translation], axis=1))
+    reach = config.voxel_m * config.truncation_voxels
+    build.extension.touched_blocks(
+        depth, K, local_from_cam, BLOCK * config.voxel_m, reach, found, build.queue(depth)
+    )  # fmt: skip
+    return found[found >= 0].unique()
+
+
+def coordinates(keys: Tensor) -> Tensor:
+    """(M, 3) int32 of blocks, from their keys."""
+    base = 2 * HALF
+    parts = (keys // base**2, keys // base % base, keys % base)
+    return (torch.stack(parts, dim=1) - HALF).to(torch.int32)
+
+
+def _take_in(voxels: Voxels, origin: np.ndarray, view: FusedView, config: MeshConfig, build: Build) -> None:
+    depth = _there(view.depth, voxels.keys.device)
+    depth = torch.where(depth <= config.max_depth_m, depth, 0.0)
+    cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, config.voxel_m)
+    keys = touched(depth, view.camera.K, cam_from_local, config, build)
+    if not len(keys):
+        return
+    rows = voxels.rows_of(keys)
+    trust = torch.ones_like(depth) if view.weight is None else _there(view.weight, depth.device)
+    photo = _there(photo_as_floats(view.color), depth.device)
+    parts = (voxels.parts[name] for name in ATTRIBUTES)
+    reach = config.voxel_m * config.truncation_voxels
+    build.extension.fuse_depth(
+        coordinates(keys), rows, *parts, depth, trust, photo, pixel_from_voxel, reach, build.queue(depth)
+    )  # fmt: skip
+
+
+def _there(values: Tensor | np.ndarray, device: torch.device) -> Tensor:
+    """Float32 on the device, contiguous."""
+    if isinstance(values, Tensor):
+        return values.to(device, torch.float32).contiguous()
+    return upload(torch.from_numpy(np.ascontiguousarray(values, np.float32)), device)
+
+
+def _on_cpu(voxels: Voxels, voxel_m: float) -> o3d.t.geometry.VoxelBlockGrid:
+    """As open3d has them."""
+    blocks = o3c.Tensor(voxels.blocks())
+    volume = empty_volume(voxel_m, len(blocks))
+    volume.hashmap().activate(blocks)
+    rows, _ = volume.hashmap().find(blocks)
+    rows = rows.numpy()
+    for name in ATTRIBUTES:
+        part = volume.attribute(name).numpy()  # no copy
+        part.reshape(len(part), -1)[rows] = voxels.parts[name][: len(rows)].cpu().numpy()
+    return volume
