@@ -86,8 +86,10 @@ def integrate_on_device(views: Iterable[FusedView], config: MeshConfig, device: 
     return extracted(_on_cpu(voxels, config.voxel_m), origin, config.min_weight)
 
 
-def touched(depth: Tensor, K: np.ndarray, cam_from_local: np.ndarray, config: MeshConfig, build: Build) -> Tensor:
-    """(M,) int64 keys of the blocks near a surface, rising, none twice.
+def touched(
+    depth: Tensor, K: np.ndarray, cam_from_local: np.ndarray, voxel_m: float, truncation_voxels: float, build: Build
+) -> Tensor:
+    """(M,) int64 keys of the blocks within the truncation of a surface, rising, none twice.
 
     Args:
         depth: (H, W) float32 metres, 0 = invalid.
@@ -97,10 +99,8 @@ def touched(depth: Tensor, K: np.ndarray, cam_from_local: np.ndarray, config: Me
     found = torch.empty((height // STRIDE) * (width // STRIDE), STEPS, dtype=torch.int64, device=depth.device)
     rotation, translation = cam_from_local[:3, :3], cam_from_local[:3, 3:]
     local_from_cam = np.ascontiguousarray(np.concatenate([rotation.T, -rotation.T @ translation], axis=1))
-    reach = config.voxel_m * config.truncation_voxels
-    build.extension.touched_blocks(
-        depth, K, local_from_cam, BLOCK * config.voxel_m, reach, found, build.queue(depth)
-    )  # fmt: skip
+    reach = float(np.float32(voxel_m) * np.float32(truncation_voxels))  # as open3d has it
+    build.extension.touched_blocks(depth, K, local_from_cam, BLOCK * voxel_m, reach, found, build.queue(depth))
     return found[found >= 0].unique()
 
 
@@ -115,7 +115,7 @@ def _take_in(voxels: Voxels, origin: np.ndarray, view: FusedView, config: MeshCo
     depth = _there(view.depth, voxels.keys.device)
     depth = torch.where(depth <= config.max_depth_m, depth, 0.0)
     cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, config.voxel_m)
-    keys = touched(depth, view.camera.K, cam_from_local, config, build)
+    keys = touched(depth, view.camera.K, cam_from_local, config.voxel_m, config.truncation_voxels, build)
     if not len(keys):
         return
     rows = voxels.rows_of(keys)

@@ -154,3 +154,6 @@ def test_kernels_of_training_by_hand():
     for name in ("L1 with D-SSIM", "depth prior", "PatchMatch, a first sweep"):
         assert work[name][1].instructions == pytest.approx(2 * work[name][0].instructions)
     assert expected(by_name["Adam"], one, DEVICES[0])[2] == "memory"
+    # walls in blocks of 8 cm, two or three thick
+    blocks = one.voxels / 512
+    assert work["fusion: depth taken in"][0].dram == 48 * one.voxels and 4000 < blocks < 12000

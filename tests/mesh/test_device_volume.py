@@ -58,7 +58,9 @@ def test_the_blocks_are_open3ds(voxel):
         origin = tsdf.start_of(view.camera, voxel)
         cam_from_local, _ = tsdf.camera_in_volume(view.camera, origin, voxel)
         expected = tsdf._touched(volume, view.camera.K, cam_from_local, depth, config).numpy()
-        found = device_volume.touched(torch.from_numpy(depth), view.camera.K, cam_from_local, config, PLAIN)
+        found = device_volume.touched(
+            torch.from_numpy(depth), view.camera.K, cam_from_local, voxel, config.truncation_voxels, PLAIN
+        )
         found = device_volume.coordinates(found).numpy()
         assert len(found) > 10 and {*map(tuple, found)} == {*map(tuple, expected)}
 

@@ -18,6 +18,7 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from room2dgs.block_code import BUILDS, Build, set_order
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.errors import InputError
+from room2dgs.mesh.views import fused_view
 from room2dgs.train import checkpoint, load_surfels, run, train
 from room2dgs.train.corrections import PoseCorrections
 from room2dgs.train.device import DeviceCache
@@ -209,6 +210,17 @@ def test_the_watch_finds_what_waits(capture, configure, log, tmp_path, without_n
 
     with pytest.raises(RuntimeError, match="cannot be called on meta"), NothingWaits():
         trained(capture, configure("render.device=blocks"), tmp_path, log, [Asks()])
+
+
+def test_a_view_of_the_mesh_stays_on_the_device(capture, configure):
+    camera = capture[0].train[0].camera
+    shape = (camera.height, camera.width)
+    maps = {name: torch.ones(*shape, device="meta") for name in ("alpha", "depth", "median_depth")}
+    colors = {name: torch.ones(*shape, 3, device="meta") for name in ("color", "normal")}
+    with NothingWaits():
+        view = fused_view(SimpleNamespace(**maps, **colors), camera, configure().mesh)
+    assert view.depth.device.type == view.color.device.type == "meta"
+    assert view.depth.dtype == view.color.dtype == torch.float32 and view.color.shape == (*shape, 3)
 
 
 def test_views_stay_on_the_device_within_a_budget():

@@ -1,28 +1,36 @@
-"""Work of the kernels of training and stereo, counted by hand in their sources as the rest of `ours` is."""
+"""Work of the kernels of training, stereo and fusion, counted by hand in their sources as the rest of `ours` is."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import torch
+
+from room2dgs.bench.raster_scene import ROOM_M, inside_view
 from room2dgs.bench.roofline.cost import Cost, Kernel, expected, total
 from room2dgs.bench.roofline.devices import DEVICES
-from room2dgs.bench.roofline.ours import DIVIDE, POWER, ROOT
+from room2dgs.bench.roofline.ours import DIVIDE, DOUBLE_DIVIDE, POWER, ROOT
+from room2dgs.block_code import PLAIN
+from room2dgs.mesh.device_volume import STRIDE, VOXELS, touched
 from room2dgs.report.table import Table, table
 
 FRAME = (26 / 16) ** 2  # pixels read for one of a patch with the window's reach about it
 COLUMNS = 26 / 16  # likewise, filtered in one direction
 RING = (18 / 16) ** 2
 NUMBERS = 14  # that a surfel learns: offset, rotation, scales, opacity, colour, one SH coefficient
+VOXEL_M, TRUNCATION_VOXELS = 0.01, 5.0
 
 
 class Counts(NamedTuple):
-    """Of one iteration, and of one stereo sweep.
+    """Of one iteration, of one stereo sweep, and of one view's fusion.
 
     Attributes:
         pixels: of the photo; compared: of them those with prior maps.
         sample_warps: drawn pixels of the multi-view terms, a warp each.
         numbers: learnt ones.
         windows: (pixel, plane, view) triples of a first sweep: 12 planes, 6 views.
+        followed: pixels whose rays say which blocks of voxels the view touches.
+        voxels: of these blocks.
     """
 
     pixels: float
@@ -30,16 +38,32 @@ class Counts(NamedTuple):
     sample_warps: float
     numbers: float
     windows: float
+    followed: float
+    voxels: float
 
 
 def counts(width: int = 640, height: int = 480, surfels: int = 500_000, samples: int = 1024) -> Counts:
     """At the default settings."""
     pixels = width * height
-    return Counts(pixels, pixels / 4, samples, NUMBERS * surfels, 12 * 6 * pixels)
+    followed = (width // STRIDE) * (height // STRIDE)
+    voxels = touched_voxels(width, height)
+    return Counts(pixels, pixels / 4, samples, NUMBERS * surfels, 12 * 6 * pixels, followed, voxels)
+
+
+def touched_voxels(width: int, height: int) -> int:
+    """Voxels of the blocks that a view of the box room touches, at the default voxel of 1 cm and 5 of truncation."""
+    K, cam_from_world = (matrix.double() for matrix in inside_view(width, height))
+    world_from_cam = torch.linalg.inv(cam_from_world)
+    y, x = torch.meshgrid(torch.arange(height) + 0.5, torch.arange(width) + 0.5, indexing="ij")
+    rays = torch.stack([x, y, torch.ones_like(x)], -1).double() @ (world_from_cam[:3, :3] @ torch.linalg.inv(K)).T
+    room = torch.tensor(ROOM_M, dtype=torch.float64)
+    depth = ((torch.where(rays > 0, room, 0.0) - world_from_cam[:3, 3]) / rays).amin(-1).float()
+    keys = touched(depth, K.numpy(), cam_from_world.numpy(), VOXEL_M, TRUNCATION_VOXELS, PLAIN)
+    return len(keys) * VOXELS
 
 
 def kernels() -> list[Kernel]:
-    """Values and gradients of every term, Adam (all rows), and a sweep of PatchMatch over both colours."""
+    """Values and gradients of every term, torch's Adam, a sweep of PatchMatch over both colours, and fusion."""
     window = 25
     return [
         Kernel(
@@ -88,6 +112,22 @@ def kernels() -> list[Kernel]:
                 mufu=3, mio=14 + 3 * window, l2=64,
             )}, launches=2,
         ),
+        Kernel(
+            "fusion: blocks touched", False,
+            # four points of a ray: three divisions and numbers of cells each; what sorts their keys is torch's
+            {"followed": Cost(
+                flops=20 + 4 * 3 * 4, instructions=30 + 2 * DIVIDE + 4 * (3 * (14 + DIVIDE) + 6), mufu=14,
+                dram=16 + 32,
+            )}, launches=1,
+        ),
+        Kernel(
+            "fusion: depth taken in", False,
+            # where the voxel is seen, in double; its six numbers read and written, the pixel's five from the cache
+            {"voxels": Cost(
+                flops=24 + 20, instructions=70 + 2 * DOUBLE_DIVIDE + 2 * DIVIDE, fp64=26 + 2 * DOUBLE_DIVIDE, mufu=4,
+                dram=2 * 24, l2=20,
+            )}, launches=1,
+        ),
     ]  # fmt: skip
 
 
@@ -102,7 +142,7 @@ def training_table() -> Table:
     }
     for device in DEVICES:
         columns[device.name] = lambda k, device=device: _time(k, of_one, device)
-    return table("Kernels of training and stereo at 640x480, 500 k surfels", columns, kernels())
+    return table("Kernels of training, stereo and fusion at 640x480, 500 k surfels", columns, kernels())
 
 
 def _time(kernel: Kernel, of_one: Counts, device) -> str:

@@ -21,6 +21,6 @@ class RenderConfig:
         min_length=3, max_length=3, description="RGB in 0..1"
     )
     device: Literal["cpu", "cuda", "blocks"] = Field(
-        description="what trains and does stereo: cpu | cuda (an NVIDIA GPU) | blocks (its kernels as plain C++)"
+        description="what trains, meshes, does stereo: cpu | cuda (an NVIDIA GPU) | blocks (its kernels as plain C++)"
     )
     threads: Int | None = Field(ge=1, le=1024, description="null: all cores that this process may use")
