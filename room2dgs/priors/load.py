@@ -120,7 +120,8 @@ def load_priors(
             given = (depths, confidences, normals, normal_confidences)
             misfits = {name: fit.residual for name, fit in fits.items()}
             with timed("completion"):
-                complete_views(frames, *given, points, fine, misfits, config.depth.planes, log, take)
+                bends = {"planes": config.depth.planes, "through": config.depth.free_space}
+                complete_views(frames, *given, points, fine, misfits, log, take, **bends)
             depths = {}
     for name, depth in depths.items():
         take(name, depth, _by_fit(depth, confidences.get(name), fits.get(name)))

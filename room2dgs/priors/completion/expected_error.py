@@ -27,11 +27,12 @@ HELD = np.array(
 REACH = 4.0  # pixels: deviation of the Gaussian with which an anchor speaks for what is around it
 ENOUGH = 0.3  # trust around a pixel, of 1 if every pixel had a trusted anchor, that counts as held
 OFF = 0.03  # relative difference at which a depth contradicts an anchor
+SEEN_THROUGH = 0.1  # added where all other views look through it
 HALF = 0.025  # relative error at which a depth's confidence is a half
 
 
 def expected_relative_error(
-    completed: np.ndarray, anchor: np.ndarray, trust: np.ndarray, agreeing: np.ndarray
+    completed: np.ndarray, anchor: np.ndarray, trust: np.ndarray, agreeing: np.ndarray, through: np.ndarray
 ) -> np.ndarray:
     """(h, w) float32.
 
@@ -40,6 +41,7 @@ def expected_relative_error(
         anchor: (h, w) metres, 0 = none.
         trust: (h, w) of the anchors, 0..1.
         agreeing: (h, w) how many of ten other views agree.
+        through: (h, w) share of all other views' word that there is nothing (`free_space.seen_through`).
     """
     off = (np.abs(anchor / np.maximum(completed, 1e-6) - 1) > OFF) & (anchor > 0)
     around = [cv2.GaussianBlur(part.astype(np.float32), (0, 0), REACH) for part in (trust * (anchor > 0), trust * off)]
@@ -50,7 +52,7 @@ def expected_relative_error(
     below = np.minimum(place.astype(np.int64), len(SHARES) - 2)
     part = place - below
     anchored = HELD[below, column] * (1 - part) + HELD[below + 1, column] * part
-    return (FREE[column] * (1 - held) + anchored * held).astype(np.float32)
+    return (FREE[column] * (1 - held) + anchored * held + SEEN_THROUGH * through**2).astype(np.float32)
 
 
 def confidence(relative_error: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from room2dgs.captures.seen_points import seen_points
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
+from room2dgs.priors.completion.free_space import Anchors, FreeSpace, free_space, seen_through
 from room2dgs.priors.completion.on_planes import on_planes
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
 from room2dgs.priors.completion.solve import completed, normal_slopes, prior_slopes
@@ -59,9 +60,11 @@ def complete_views(
     points: PointCloud,
     stereo: Mapping[str, tuple[np.ndarray, np.ndarray]],
     misfits: Mapping[str, float],
-    planes: bool,
     log: Log,
     take: Callable[[str, np.ndarray, np.ndarray], None],
+    *,
+    planes: bool,
+    through: bool,
 ) -> None:
     """Depth of every view that has a map, and the confidence in each pixel.
 
@@ -74,8 +77,9 @@ def complete_views(
         stereo: frame name -> depth and agreeing views of stereo, of any size; may be empty.
         misfits: frame name -> median relative residual of the prior at the points before any optimisation, NaN =
             unknown: where the network does badly, by the median over the views, its maps bend to the points.
-        planes: what looks as if it lay on one of the room's large planes is drawn to it.
         take: gets each frame's name, its (H, W) depth in metres, 0 = invalid, and (H, W) confidence.
+        planes: what looks as if it lay on one of the room's large planes is drawn to it.
+        through: depth that other views see through counts for less.
     """
     frames = [frame for frame in frames if frame.name in depths]
     known = [one for one in (misfits.get(frame.name, np.nan) for frame in frames) if np.isfinite(one)]
@@ -87,13 +91,16 @@ def complete_views(
             maps = (depths[name], confidences.get(name), normals.get(name), normal_confidences.get(name))
             reading.append(pool.submit(_small_maps, frame, *maps, points, misfit))
         given = [one.result() for one in reading]
+        anchors = [Anchors(maps.camera, maps.anchor, maps.trust) for maps in given]
+        space = free_space(anchors, pool.map) if through else None
+        given = list(pool.map(partial(_anchors_not_seen_through, space=space), given))
         small = list(pool.map(_completed, given))
         near = _near_views(frames, points)
         found: list[Plane] = []
         for _ in range(PLANE_ROUNDS if planes and len(normals) else 0):
-            found = find_planes(_samples(given, small, _expected_errors(small, near)))
-            small = list(pool.map(partial(_held_by_planes, planes=found), given, small))
-    all_errors = _expected_errors(small, near)
+            found = find_planes(_samples(given, small, _expected_errors(small, near, space), space))
+            small = list(pool.map(partial(_held_by_planes, planes=found, space=space), given, small))
+    all_errors = _expected_errors(small, near, space)
     medians = []
     for frame, part, error in zip(frames, small, all_errors, strict=True):
         medians.append(float(np.median(error[part.depth > 0])) if (part.depth > 0).any() else float("nan"))
@@ -115,18 +122,23 @@ def _near_views(frames: Sequence[Frame], points: PointCloud) -> list[list[int]]:
     return choose_neighbours([frame.camera for frame in frames], seen, tracked.xyz, ASKED)
 
 
-def _expected_errors(small: Sequence[Completed], near: Sequence[Sequence[int]]) -> list[np.ndarray]:
+def _expected_errors(
+    small: Sequence[Completed], near: Sequence[Sequence[int]], space: FreeSpace | None
+) -> list[np.ndarray]:
     """(h, w) relative, of each view."""
     inverse = [np.divide(1, part.depth, out=np.zeros_like(part.depth), where=part.depth > 0) for part in small]
     errors = []
     for part, own, others in zip(small, inverse, near, strict=True):
         beside = [(small[other].camera, inverse[other]) for other in others]
         count = agreement(part.camera, own, beside, MAX_PX, MAX_RELATIVE).count
-        errors.append(expected_relative_error(part.depth, part.anchor, part.trust, count))
+        through = seen_through(space, part.camera.unproject_map(part.depth))
+        errors.append(expected_relative_error(part.depth, part.anchor, part.trust, count, through))
     return errors
 
 
-def _samples(given: Sequence[_SmallMaps], small: Sequence[Completed], errors: Sequence[np.ndarray]) -> Samples:
+def _samples(
+    given: Sequence[_SmallMaps], small: Sequence[Completed], errors: Sequence[np.ndarray], space: FreeSpace | None
+) -> Samples:
     """Every other pixel of every other row of the views whose normals are known, where the depth is trusted."""
     parts = []
     for maps, part, error in zip(given, small, errors, strict=True):
@@ -135,15 +147,29 @@ def _samples(given: Sequence[_SmallMaps], small: Sequence[Completed], errors: Se
         use = (depth > 0) & (sure > LEAST_SURE) & normal.any(axis=1)
         pixel = np.stack([column, row], axis=1)[use] + 0.5
         xyz = part.camera.unproject(pixel, depth[use])
-        parts.append(Samples(xyz, normal[use], depth[use], sure[use] * depth[use] ** 2))
+        weight = sure[use] * depth[use] ** 2 * (1 - seen_through(space, xyz)) ** 2
+        parts.append(Samples(xyz, normal[use], depth[use], weight))
     return Samples(*(np.concatenate(one) for one in zip(*parts, strict=True)))
 
 
-def _held_by_planes(maps: _SmallMaps, before: Completed, planes: Sequence[Plane]) -> Completed:
-    """Completed once more: a plane is an anchor wherever it is trusted more than stereo."""
+def _anchors_not_seen_through(maps: _SmallMaps, space: FreeSpace | None) -> _SmallMaps:
+    through = seen_through(space, maps.camera.unproject_map(maps.anchor))
+    return maps._replace(trust=maps.trust * (1 - through) ** 2)
+
+
+def _held_by_planes(maps: _SmallMaps, before: Completed, planes: Sequence[Plane], space: FreeSpace | None) -> Completed:
+    """Completed once more: a plane is an anchor wherever it is trusted more than stereo, and where other views see
+    through what was found, the prior has no say."""
     on, trust = on_planes(before.depth, maps.normal, maps.camera, planes)
     use = trust > maps.trust
-    return _completed(maps._replace(anchor=np.where(use, on, maps.anchor), trust=np.where(use, trust, maps.trust)))
+    through = seen_through(space, maps.camera.unproject_map(before.depth))
+    return _completed(
+        maps._replace(
+            anchor=np.where(use, on, maps.anchor),
+            trust=np.where(use, trust, maps.trust),
+            prior_weight=maps.prior_weight * (1 - through) ** 2,
+        )
+    )
 
 
 class _SmallMaps(NamedTuple):

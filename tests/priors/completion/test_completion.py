@@ -71,14 +71,16 @@ def test_slopes_are_those_of_the_plane():
 def test_more_agreeing_views_and_no_contradiction_are_trusted_more():
     depth, none = np.full((20, 20), 2.0), np.zeros((20, 20))
     by_count = [
-        confidence(expected_relative_error(depth, none, none, np.full(depth.shape, n))).mean() for n in (0, 2, 7)
+        confidence(expected_relative_error(depth, none, none, np.full(depth.shape, n), none)).mean() for n in (0, 2, 7)
     ]
     assert all(np.diff(by_count) > 0) and by_count[0] < 0.1 and by_count[-1] > 0.7
     count, sure = np.full(depth.shape, 5), np.ones(depth.shape)
     with_anchors = [
-        confidence(expected_relative_error(depth, depth * factor, sure, count)).mean() for factor in (1.0, 1.2)
+        confidence(expected_relative_error(depth, depth * factor, sure, count, none)).mean() for factor in (1.0, 1.2)
     ]
     assert with_anchors[0] > 0.9 and with_anchors[1] < 0.35
+    seen_through = confidence(expected_relative_error(depth, depth, sure, count, np.full(depth.shape, 0.8)))
+    assert seen_through.mean() < 0.2
 
 
 @pytest.fixture
@@ -94,7 +96,7 @@ def views(box_room):
     return frames, depths
 
 
-def everything(frames, depths, points, stereo=None, misfits=None, normals=None, planes=True):
+def everything(frames, depths, points, stereo=None, misfits=None, normals=None, planes=True, through=True):
     found = {}
     complete_views(
         frames,
@@ -105,9 +107,10 @@ def everything(frames, depths, points, stereo=None, misfits=None, normals=None, 
         points,
         stereo or {},
         misfits or {},
-        planes,
         lambda line: None,
         lambda *one: found.update({one[0]: one[1:]}),
+        planes=planes,
+        through=through,
     )
     return found
 

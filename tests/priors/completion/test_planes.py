@@ -106,7 +106,14 @@ def off_by_view(room, planes: bool) -> float:
     }
     points = replace(room.points, weight=np.full(len(room.points), 1e-3, np.float32))  # which views are near, no more
     give = (depths, {}, normals, {}, points, {}, {})
-    complete_views(frames, *give, planes, lambda line: None, lambda *one: found.update({one[0]: one[1]}))
+    complete_views(
+        frames,
+        *give,
+        lambda line: None,
+        lambda *one: found.update({one[0]: one[1]}),
+        planes=planes,
+        through=True,
+    )
     return float(
         np.median(
             [
