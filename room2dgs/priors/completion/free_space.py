@@ -18,7 +18,6 @@ from room2dgs.geometry.camera import Camera
 CELL_M = 0.05
 MOST_CELLS = 2**25  # larger cells where a room would need more
 LEAST_TRUST = 0.25  # of an anchor whose ray counts
-EVERY = 4  # of the anchors, in the order of the rows, has its ray followed; every one has its end counted
 FROM_M = 0.1  # from the camera on
 UP_TO = 0.95  # of the way to the anchor
 OUTSIDE = 0.001  # share of the ends on each side that the cells leave out: those far beyond a window
@@ -59,14 +58,15 @@ def free_space(views: Sequence[Anchors], map_over: Callable[..., Iterable] = map
     ends = list(map_over(_ends, views))
     if not any(len(xyz) for xyz in ends):
         return None
-    everything = np.concatenate([*ends, [view.camera.centre for view in views]])
-    low, high = np.quantile(everything, (OUTSIDE, 1 - OUTSIDE), axis=0)
+    low, high = np.quantile(np.concatenate(ends), (OUTSIDE, 1 - OUTSIDE), axis=0)
+    centres = [view.camera.centre for view in views]
+    low, high = np.min([low, *centres], axis=0), np.max([high, *centres], axis=0)
     corner, size = low - MARGIN_M, high - low + 2 * MARGIN_M
     cell = max(CELL_M, float(np.prod(size) / MOST_CELLS) ** (1 / 3))
     shape = tuple(int(count) for count in np.ceil(size / cell))
     through, ended = np.zeros(shape, np.int16), np.zeros(shape, np.int16)
     cells = partial(_cells, corner=corner, cell=cell, shape=shape)
-    for passed, met in map_over(cells, [view.camera.centre for view in views], ends):
+    for passed, met in map_over(cells, centres, ends):
         through.ravel()[passed] += 1
         ended.ravel()[met] += 1
     return FreeSpace(corner, cell, through, maximum_filter(ended, 3, mode="constant"))
@@ -99,7 +99,7 @@ def _cells(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flat indices of the cells that a view looks through, and of those where its rays end, each once."""
     met = np.unique(_flat((ends - corner) / cell, shape))
-    start, reach = (centre - corner) / cell, (ends[::EVERY] - centre) / cell
+    start, reach = (centre - corner) / cell, (ends - centre) / cell
     length = np.linalg.norm(reach, axis=1)
     reach = reach[length > 0] / length[length > 0, None]
     length = UP_TO * length[length > 0]
