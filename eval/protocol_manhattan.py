@@ -48,6 +48,7 @@ def manhattan(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: 
         keep_clusters=1,
         fill="none",
         fill_hole_m=0.0,
+        max_error_m=None,
     )
     fused = clean(integrate(_depth_views(pred.surface, cameras), fusion))
     constants = {

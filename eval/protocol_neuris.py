@@ -6,7 +6,8 @@
 3. Vertices, averaged in cells of 2 cm, nearest neighbours. So the scores depend on the tessellation.
 
 Images are 640 wide, rays go through every second pixel, as published. Where it differs: rays go through
-pixel centres, and the views are all usable frames of the scene.
+pixel centres, the views are all usable frames of the scene, and a prediction of large faces is cut to edges of 2 cm
+first, so that it counts as the surface that it is.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ IMAGE_WIDTH = 640
 RESOLUTION_LEVEL = 2  # rays through every second pixel
 BOX_SCALE = 1.1  # of the ground truth's bounding box, about its middle
 DOWNSAMPLE_M = 0.02
+MOST_HALVINGS = 20
 
 
 def neuris(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: Options) -> Result:
@@ -31,15 +33,29 @@ def neuris(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: Opt
     views = [_small(camera) for camera in cameras]
     truth = _first_hit_faces(gt.mesh, views)
     masks = [np.isfinite(hits.t) for hits in map(Surface(truth).seen_by, views)]
-    judged = _first_hit_faces(_inside_box(pred.mesh, gt.mesh), views)
+    judged = _first_hit_faces(_inside_box(_fine(pred.mesh), gt.mesh), views)
     judged = judged.vertices[_inside_masks(judged.vertices, views, masks)]
     constants = {
         "image_width": IMAGE_WIDTH,
         "resolution_level": RESOLUTION_LEVEL,
         "bounding_box_scale": BOX_SCALE,
         "views": len(cameras),
+        "prediction_edge_max_m": DOWNSAMPLE_M,
     }
     return by_vertex("neuris", pred, gt, (judged, truth.vertices), DOWNSAMPLE_M, options.threshold_m, constants)
+
+
+def _fine(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The same surface with edges no longer than the cells in which vertices are averaged.
+
+    A mesh of 1 cm voxels, for which the rules were made, stays as it is.
+    """
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    edges = np.linalg.norm(vertices[faces] - vertices[np.roll(faces, 1, axis=1)], axis=2)
+    if not len(edges) or edges.max() <= DOWNSAMPLE_M:
+        return mesh
+    fine = trimesh.remesh.subdivide_to_size(vertices, faces, DOWNSAMPLE_M, max_iter=MOST_HALVINGS)
+    return trimesh.Trimesh(*fine, process=False)
 
 
 def _small(camera: Camera) -> Camera:

@@ -39,7 +39,7 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str =
             f"every piece of the mesh has fewer than mesh.min_triangles={config.min_triangles} faces; lower it"
         )
     log(f"mesh: {len(mesh.faces):,} faces, {len(raw.faces) - len(mesh.faces):,} dropped by cleaning")
-    return _filled(mesh, config, log)
+    return _few(_filled(mesh, config, log), config, log)
 
 
 def _integrated(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:
@@ -77,3 +77,14 @@ def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trim
     closed = ", closed" if filled.is_watertight else ", not closed everywhere" if config.fill == "watertight" else ""
     log(f"mesh: mesh.fill={config.fill} added {added:.2f} m2, {len(filled.faces):,} faces{closed}")
     return filled
+
+
+def _few(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:
+    from room2dgs.mesh.few_faces import few_faces
+
+    if config.max_error_m is None:
+        return mesh
+    found = few_faces(mesh, config.max_error_m)
+    if found.mesh is not mesh:
+        log(f"mesh: {len(found.mesh.faces):,} faces are enough (mesh.max_error_m): {found.sentence}")
+    return found.mesh

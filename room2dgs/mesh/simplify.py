@@ -68,7 +68,7 @@ def simplified(mesh: trimesh.Trimesh, faces: int | None = None, max_error_m: flo
         return best
     if max_error_m is None:
         return measured(mesh, decimated(mesh, fewest))
-    whole = _Measure(mesh)
+    whole = Measure(mesh)
     refused = 0  # a number of faces with which the error was too large
     while len(best.mesh.faces) > fewest and not refused:
         target = max(fewest, int(len(best.mesh.faces) * STEP))
@@ -82,7 +82,7 @@ def simplified(mesh: trimesh.Trimesh, faces: int | None = None, max_error_m: flo
 
 
 def decimated(mesh: trimesh.Trimesh, faces: int, careful: bool = False) -> trimesh.Trimesh:
-    """The mesh with about so many faces; each vertex has the mean colour of those that were around it.
+    """The mesh with about so many faces; each vertex has the colour of those that were around it.
 
     Args:
         careful: by open3d alone.
@@ -95,7 +95,7 @@ def decimated(mesh: trimesh.Trimesh, faces: int, careful: bool = False) -> trime
         less = less.simplify_quadric_decimation(faces, boundary_weight=BOUNDARY_WEIGHT)
     less = less.remove_degenerate_triangles().remove_duplicated_triangles().remove_unreferenced_vertices()
     vertices = np.asarray(less.vertices)
-    colors = _colors_at(mesh, vertices) if mesh.visual.kind == "vertex" and len(vertices) else None
+    colors = colors_at(mesh, vertices) if mesh.visual.kind == "vertex" and len(vertices) else None
     return trimesh.Trimesh(vertices, np.asarray(less.triangles), vertex_colors=colors, process=False)
 
 
@@ -112,18 +112,23 @@ def _sooner(vertices: np.ndarray, triangles: np.ndarray, faces: int) -> tuple[np
 
 def measured(whole: trimesh.Trimesh, less: trimesh.Trimesh) -> Simplified:
     """How far two meshes are from each other."""
-    return _Measure(whole)(less)
+    return Measure(whole)(less)
 
 
-def _colors_at(mesh: trimesh.Trimesh, vertices: np.ndarray) -> np.ndarray:
-    """(V, 3) uint8. Decimation heeds shape alone: on a flat wall its own colours would come from anywhere."""
-    near = (
-        KDTree(np.asarray(mesh.vertices)).query(vertices, k=min(NEAR, len(mesh.vertices)))[1].reshape(len(vertices), -1)
-    )
-    return np.round(np.asarray(mesh.visual.vertex_colors)[near, :3].mean(axis=1)).astype(np.uint8)
+def colors_at(mesh: trimesh.Trimesh, vertices: np.ndarray) -> np.ndarray:
+    """(V, 3) uint8: a vertex's own colour if it is one of the mesh's, the median of the nearest
+    otherwise, which mixes nothing across an edge.
+
+    Decimation heeds shape alone: on a flat wall its own colours would come from anywhere.
+    """
+    count = min(NEAR, len(mesh.vertices))
+    distances, near = KDTree(np.asarray(mesh.vertices)).query(vertices, k=list(range(1, count + 1)))
+    colors = np.asarray(mesh.visual.vertex_colors)[near, :3]
+    own = (distances[:, 0] == 0)[:, None]
+    return np.where(own, colors[:, 0], np.round(np.median(colors, axis=1))).astype(np.uint8)
 
 
-class _Measure:
+class Measure:
     """Distances from one mesh, whose tree is built once."""
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
@@ -152,7 +157,7 @@ class _Measure:
         return tree.compute_distance(o3c.Tensor((points - self.middle).astype(np.float32))).numpy()
 
 
-def _tried(whole: _Measure, best: Simplified, target: int, max_error_m: float) -> tuple[Simplified, int]:
+def _tried(whole: Measure, best: Simplified, target: int, max_error_m: float) -> tuple[Simplified, int]:
     """The better of what was and what is tried, and the number of faces that was too small (0: none was)."""
     found = whole(decimated(best.mesh, target, careful=True))
     if found.most_m > max_error_m:

@@ -87,6 +87,13 @@ def test_neuris_cuts_the_prediction_at_the_box(make, score, small_room):
     assert outside["precision_5cm"] == 1
 
 
+def test_a_prediction_of_few_large_faces_is_as_good(make, score, small_room):
+    few = make.room(SMALL, 0.2)
+    assert len(few.faces) < 0.01 * len(small_room.faces)
+    values = score(neuris, few, small_room)
+    assert values["recall_2cm"] > 0.98 and values["precision_2cm"] > 0.98
+
+
 @pytest.mark.parametrize("protocol", [neuris, manhattan])
 def test_an_unseen_prediction_scores_nothing(make, score, small_room, protocol):
     away = make.moved(make.quad((0, 0, 0), (1, 0, 0), (0, 1, 0), 10), 0, 0, 50)

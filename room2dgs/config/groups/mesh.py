@@ -36,3 +36,6 @@ class MeshConfig:
         description="none | holes: close small ones | watertight: a closed surface, also where nothing was seen"
     )
     fill_hole_m: Float = Field(ge=0, le=100, description="fill=holes: diameter of the largest that is closed")
+    max_error_m: Float | None = Field(
+        gt=0, description="as few faces as keep 99.9 % this close to the extracted surface (null: all faces)"
+    )
