@@ -7,6 +7,8 @@ fit back without a crack.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import fast_simplification
 import numpy as np
 import trimesh
@@ -43,7 +45,7 @@ def few_faces(mesh: trimesh.Trimesh, max_error_m: float) -> Simplified:
     for _ in range(TRIES):
         # From the whole each time: a mesh that was decimated once has forgotten where its surface was.
         tried = _decimated(np.asarray(mesh.vertices), plain, int(target))
-        found = whole(_joined(mesh, tried, shown))
+        found = whole(_together(mesh, tried, shown))
         ratio = round(found.most_m, 6) / max_error_m  # in micrometres: nothing is decided by less
         reached = float(len(tried[1]))
         if ratio > 1:
@@ -56,7 +58,7 @@ def few_faces(mesh: trimesh.Trimesh, max_error_m: float) -> Simplified:
         target = np.clip(reached * max(ratio, 0.1) ** SLOPE, max(1.05 * refused, SMALL), 0.95 * done)
         if not refused < target < 0.96 * done:
             break
-    return best
+    return best if best.mesh is mesh else replace(best, mesh=_sewn(best.mesh, mesh))
 
 
 def _contrasting(mesh: trimesh.Trimesh) -> np.ndarray:
@@ -76,11 +78,16 @@ def _decimated(vertices: np.ndarray, faces: np.ndarray, target: int) -> tuple[np
     )
 
 
-def _joined(mesh: trimesh.Trimesh, plain: tuple[np.ndarray, np.ndarray], shown: np.ndarray) -> trimesh.Trimesh:
-    """Both parts as one mesh, sewn where their vertices are the same, with the whole mesh's colours."""
-    vertices = np.concatenate([plain[0], np.asarray(mesh.vertices)])
-    faces = np.concatenate([plain[1], shown + len(plain[0])])
-    joined = clean(trimesh.Trimesh(vertices, faces, process=False))
-    if mesh.visual.kind == "vertex" and len(joined.faces):
+def _together(mesh: trimesh.Trimesh, plain: tuple[np.ndarray, np.ndarray], shown: np.ndarray) -> trimesh.Trimesh:
+    """Both parts as one mesh, each with vertices of its own."""
+    used, numbers = np.unique(shown, return_inverse=True)
+    vertices = np.concatenate([plain[0], np.asarray(mesh.vertices)[used]])
+    return trimesh.Trimesh(vertices, np.concatenate([plain[1], numbers.reshape(-1, 3) + len(plain[0])]), process=False)
+
+
+def _sewn(parts: trimesh.Trimesh, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """One mesh, joined where vertices are the same, with the whole mesh's colours."""
+    joined = clean(parts)
+    if mesh.visual.kind == "vertex":
         joined.visual = trimesh.visual.ColorVisuals(joined, vertex_colors=colors_at(mesh, np.asarray(joined.vertices)))
     return joined
