@@ -29,6 +29,7 @@ QUICK = [
     "train.tensorboard=false",
     "mesh.voxel_m=0.05",
     "mesh.min_triangles=1",
+    "mesh.max_error_m=null",
     "eval.samples=2000",
 ]
 

@@ -17,7 +17,7 @@ WALL_Z = 2.0
 def out(wall, tmp_path_factory):
     out = tmp_path_factory.mktemp("depth") / "out"
     arguments = [f"scene.path={wall}", f"out={out}", "points.source=file", f"points.file={wall / 'points.ply'}"]
-    more = ["mesh.voxel_m=0.04", "mesh.min_triangles=10", "scene.test_every=4"]
+    more = ["mesh.max_error_m=null", "mesh.voxel_m=0.04", "mesh.min_triangles=10", "scene.test_every=4"]
     assert cli.main(["depth", *arguments, *more]) == 0
     return out
 

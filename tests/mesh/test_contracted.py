@@ -17,7 +17,8 @@ FAR = 12.0  # metres, of the wall behind the window in the east side
 
 @pytest.fixture(scope="module")
 def mesh_config():
-    return load_config(["scene.path=a", "out=b", "mesh=unbounded", "mesh.voxel_m=0.08", "mesh.min_weight=1"]).mesh
+    settings = ["mesh=unbounded", "mesh.voxel_m=0.08", "mesh.min_weight=1", "mesh.max_error_m=null"]
+    return load_config(["scene.path=a", "out=b", *settings]).mesh
 
 
 def test_the_contraction_is_that_of_the_paper_and_goes_back():
