@@ -36,11 +36,11 @@ def few_faces(mesh: trimesh.Trimesh, max_error_m: float) -> Simplified:
         The mesh as it is, if it is small or nothing within the bound was found.
     """
     best = Simplified(mesh, 0.0, 0.0, 0.0)
-    if len(mesh.faces) <= SMALL:
-        return best
-    whole, aside = Measure(mesh), _contrasting(mesh)
-    faces = np.asarray(mesh.faces)
+    faces, aside = np.asarray(mesh.faces), _contrasting(mesh)
     shown, plain = faces[aside], faces[~aside]
+    if len(plain) <= SMALL:
+        return best
+    whole = Measure(mesh)
     target, refused, done = FIRST * len(plain), 0.0, float(len(plain))
     for _ in range(TRIES):
         # From the whole each time: a mesh that was decimated once has forgotten where its surface was.

@@ -23,7 +23,9 @@ WORLD = np.array([3.0, -7.0, 0.4])  # the room's middle
 
 def make_config(**changes) -> MeshConfig:
     settings = load_config(["scene.path=x", "out=y"]).mesh
-    return replace(settings, **{"voxel_m": 0.03, "min_weight": 1.0, "min_triangles": 10, **changes})
+    return replace(
+        settings, **{"voxel_m": 0.03, "min_weight": 1.0, "min_triangles": 10, "max_error_m": None, **changes}
+    )
 
 
 def views(count: int, seed: int = 0) -> list[FusedView]:

@@ -73,3 +73,6 @@ def test_the_same_bytes_again_and_a_mesh_that_needs_all_its_faces_stays(sheet):
     first, second = (few_faces(sheet, 0.002).mesh.export(file_type="ply") for _ in range(2))
     assert first == second
     assert few_faces(sheet, 1e-9).mesh is sheet
+    colors = np.random.default_rng(0).choice(np.array([0, 255], np.uint8), (len(sheet.vertices), 3))
+    motley = trimesh.Trimesh(sheet.vertices, sheet.faces, vertex_colors=colors, process=False)
+    assert few_faces(motley, 0.01).mesh is motley
