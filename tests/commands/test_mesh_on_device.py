@@ -18,7 +18,13 @@ from room2dgs.splat.backends import blocks
 
 
 def settings(wall, out, device):
-    more = ["mesh.voxel_m=0.04", "mesh.min_triangles=1", f"render.device={device}", "mesh.min_weight=2"]
+    more = [
+        "mesh.max_error_m=null",
+        "mesh.voxel_m=0.04",
+        "mesh.min_triangles=1",
+        f"render.device={device}",
+        "mesh.min_weight=2",
+    ]
     return load_config([f"scene.path={wall}", f"out={out}", *more])
 
 
