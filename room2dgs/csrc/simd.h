@@ -26,6 +26,24 @@ R2_INLINE f8 splat(float x) { return f8{x, x, x, x, x, x, x, x}; }
 R2_INLINE i8 splat_i(int32_t x) { return i8{x, x, x, x, x, x, x, x}; }
 R2_INLINE f8 load(const float* p) { return *reinterpret_cast<const f8u*>(p); }
 R2_INLINE void store(float* p, f8 x) { *reinterpret_cast<f8u*>(p) = x; }
+R2_INLINE f8 gather(const float* p, i8 index) {
+#if defined(__AVX2__)
+  return _mm256_i32gather_ps(p, reinterpret_cast<__m256i>(index), 4);
+#else
+  f8 r;
+  for (int k = 0; k < kLanes; ++k) r[k] = p[index[k]];
+  return r;
+#endif
+}
+R2_INLINE i8 gather(const int32_t* p, i8 index) {
+#if defined(__AVX2__)
+  return reinterpret_cast<i8>(_mm256_i32gather_epi32(p, reinterpret_cast<__m256i>(index), 4));
+#else
+  i8 r;
+  for (int k = 0; k < kLanes; ++k) r[k] = p[index[k]];
+  return r;
+#endif
+}
 R2_INLINE f8 iota() { return f8{0, 1, 2, 3, 4, 5, 6, 7}; }
 
 R2_INLINE f8 fma(f8 a, f8 b, f8 c) {
@@ -108,6 +126,36 @@ R2_INLINE f8 exp2_from(f8 x) {
   p = fma(p, f, splat(0.6931469440460205f));
   p = fma(p, f, splat(1.0000001192092896f));
   return as_float(as_int(p) + (as_int(shifted) << 23));
+}
+// e^x for -80 < x < 80, relative error below 2e-7, and 1 for 0 exactly; beyond, of the nearest such x.
+R2_INLINE f8 exp_of(f8 x) {
+  x = vmin(vmax(x, splat(-80.0f)), splat(80.0f));
+  const f8 magic = splat(12582912.0f);  // leaves the rounded power of 2 in the low bits
+  const f8 shifted = fma(x, splat(1.44269504f), magic), power = shifted - magic;
+  const f8 f = fma(power, splat(2.1219444e-4f), fma(power, splat(-0.693359375f), x));  // ln 2 in two parts
+  f8 p = splat(1.0f / 5040.0f);
+  p = fma(p, f, splat(1.0f / 720.0f));
+  p = fma(p, f, splat(1.0f / 120.0f));
+  p = fma(p, f, splat(1.0f / 24.0f));
+  p = fma(p, f, splat(1.0f / 6.0f));
+  p = fma(p, f, splat(0.5f));
+  p = fma(p, f, splat(1.0f));
+  p = fma(p, f, splat(1.0f));
+  return as_float(as_int(p) + (as_int(shifted) << 23));
+}
+// Natural logarithm of a normal number above 0, error below 1e-7 of the result or of 1, whichever is less.
+R2_INLINE f8 log_of(f8 x) {
+  // x = 2^power m with m in sqrt(1/2)..sqrt(2); ln m = 2 atanh((m - 1) / (m + 1))
+  const i8 from_root = as_int(x) - 0x3f3504f3;
+  const f8 power = __builtin_convertvector(from_root >> 23, f8);
+  const f8 m = as_float((from_root & 0x007fffff) + 0x3f3504f3);
+  const f8 s = (m - 1.0f) / (m + 1.0f), z = s * s;
+  f8 p = fma(z, splat(1.0f / 9.0f), splat(1.0f / 7.0f));
+  p = fma(z, p, splat(1.0f / 5.0f));
+  p = fma(z, p, splat(1.0f / 3.0f));
+  p = fma(s * z, p, s) * 2.0f;
+  // ln 2 in two parts: the first one's products with powers are exact
+  return fma(power, splat(0.693359375f), fma(power, splat(-2.1219444e-4f), p));
 }
 
 // Sum of the lanes in one fixed order.

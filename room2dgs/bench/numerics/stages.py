@@ -2,69 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from collections.abc import Callable
 
-import cv2
 import numpy as np
 
-from room2dgs.captures.point_cloud import PointCloud
-from room2dgs.captures.scene import Frame
+from room2dgs.bench.numerics import joint
+from room2dgs.bench.numerics.wall import HEIGHT, WALL_M, WIDTH, StageResult, camera_at, photo_of
 from room2dgs.geometry.camera import Camera
-from room2dgs.priors.joint import optimise
 from room2dgs.splat import set_threads
 from room2dgs.stereo.dense import Options, Sight, dense_views
 from room2dgs.stereo.patchmatch import Matching, Search, packed
 from room2dgs.stereo.planes import planes_of_depth
 from room2dgs.stereo.reference import plane_costs
-
-WIDTH, HEIGHT, FOCAL, WALL_M = 64, 48, 60.0, 2.0
-FEW_STEPS = 4  # of each stage of the joint optimisation
-NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
-
-
-class StageResult(NamedTuple):
-    """What a stage made of a case.
-
-    Attributes:
-        asked: what `off` is.
-        off: how far the answer is from the known one.
-        bound: of it.
-        finite: all numbers are.
-        same: the same bits on any number of threads, and again.
-    """
-
-    asked: str
-    off: float
-    bound: float
-    finite: bool
-    same: bool
-
-    @property
-    def passed(self) -> bool:
-        return self.finite and self.same and self.off <= self.bound
-
-
-def camera_at(x: float, turned: bool = False) -> Camera:
-    """Looks along z of the world, or away from it."""
-    rotation = np.diag([-1.0, 1.0, -1.0]) if turned else np.eye(3)
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation, -rotation @ [x, 0.02, 0.0]
-    return Camera(np.array([[FOCAL, 0, WIDTH / 2 + 1], [0, FOCAL, HEIGHT / 2 - 2], [0, 0, 1]]), WIDTH, HEIGHT, pose)
-
-
-def photo_of(camera: Camera, textured: bool = True) -> np.ndarray:
-    """(H, W) uint8 of a wall at z = 2 m, with a smooth pattern or without."""
-    if not textured:
-        return np.full((HEIGHT, WIDTH), 180, np.uint8)
-    x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
-    X = (x - camera.K[0, 2]) / FOCAL * WALL_M + camera.centre[0]
-    Y = (y - camera.K[1, 2]) / FOCAL * WALL_M
-    wave = np.sin(19 * X + 5 * Y) + np.cos(23 * Y - 7 * X) + 0.7 * np.sin(41 * X) * np.cos(37 * Y)
-    return np.clip(128 + 40 * wave, 0, 255).astype(np.uint8)
 
 
 def _stereo(cameras: list[Camera], textured: bool) -> StageResult:
@@ -153,72 +102,8 @@ def stereo_cost_wild_planes() -> StageResult:
     return _costs(True, spoilt=True)
 
 
-@contextmanager
-def _few_steps() -> Iterator[None]:
-    whole = optimise.STAGES
-    optimise.STAGES = tuple(stage._replace(steps=FEW_STEPS) for stage in whole)
-    try:
-        yield
-    finally:
-        optimise.STAGES = whole
-
-
-def _joint(cameras: list[Camera], textured: bool, depth: Callable[[], np.ndarray] | None = None) -> StageResult:
-    """Where nothing says otherwise a map must stay as it is."""
-    map_of = depth or (lambda: np.full((HEIGHT, WIDTH), WALL_M, np.float32))
-    with TemporaryDirectory() as folder, _few_steps():
-        frames, depths = [], {}
-        for index, camera in enumerate(cameras):
-            path = Path(folder) / f"{index}.png"
-            cv2.imwrite(str(path), np.repeat(photo_of(camera, textured)[..., None], 3, axis=2))
-            frames.append(Frame(f"{index:06d}", camera, path))
-            depths[frames[-1].name] = map_of()
-        found = [dict(optimise.joint_depths(frames, depths, {}, NOTHING).depths) for _ in range(2)]
-    valid = {name: np.isfinite(depth) & (depth > 0) for name, depth in depths.items()}
-    off = max(
-        (float(np.abs(found[0][name] / depths[name] - 1)[v].max()) for name, v in valid.items() if v.any()), default=0.0
-    )
-    finite = all(np.isfinite(found[0][name][v]).all() for name, v in valid.items())
-    same = all(np.array_equal(a, found[1][name], equal_nan=True) for name, a in found[0].items())
-    return StageResult("largest relative change of a map", off, 1e-3, finite, same)
-
-
-def joint() -> StageResult:
-    """Nothing hard: maps of one wall, which agree."""
-    return _joint([camera_at(x) for x in (0.0, 0.15, -0.15)], True)
-
-
-def _bumpy() -> np.ndarray:
-    y, x = np.mgrid[:HEIGHT, :WIDTH]
-    return (WALL_M + 0.3 * np.sin(0.2 * x) + 0.01 * y).astype(np.float32)
-
-
-def joint_no_overlap() -> StageResult:
-    return _joint([camera_at(0.0), camera_at(0.1, turned=True)], True, _bumpy)
-
-
-def joint_one_view() -> StageResult:
-    return _joint([camera_at(0.0)], True, _bumpy)
-
-
-def joint_no_texture() -> StageResult:
-    return _joint([camera_at(x) for x in (0.0, 0.15, -0.15)], False)
-
-
-def joint_no_depth() -> StageResult:
-    """Maps without a single valid pixel."""
-    return _joint([camera_at(x) for x in (0.0, 0.15)], True, lambda: np.zeros((HEIGHT, WIDTH), np.float32))
-
-
-def joint_nan_depth() -> StageResult:
-    """The left half of each map, which must not spoil the right one."""
-    depth = np.full((HEIGHT, WIDTH), WALL_M, np.float32)
-    depth[:, : WIDTH // 2] = np.nan
-    return _joint([camera_at(x) for x in (0.0, 0.15)], True, depth.copy)
-
-
 ALL: tuple[Callable[[], StageResult], ...] = (
     stereo, stereo_no_overlap, stereo_one_view, stereo_no_texture, stereo_cost, stereo_cost_no_texture,
-    stereo_cost_wild_planes, joint, joint_no_overlap, joint_one_view, joint_no_texture, joint_no_depth, joint_nan_depth,
+    stereo_cost_wild_planes, *joint.ALL,
 )  # fmt: skip
 STAGES: dict[str, Callable[[], StageResult]] = {case.__name__.replace("_", " "): case for case in ALL}

@@ -4,7 +4,8 @@ The error of a network's depth is a smooth factor that changes over the image, n
 multiplied by exp of a coarse grid. The grids of all views are optimised together, coarse to fine. The energy has five
 data terms: depth at the sparse points, consistency between views, slopes against the normal prior, planarity of
 textureless regions, and the Manhattan prior (walls that nearly face an axis of the room face it). Residuals are robust
-(Geman and McClure 1985), because points are hidden, views occlude each other and priors fail.
+(Geman and McClure 1985), because points are hidden, views occlude each other and priors fail. Each step of Adam takes
+the gradient at samples drawn at random; the compiled kernel computes it (`energy.py`).
 """
 
 from __future__ import annotations
@@ -17,21 +18,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from room2dgs import _C
 from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.priors.joint import log_scale_grid
+from room2dgs.priors.joint.draws import drawn
+from room2dgs.priors.joint.energy import Energy, Weights
 from room2dgs.priors.joint.overlap import Overlap, overlap
+from room2dgs.priors.joint.reference import at_points, view_residuals
 from room2dgs.priors.joint.room_axes import room_axes
-from room2dgs.priors.joint.terms import (
-    axis_residuals,
-    known_point_residuals,
-    normal_residuals,
-    planarity_residuals,
-    point_residuals,
-    robust,
-    view_residuals,
-)
 from room2dgs.torch_threads import one_torch_thread
 
 
@@ -138,28 +134,22 @@ def _scaled(depths: Mapping[str, np.ndarray], name: str, knots: Tensor) -> np.nd
 
 
 def _solved(views: Overlap, start: Tensor, stage: Stage, axes: Tensor | None) -> Tensor:
-    grid = start.clone().requires_grad_(True)
-    adam = torch.optim.Adam([grid], lr=stage.rate)
-    stiffness = _stiffness(views, stage)
+    grid = start.clone()
+    gradient, first, second = (torch.zeros_like(grid) for _ in range(3))
+    energy = Energy(views, weights_of(stage), _stiffness(views, stage), axes)
     generator = torch.Generator().manual_seed(0)
     count = int(np.clip(SAMPLES_A_VIEW * len(views), *SAMPLES))
     for step in range(stage.steps):
-        adam.param_groups[0]["lr"] = stage.rate * LAST_RATE ** (step / stage.steps)
-        drawn = (views, grid, count, generator)
-        loss = POINT_WEIGHT * robust(point_residuals(*drawn), POINT_WIDTH)
-        between, confidence = view_residuals(*drawn)
-        loss = loss + VIEW_WEIGHT * robust(between, stage.view_width, confidence)
-        slopes, confidence = normal_residuals(*drawn)
-        loss = loss + SLOPE_WEIGHT * robust(slopes, SLOPE_WIDTH, confidence)
-        loss = loss + PLANE_WEIGHT * robust(planarity_residuals(*drawn), stage.plane_width)
-        if axes is not None:
-            loss = loss + AXIS_WEIGHT * robust(axis_residuals(views, grid, axes, count, generator), AXIS_WIDTH)
-        loss = loss + SMOOTHNESS_WEIGHT * log_scale_grid.smoothness(grid, stiffness)
-        loss = loss + MAGNITUDE_WEIGHT * (stiffness * grid.square()).mean()
-        adam.zero_grad()
-        loss.backward()
-        adam.step()
-    return grid.detach()
+        energy.gradient(grid, drawn(views, count, generator, axes is not None), gradient)
+        rate = stage.rate * LAST_RATE ** (step / stage.steps)
+        _C.adam(*(part.view(-1) for part in (grid, gradient, first, second)), rate=rate, step=step + 1)
+    return grid
+
+
+def weights_of(stage: Stage) -> Weights:
+    terms = torch.tensor([POINT_WEIGHT, VIEW_WEIGHT, SLOPE_WEIGHT, PLANE_WEIGHT, AXIS_WEIGHT], dtype=torch.float32)
+    widths = (POINT_WIDTH, stage.view_width, SLOPE_WIDTH, stage.plane_width, AXIS_WIDTH)
+    return Weights(terms, torch.tensor(widths, dtype=torch.float32), SMOOTHNESS_WEIGHT, MAGNITUDE_WEIGHT)
 
 
 def _stiffness(views: Overlap, stage: Stage) -> Tensor:
@@ -172,8 +162,19 @@ def _stiffness(views: Overlap, stage: Stage) -> Tensor:
 def _differences(views: Overlap, grid: Tensor) -> tuple[float, float, float]:
     """Median absolute relative differences between views and at the points, and the share of points that are off by
     more than `OUTLIER_ERROR`; NaN without any."""
-    generator = torch.Generator().manual_seed(1)
-    between = view_residuals(views, grid, SAMPLES[1], generator)[0].abs()
-    points = known_point_residuals(views, grid, SAMPLES[1], generator).abs()
-    medians = [float(part.median()) if len(part) else float("nan") for part in (between, points)]
+    generator, count = torch.Generator().manual_seed(1), SAMPLES[1]
+
+    def some(number: int) -> Tensor:
+        return torch.randint(number, (count,), generator=generator)
+
+    between = points = grid.new_zeros(0)
+    if len(views.pairs):
+        between = view_residuals(
+            views, grid, torch.stack([some(n) for n in (len(views.pairs), *views.depth.shape[1:])])
+        )[0]
+    # of the points that the photos are known to have seen; of all where nobody knows
+    known = views.point_tracked.nonzero()[:, 0] if views.point_tracked.any() else torch.arange(len(views.point_view))
+    if len(known):
+        points = at_points(views, grid, known[some(len(known))]).abs()
+    medians = [float(part.abs().median()) if len(part) else float("nan") for part in (between, points)]
     return *medians, float((points > OUTLIER_ERROR).float().mean()) if len(points) else float("nan")

@@ -111,8 +111,7 @@ def overlap(
     """
     cameras = [frame.camera for frame in frames]
     step = max(1, max(camera.width for camera in cameras) // COLUMNS)
-    # copies: not views of the whole maps. A depth that is not finite is none; it would spoil all views' sums
-    sampled = [np.nan_to_num(_subsampled(depths[frame.name], step), posinf=0.0, neginf=0.0) for frame in frames]
+    sampled = [_finite(_subsampled(depths[frame.name], step)) for frame in frames]
     height, width = (max(2, *(part.shape[axis] for part in sampled)) for axis in (0, 1))
     depth = np.zeros((len(frames), height, width), dtype=np.float32)
     normal, region_normal = (np.zeros((*depth.shape, 3), dtype=np.float32) for _ in range(2))
@@ -123,11 +122,11 @@ def overlap(
         depth[inside] = part
         of_view = np.zeros((height, width, 3))
         if frame.name in normals:
-            of_view[inside[1:]] = frame.camera.turned_to_camera(_subsampled(normals[frame.name], step))
+            of_view[inside[1:]] = frame.camera.turned_to_camera(_finite(_subsampled(normals[frame.name], step)))
         normal[index] = of_view
         for kind, given in (("depth", depth_confidences), ("normal", normal_confidences)):
             if given and frame.name in given:
-                confidence[kind][inside] = _subsampled(given[frame.name], step)
+                confidence[kind][inside] = _finite(_subsampled(given[frame.name], step))
         region[index][inside[1:]] = textureless_regions(frame.color(), step)
         smooth = cv2.blur(of_view, (SMOOTH, SMOOTH))
         region_normal[index] = smooth / np.maximum(np.linalg.norm(smooth, axis=-1, keepdims=True), 1e-6)
@@ -165,6 +164,11 @@ def textureless_regions(color: np.ndarray, step: int) -> np.ndarray:
 
 def _subsampled(values: np.ndarray, step: int) -> np.ndarray:
     return values[step // 2 :: step, step // 2 :: step]
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    """A copy, not a view of a whole map. What is not finite is 0, which says nothing: it would spoil all views' sums."""
+    return np.nan_to_num(values, posinf=0.0, neginf=0.0)
 
 
 def _float(values) -> Tensor:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from room2dgs.priors.joint.overlap import Overlap
-from room2dgs.priors.joint.terms import optimised_points
+from room2dgs.priors.joint.reference import optimised_points
 
 NARROWING = (0.87, 0.966, 0.9945)  # cosines of 30, 15 and 6 degrees
 MIN_SHARE = 0.02  # of all normals that face up or down

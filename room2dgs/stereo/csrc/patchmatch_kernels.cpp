@@ -56,15 +56,7 @@ struct StereoLanes<f8> {
     return r;
 #endif
   }
-  static R2_INLINE f8 gather(const float* p, i8 index) {
-#if defined(__AVX2__)
-    return _mm256_i32gather_ps(p, reinterpret_cast<__m256i>(index), 4);
-#else
-    f8 r;
-    for (int k = 0; k < kLanes; ++k) r[k] = p[index[k]];
-    return r;
-#endif
-  }
+  static R2_INLINE f8 gather(const float* p, i8 index) { return R2_ISA::gather(p, index); }
   // Sums of the products of the two 16-bit numbers in each lane.
   static R2_INLINE i8 product_of_halves(i8 a, i8 b) {
 #if defined(__AVX2__)

@@ -14,12 +14,14 @@ from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
 from room2dgs.priors import load_priors
+from room2dgs.priors.joint import draws
 from room2dgs.priors.joint import optimise as joint
 from room2dgs.priors.joint.optimise import joint_depths
-from room2dgs.priors.joint.overlap import overlap, textureless_regions
+from room2dgs.priors.joint.overlap import Overlap, overlap, textureless_regions
+from room2dgs.priors.joint.reference import axis_residuals, planarity_residuals, point_residuals
 from room2dgs.priors.joint.room_axes import room_axes
-from room2dgs.priors.joint.terms import axis_residuals, planarity_residuals, point_residuals
 
+SAMPLES = 20000
 NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
 
 
@@ -50,6 +52,10 @@ def warped(depths: dict[str, np.ndarray], size: float = 0.08) -> dict[str, np.nd
         wave = np.cos(5.0 * x * np.cos(index) + 5.0 * y * np.sin(index) + 2.0 * index)
         found[name] = (depth * np.exp(size * wave)).astype(np.float32)
     return found
+
+
+def samples(views: Overlap) -> torch.Tensor:
+    return draws.drawn(views, SAMPLES, torch.Generator().manual_seed(0), axes=True).long()
 
 
 def error(found: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> float:
@@ -197,7 +203,7 @@ def test_a_slanted_wall_is_a_plane_and_a_curved_one_is_not(ring, tmp_path):
     def deviations(maps: dict[str, np.ndarray]) -> torch.Tensor:
         views = overlap(frames, maps, normals)
         flat = torch.zeros(len(views), 3, 4)
-        return planarity_residuals(views, flat, 20000, torch.Generator().manual_seed(0)).abs()
+        return planarity_residuals(views, flat, samples(views)[draws.PLANES]).abs()
 
     right = deviations(depths)
     assert len(right) > 500
@@ -214,7 +220,7 @@ def test_textureless_regions_are_measured_against_the_axes(ring, tmp_path):
     turned = torch.tensor([[0, 0, 1.0], [np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0]]).float()
 
     def sines(axes: torch.Tensor) -> torch.Tensor:
-        found = axis_residuals(views, flat, axes, 20000, torch.Generator().manual_seed(0)).abs()
+        found = axis_residuals(views, flat, axes, samples(views)[draws.AXES]).abs()
         assert len(found) > 500
         return found
 
@@ -316,6 +322,6 @@ def test_a_view_with_few_points_has_the_same_say_as_one_with_many(ring):
         point_tracked=ones.bool(),
         point_prior=torch.where(view == 0, 1.0, np.e),
     )
-    found = point_residuals(views, torch.zeros(2, 3, 4), 4000, torch.Generator().manual_seed(0))
+    found = point_residuals(views, torch.zeros(2, 3, 4), samples(views)[draws.POINTS])
     assert set(found.unique().round().tolist()) == {0.0, 1.0}
     assert float(found.mean()) == pytest.approx(0.5, abs=0.05)
