@@ -79,5 +79,13 @@ class PatchMatch:
 
     def planes(self, out: Annotated[NDArray[numpy.float32], dict(shape=(3, None, None), order='C', device='cpu')]) -> None: ...
 
+def joint_gradient(depth: Annotated[NDArray, dict(writable=False)], depth_confidence: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)], normal_confidence: Annotated[NDArray, dict(writable=False)], region: Annotated[NDArray, dict(writable=False)], region_normal: Annotated[NDArray, dict(writable=False)], view_table: Annotated[NDArray, dict(writable=False)], pair_views: Annotated[NDArray, dict(writable=False)], pair_table: Annotated[NDArray, dict(writable=False)], points: Annotated[NDArray, dict(writable=False)], axes: Annotated[NDArray, dict(writable=False)] | None, grid: Annotated[NDArray, dict(writable=False)], stiffness: Annotated[NDArray, dict(writable=False)], draws: Annotated[NDArray, dict(writable=False)], weights: Annotated[NDArray, dict(writable=False)], widths: Annotated[NDArray, dict(writable=False)], step: int, smoothness: float, magnitude: float, gradient: NDArray) -> float:
+    """
+    The energy of the joint depth optimisation at these draws; its gradient is written.
+    """
+
+def adam(values: NDArray, gradient: Annotated[NDArray, dict(writable=False)], first: NDArray, second: NDArray, rate: float, step: int) -> None:
+    """One step of Adam; `first` and `second` are its moments."""
+
 def fuse_depth(block: Annotated[NDArray, dict(writable=False)], row: Annotated[NDArray, dict(writable=False)], distance: NDArray, weight: NDArray, views: NDArray, color: NDArray, depth: Annotated[NDArray, dict(writable=False)], trust: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], pixel_from_voxel: Annotated[NDArray, dict(writable=False)], truncation: float) -> None:
     """Takes one depth map into the blocks of a signed distance volume."""

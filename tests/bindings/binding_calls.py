@@ -13,7 +13,8 @@ from room2dgs import _C
 
 @dataclass(frozen=True)
 class Array:
-    """An array argument; `shape`: digits and names of sizes (h, w, n surfels, k coefficients, t tiles, c columns)."""
+    """An array argument; `shape`: digits and names of sizes (h, w, n surfels, k coefficients, t tiles, c columns), and
+    for joint depth k views, y x x samples of their maps, r x r knots, s draws, d and p rows of tables."""
 
     name: str
     shape: str
@@ -23,6 +24,8 @@ class Array:
 
     def lengths(self, sizes: dict[str, int]) -> tuple[int, ...]:
         sizes = {**sizes, "t": -(-sizes["h"] // 16) * -(-sizes["w"] // 16), "c": 11}
+        sizes |= {"y": sizes["h"] + 1, "x": sizes["w"] + 1, "r": sizes["k"] + 1, "s": sizes["h"] * sizes["w"]}
+        sizes |= {"d": 19, "p": 18}
         return tuple(int(axis) if axis.isdigit() else sizes[axis] for axis in self.shape)
 
 
@@ -127,6 +130,31 @@ CALLS = {
             ),
             method=True,
         ),
+        Call(
+            "joint_gradient",
+            (
+                Array("depth", "kyx"),
+                Array("depth_confidence", "kyx"),
+                Array("normal", "kyx3"),
+                Array("normal_confidence", "kyx"),
+                Array("region", "kyx", np.int32),
+                Array("region_normal", "kyx3"),
+                Array("view_table", "6k"),
+                Array("pair_views", "2n", np.int32),
+                Array("pair_table", "pn"),
+                Array("points", "n3"),
+                Array("axes", "33k", optional=True),
+                Array("grid", "krr"),
+                Array("stiffness", "krr"),
+                Array("draws", "ds", np.int32),
+                Array("weights", "5"),
+                Array("widths", "5"),
+                "step",
+                "smoothness",
+                "magnitude",
+                Array("gradient", "krr", written=True),
+            ),
+        ),
         Call("time_stages", (*SURFELS, *FIVE_MAPS), bench=True),
         Call(
             "bare_loop",
@@ -143,7 +171,8 @@ def numbers(sizes: dict[str, int]) -> dict[str, float]:
     """The arguments that are no arrays."""
     return {
         "dssim": 0.2, "fx": 30.0, "fy": 32.0, "cx": sizes["w"] / 2, "cy": sizes["h"] / 2,
-        "width": sizes["w"], "height": sizes["h"], "near": 0.05, "every": 2, "repeats": 1,
+        "width": sizes["w"], "height": sizes["h"], "near": 0.05, "every": 2, "repeats": 1, "step": 2,
+        "smoothness": 8.0, "magnitude": 0.3,
     }  # fmt: skip
 
 
@@ -158,6 +187,12 @@ def filled(array: Array, sizes: dict[str, int], random: np.random.Generator) -> 
     if array.name == "cam_from_world":
         return np.eye(shape[0])
     values = random.random(shape)
+    if array.name == "draws":
+        y, x, k, n = sizes["h"] + 1, sizes["w"] + 1, sizes["k"], sizes["n"]
+        region = (k, y, x, 5, 5)
+        values *= np.array([k, n, n, y, x, k, max(y - 4, 0), max(x - 4, 0), 2, *region, *region])[:, None]
+    if array.name == "region":
+        values += 1
     if array.name == "centers":
         values = values * 2 + [-1, -1, 0.5]
     elif array.name in ("rotations", "sh"):

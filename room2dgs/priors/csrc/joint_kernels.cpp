@@ -247,7 +247,7 @@ struct Region {
 R2_INLINE Region region_of(Samples& q, const int (&by_down)[3][2], const int (&by_right)[3][2]) {
   const JointJob& job = q.job;
   i8 view = q.draw(0), row = q.draw(1), column = q.draw(2), down = q.draw(3), right = q.draw(4);
-  const int32_t limit = static_cast<int32_t>(job.width + job.height);
+  constexpr int32_t limit = 1 << 20;  // what is counted from here on does not overflow
   q.allow(within(view, job.views) & within(row, job.height) & within(column, job.width) & (down > -limit) &
           (down < limit) & (right > -limit) & (right < limit));
   const i8 far_down = select(down < 0, -down, down), far_right = select(right < 0, -right, right);

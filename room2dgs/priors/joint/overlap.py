@@ -167,7 +167,7 @@ def _subsampled(values: np.ndarray, step: int) -> np.ndarray:
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
-    """A copy, not a view of a whole map. What is not finite is 0, which says nothing: it would spoil all views' sums."""
+    """A copy, not a view of a whole map; what is not finite is 0, nothing known: it would spoil all views' sums."""
     return np.nan_to_num(values, posinf=0.0, neginf=0.0)
 
 
