@@ -18,8 +18,8 @@ int64_t tasks_of(int64_t count, int64_t size) { return (count + size - 1) / size
 
 double joint_gradient(const Input& depth, const Input& depth_confidence, const Input& normal,
                       const Input& normal_confidence, const Input& region, const Input& region_normal,
-                      const Input& view_table, const Input& pair_views, const Input& pair_table, const Input& points,
-                      const OptionalInput& axes, const Input& grid, const Input& stiffness, const Input& draws,
+                      const Input& view_table, const Input& pair_views, const Input& pair_table, const Input& point_place,
+                      const Input& point_off, const OptionalInput& axes, const Input& grid, const Input& stiffness, const Input& draws,
                       const Input& weights, const Input& widths, int64_t step, double smoothness, double magnitude,
                       const Output& gradient) {
   Arguments check;
@@ -36,8 +36,9 @@ double joint_gradient(const Input& depth, const Input& depth_confidence, const I
   job.pairs = lengths("pair_views", pair_views, 2)[1];
   job.pair_views = check.input<int32_t>("pair_views", pair_views, {2, job.pairs});
   job.pair_table = check.input<float>("pair_table", pair_table, {kJointPairRows, job.pairs});
-  job.point_count = lengths("points", points, 2)[0];
-  job.points = check.input<float>("points", points, {job.point_count, 3});
+  job.point_count = lengths("point_place", point_place, 2)[0];
+  job.point_place = check.input<float>("point_place", point_place, {job.point_count, 2});
+  job.point_off = check.input<float>("point_off", point_off, {job.point_count});
   job.axis_count = axes ? lengths("axes", *axes, 3)[0] : 0;
   job.axes = check.input<float>("axes", axes, {job.axis_count, 3, n});
   job.rows = knots[1], job.columns = knots[2];
@@ -51,9 +52,9 @@ double joint_gradient(const Input& depth, const Input& depth_confidence, const I
   require(h >= 2 && w >= 2, "depth has fewer than 2 x 2 samples");
   require(job.rows >= 2 && job.columns >= 2, "grid has fewer than 2 x 2 knots");
   require(n < kMostNumbers / (3 * h * w) && n < kMostNumbers / (job.rows * job.columns) &&
-              job.point_count < kMostNumbers / 3 && job.pairs < kMostNumbers,
+              job.point_count < kMostNumbers / 2 && job.pairs < kMostNumbers,
           "there are more views, pairs or points than the kernels can count");
-  require(!axes || (job.axis_count >= 1 && job.axis_count <= kJointMostAxes), "axes are 1 to 3, or None");
+  require(!axes || job.axis_count == 1 || job.axis_count == 3, "axes are 1 or 3, or None");
   require(step >= 1 && step <= (1 << 20), "step is not in 1..2^20");
   for (int term = 0; term < kJointTerms; ++term) job.weight[term] = weight[term], job.width_of[term] = width[term];
   job.step = step, job.smoothness = static_cast<float>(smoothness), job.magnitude = static_cast<float>(magnitude);
@@ -135,9 +136,9 @@ void adam(const Output& values, const Input& gradient, const Output& first, cons
 void bind_joint(nb::module_& m) {
   m.def("joint_gradient", &joint_gradient, as_is("depth"), as_is("depth_confidence"), as_is("normal"),
         as_is("normal_confidence"), as_is("region"), as_is("region_normal"), as_is("view_table"), as_is("pair_views"),
-        as_is("pair_table"), as_is("points"), or_none("axes"), as_is("grid"), as_is("stiffness"), as_is("draws"),
-        as_is("weights"), as_is("widths"), nb::arg("step"), nb::arg("smoothness"), nb::arg("magnitude"),
-        as_is("gradient"), "The energy of the joint depth optimisation at these draws; its gradient is written.");
+        as_is("pair_table"), as_is("point_place"), as_is("point_off"), or_none("axes"), as_is("grid"),
+        as_is("stiffness"), as_is("draws"), as_is("weights"), as_is("widths"), nb::arg("step"), nb::arg("smoothness"),
+        nb::arg("magnitude"), as_is("gradient"), "The energy of the joint depth optimisation at these draws; its gradient is written.");
   m.def("adam", &adam, as_is("values"), as_is("gradient"), as_is("first"), as_is("second"), nb::arg("rate"),
         nb::arg("step"), "One step of Adam; `first` and `second` are its moments.");
 }

@@ -89,6 +89,7 @@ def test_an_array_that_does_not_fit_is_refused_and_nothing_is_written(name, arra
     if damage == "shape":
         values[array.name] = other_shape(data.draw, good)
         assume(values[array.name].shape != good.shape)
+        assume(array.name != "draws" or values["draws"].shape[:-1] != good.shape[:-1])  # as many as one likes
         # the array that gives the sizes is believed, and the next one is refused
         wanted, words = ValueError, ""
     elif damage == "dtype":

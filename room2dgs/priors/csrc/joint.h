@@ -33,8 +33,7 @@ enum JointView { kJointCentre = 0, kJointPerFocal = 2, kJointPerSize = 4, kJoint
 enum JointPair { kJointThere = 0, kJointFocal = 12, kJointPrincipal = 14, kJointSize = 16, kJointPairRows = 18 };
 
 constexpr int64_t kJointChunk = 512;  // samples of one task
-constexpr int kJointMostAxes = 3;
-constexpr int kJointSlopeStep = 4;    // samples between the ends of a slope
+constexpr int kJointSlopeStep = 4;  // samples between the ends of a slope
 
 struct JointJob {
   int64_t views, height, width;  // the maps, subsampled
@@ -47,7 +46,8 @@ struct JointJob {
   const int32_t* pair_views;  // (2, pairs)
   const float* pair_table;    // (kJointPairRows, pairs)
   int64_t point_count;
-  const float* points;  // (point_count, 3): place as shares of the image, log of the map's depth over the point's
+  const float* point_place;  // (point_count, 2) as shares of the image
+  const float* point_off;    // (point_count) log of the map's depth over the point's
   int64_t axis_count;
   const float* axes;  // (axis_count, 3, views): the room's axes in the views' frames
   int64_t rows, columns;

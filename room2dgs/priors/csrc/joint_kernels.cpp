@@ -138,9 +138,9 @@ R2_INLINE void points(Samples& q, int term, int to) {
   i8 view = q.draw(0), point = q.draw(1);
   q.allow(within(view, q.job.views) & within(point, q.job.point_count));
   view = q.only(view), point = q.only(point);
-  const Three known = three_at(q.job.points, point);
-  const Place place = place_at(q.job, view, known.x, known.y);
-  keep(q, to, place, pull_of(q, term, q.there, known.z + place.value, splat(1.0f)));
+  const float* places = q.job.point_place;
+  const Place place = place_at(q.job, view, gather(places, point * 2), gather(places + 1, point * 2));
+  keep(q, to, place, pull_of(q, term, q.there, gather(q.job.point_off, point) + place.value, splat(1.0f)));
 }
 
 // Log of one view's depth, warped into another view, over that view's own.

@@ -37,14 +37,25 @@ class Energy:
 
     def __init__(self, views: Overlap, weights: Weights, stiffness: Tensor, axes: Tensor | None) -> None:
         self.weights = weights
-        turned = None if axes is None else torch.einsum("vij,aj->aiv", views.cameras.rotation, axes).contiguous()
         self.scene = {
-            **{name: getattr(views, name) for name in ("depth", "depth_confidence", "normal", "normal_confidence")},
-            **{"region": views.region, "region_normal": views.region_normal, "step": views.step},
-            **{"view_table": _view_table(views), "points": _points(views), "axes": turned},
-            **{"pair_views": views.pairs.T.int().contiguous(), "pair_table": _pair_table(views)},
-            **{"weights": weights.terms, "widths": weights.widths, "stiffness": stiffness.contiguous()},
-            **{"smoothness": weights.smoothness, "magnitude": weights.magnitude},
+            "depth": views.depth,
+            "depth_confidence": views.depth_confidence,
+            "normal": views.normal,
+            "normal_confidence": views.normal_confidence,
+            "region": views.region,
+            "region_normal": views.region_normal,
+            "view_table": _view_table(views),
+            "pair_views": views.pairs.T.int().contiguous(),
+            "pair_table": _pair_table(views),
+            "point_place": views.point_px / views.cameras.size[views.point_view],
+            "point_off": torch.log(views.point_prior / views.point_depth),
+            "axes": None if axes is None else torch.einsum("vij,aj->aiv", views.cameras.rotation, axes).contiguous(),
+            "stiffness": stiffness.contiguous(),
+            "weights": weights.terms,
+            "widths": weights.widths,
+            "step": views.step,
+            "smoothness": weights.smoothness,
+            "magnitude": weights.magnitude,
         }
 
     def gradient(self, grid: Tensor, draws: Tensor, gradient: Tensor) -> float:
@@ -76,10 +87,3 @@ def _pair_table(views: Overlap) -> Tensor:
     there = torch.cat([turn, shift[:, :, None]], dim=2).reshape(-1, 12)
     parts = (there.float(), cameras.focal[other], cameras.principal[other], cameras.size[other])
     return torch.cat(parts, dim=1).T.contiguous()
-
-
-def _points(views: Overlap) -> Tensor:
-    """(M, 3) float32: place as shares of the image, log of the depth map over the point's depth."""
-    place = views.point_px / views.cameras.size[views.point_view]
-    off = torch.log(views.point_prior / views.point_depth)
-    return torch.cat([place, off[:, None]], dim=1).contiguous()

@@ -134,7 +134,7 @@ def _scaled(depths: Mapping[str, np.ndarray], name: str, knots: Tensor) -> np.nd
 
 
 def _solved(views: Overlap, start: Tensor, stage: Stage, axes: Tensor | None) -> Tensor:
-    grid = start.clone()
+    grid = start.clone(memory_format=torch.contiguous_format)
     gradient, first, second = (torch.zeros_like(grid) for _ in range(3))
     energy = Energy(views, weights_of(stage), _stiffness(views, stage), axes)
     generator = torch.Generator().manual_seed(0)
@@ -147,6 +147,7 @@ def _solved(views: Overlap, start: Tensor, stage: Stage, axes: Tensor | None) ->
 
 
 def weights_of(stage: Stage) -> Weights:
+    """What the energy's terms weigh at this grid size."""
     terms = torch.tensor([POINT_WEIGHT, VIEW_WEIGHT, SLOPE_WEIGHT, PLANE_WEIGHT, AXIS_WEIGHT], dtype=torch.float32)
     widths = (POINT_WIDTH, stage.view_width, SLOPE_WIDTH, stage.plane_width, AXIS_WIDTH)
     return Weights(terms, torch.tensor(widths, dtype=torch.float32), SMOOTHNESS_WEIGHT, MAGNITUDE_WEIGHT)
