@@ -15,6 +15,10 @@ BENCHES = {
     "memory": ("room2dgs.bench.memory", "the peak memory of training over the number of views"),
     "roofline": ("room2dgs.commands.bench_roofline", "what rendering on a GPU should take, on paper"),
     "stereo": ("room2dgs.commands.bench_stereo", "dense stereo where depth is known, and its time"),
+    "calibration": (
+        "room2dgs.commands.bench_calibration",
+        "expected against true errors of every source of depth and normals",
+    ),
     "suite": ("room2dgs.commands.bench_suite", "the same settings on several captures, as one table"),
     "tradeoff": ("room2dgs.commands.bench_tradeoff", "score against time for presets, or what each step brings"),
     "prior-error": ("room2dgs.commands.prior_error", "the mesh's score over the errors of the prior"),

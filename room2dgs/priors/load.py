@@ -22,6 +22,7 @@ from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.priors.align.depths import aligned_depths
 from room2dgs.priors.align.scale_shift import Fit
+from room2dgs.priors.completion.planes import Plane
 from room2dgs.priors.completion.views import complete_views
 from room2dgs.priors.confidence import has_confidence, read_confidence
 from room2dgs.priors.files import find_map, read_normal
@@ -49,6 +50,7 @@ class Priors(NamedTuple):
         label: "simulated" if any map says so, else the sources: "room_prior", "room_prior+sensor", "files", or "none".
         networks: "depth" and "normal" -> digest of the model that made the maps (`ModelFile.digest`).
         depth_source: where depth comes from, "auto" decided: "sensor", "room_prior", "files", "onnx" or "none".
+        planes: the room's planes that completion drew depth to.
     """
 
     by_frame: StoredMaps
@@ -56,6 +58,7 @@ class Priors(NamedTuple):
     label: str
     networks: dict[str, str]
     depth_source: str
+    planes: tuple[Plane, ...] = ()
 
 
 def load_priors(
@@ -91,6 +94,7 @@ def load_priors(
     depths: LazyMaps[np.ndarray] = LazyMaps()
     confidences: LazyMaps[np.ndarray] = LazyMaps()
     fits: dict[str, Fit] = {}
+    planes: list[Plane] = []
     if sensor:
         depths, confidences, fits = sensor
     elif config.depth.source != "none":
@@ -121,12 +125,12 @@ def load_priors(
             misfits = {name: fit.residual for name, fit in fits.items()}
             with timed("completion"):
                 bends = {"planes": config.depth.planes, "through": config.depth.free_space}
-                complete_views(frames, *given, points, fine, misfits, log, take, **bends)
+                planes = complete_views(frames, *given, points, fine, misfits, log, take, **bends)
             depths = {}
     for name, depth in depths.items():
         take(name, depth, _by_fit(depth, confidences.get(name), fits.get(name)))
     networks = {kind: model.digest for kind, model in models.items()}
-    return Priors(stored, fits, label, networks, config.depth.source)
+    return Priors(stored, fits, label, networks, config.depth.source, tuple(planes))
 
 
 def _label(config: PriorConfig) -> str:

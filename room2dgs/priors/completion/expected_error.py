@@ -58,3 +58,8 @@ def expected_relative_error(
 def confidence(relative_error: np.ndarray) -> np.ndarray:
     """1 / (1 + (error / HALF)^2), float32."""
     return (1 / (1 + (relative_error / HALF) ** 2)).astype(np.float32)
+
+
+def error_of(sure: np.ndarray) -> np.ndarray:
+    """The relative error that a confidence above 0 stands for, float32; the inverse of `confidence`."""
+    return (HALF * np.sqrt(1 / sure - 1)).astype(np.float32)

@@ -65,7 +65,7 @@ def complete_views(
     *,
     planes: bool,
     through: bool,
-) -> None:
+) -> list[Plane]:
     """Depth of every view that has a map, and the confidence in each pixel.
 
     Args:
@@ -80,8 +80,12 @@ def complete_views(
         take: gets each frame's name, its (H, W) depth in metres, 0 = invalid, and (H, W) confidence.
         planes: what looks as if it lay on one of the room's large planes is drawn to it.
         through: depth that other views see through counts for less.
+
+    Returns:
+        The planes that depth was drawn to.
     """
     frames = [frame for frame in frames if frame.name in depths]
+    found: list[Plane] = []
     known = [one for one in (misfits.get(frame.name, np.nan) for frame in frames) if np.isfinite(one)]
     misfit = float(np.median(known)) if known else 0.0  # of a single view it says little where the view has few points
     with ThreadPoolExecutor(_C.threads()) as pool:
@@ -96,7 +100,6 @@ def complete_views(
         given = list(pool.map(partial(_anchors_not_seen_through, space=space), given))
         small = list(pool.map(_completed, given))
         near = _near_views(frames, points)
-        found: list[Plane] = []
         for _ in range(PLANE_ROUNDS if planes and len(normals) else 0):
             found = find_planes(_samples(given, small, _expected_errors(small, near, space), space))
             small = list(pool.map(partial(_held_by_planes, planes=found, space=space), given, small))
@@ -114,6 +117,7 @@ def complete_views(
     if frames:
         on = f"; planes: {len(found)}, with {sum(one.share for one in found):.0%} of the surface" if found else ""
         log(f"completion: depth of {len(frames)} views, expected error {np.nanmedian(medians):.1%} (median){on}")
+    return found
 
 
 def _near_views(frames: Sequence[Frame], points: PointCloud) -> list[list[int]]:
