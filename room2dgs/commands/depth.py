@@ -15,7 +15,7 @@ from room2dgs.commands.filled_depth import filled, with_prior
 from room2dgs.commands.mesh_of_depth import trusted_views
 from room2dgs.commands.own_arguments import choices, own_arguments
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import cached, read, refined, use_threads
+from room2dgs.commands.stages import cached, knows_metres, read, refined, use_threads
 from room2dgs.config import Config
 from room2dgs.files import whole_file
 from room2dgs.logs import Log, run_log
@@ -61,7 +61,8 @@ def main(argv: list[str]) -> int:
         use_threads(config)
         scene = refined(scene, config, out, log, seconds)
         with timed(seconds, "points"):
-            points = sparse_points(scene, config.points, Path(config.points.cache or out / POINTS), log)
+            cache = Path(config.points.cache or out / POINTS)
+            points = sparse_points(scene, config.points, cache, log, may_lack=fills and knows_metres(config))
         with timed(seconds, "stereo"):
             cameras, found = scene_stereo(scene.train, points, config.stereo, log, config.render.device)
             views = list(found)

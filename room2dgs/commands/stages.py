@@ -114,7 +114,8 @@ def points_and_priors(
 
     log(f"{len(scene.train)} training views, {len(scene.test)} held out")
     with timed(seconds, "points"):
-        points = sparse_points(scene, config.points, Path(config.points.cache or out / POINTS), log)
+        cache = Path(config.points.cache or out / POINTS)
+        points = sparse_points(scene, config.points, cache, log, may_lack=knows_metres(config))
     with timed(seconds, "priors"):
         priors = read_priors(scene, points, config, out, log)
     part = {
@@ -125,6 +126,11 @@ def points_and_priors(
     }
     record(out, part, seconds)
     return points, priors
+
+
+def knows_metres(config: Config) -> bool:
+    """Whether a prior gives depth in metres, whatever the photos say of it."""
+    return config.prior.depth.source != "none" and config.prior.depth.meaning == "metric_depth"
 
 
 def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log: Log) -> Priors:

@@ -39,10 +39,13 @@ def match_pairs(cameras: Sequence[Camera], overlap: int) -> list[tuple[int, int]
     return [(i, j) for i, j in sorted(pairs) if np.linalg.norm(centres[i] - centres[j]) > MIN_BASELINE_M]
 
 
-def shared_view(cameras: Sequence[Camera]) -> np.ndarray:
+def shared_view(cameras: Sequence[Camera], by_angle: bool = True) -> np.ndarray:
     """How well two views triangulate what both see.
 
     Points in front of camera i count when j sees them too, weighted by their triangulation angle.
+
+    Args:
+        by_angle: false: without these weights; views from one place share what both see.
 
     Returns:
         (N, N) float64 in 0..1, symmetric (the lesser of both directions), zero diagonal.
@@ -56,7 +59,7 @@ def shared_view(cameras: Sequence[Camera]) -> np.ndarray:
         other /= np.linalg.norm(other, axis=-1, keepdims=True).clip(1e-9)
         angle = np.degrees(np.arccos(np.einsum("npc,npc->np", rays, other).clip(-1.0, 1.0)))
         fade = (LARGEST_ANGLE_DEG - angle) / (LARGEST_ANGLE_DEG - USEFUL_ANGLE_DEG)
-        weight = np.minimum(angle / USEFUL_ANGLE_DEG, 1.0) * fade.clip(0.0, 1.0)
+        weight = np.minimum(angle / USEFUL_ANGLE_DEG, 1.0) * fade.clip(0.0, 1.0) if by_angle else 1.0
         score[:, j] = (weight * camera.in_view(points, NEAREST_M)).mean(axis=1)
     score = np.minimum(score, score.T)
     np.fill_diagonal(score, 0.0)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.point_files import load_points, read_ply, save_points
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.colmap import pycolmap
@@ -20,12 +20,15 @@ from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.sfm.capture_points import MIN_POINTS, capture_points
 
-# Raised when triangulation, pairs or the cache give something else for the same input. 2: with tracks.
 ONE_PLACE_M = 0.05  # cameras nearer to each other than that, all of them, see no depth in a room
+# Raised when triangulation, pairs or the cache give something else for the same input. 2: with tracks.
 RECIPE = 2
+NEXT = 2  # photos after each that it is compared with where there is no parallax
 
 
-def sparse_points(scene: Scene, config: PointsConfig, cache: Path, log: Log = print) -> PointCloud:
+def sparse_points(
+    scene: Scene, config: PointsConfig, cache: Path, log: Log = print, may_lack: bool = False
+) -> PointCloud:
     """The scene's sparse points.
 
     `source=auto` takes the capture's own where it brings enough with tracks, and otherwise does as `sfm`.
@@ -36,9 +39,11 @@ def sparse_points(scene: Scene, config: PointsConfig, cache: Path, log: Log = pr
     Args:
         cache: folder for the result, made if needed.
         log: takes one line at a time.
+        may_lack: depth in metres comes from elsewhere, so that photos without parallax are no reason to stop, unless
+            they contradict their poses.
 
     Returns:
-        At least `MIN_POINTS`; metres, world frame.
+        At least `MIN_POINTS`; metres, world frame; none at all if `may_lack` and photos give fewer.
 
     Raises:
         InputError: too few points, photos that disagree with their poses, or an unusable file.
@@ -65,21 +70,70 @@ def sparse_points(scene: Scene, config: PointsConfig, cache: Path, log: Log = pr
     cache.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".sfm-", dir=cache) as work:
         points = triangulate(scene.train, config, Path(work), log)
-    if len(points) < MIN_POINTS:
-        reach = float(np.linalg.norm(np.ptp([frame.camera.centre for frame in scene.train], axis=0)))
-        if reach < ONE_PLACE_M:
-            raise InputError(
-                f"{scene.path} was taken from one place (its cameras are at most {100 * reach:.1f} cm apart), so "
-                "photos tell no depth; walk while filming, do not only turn, or give points.source=file"
-            )
-        raise InputError(
-            f"{scene.path} gives {len(points)} points from {len(scene.train)} photos, at least "
-            f"{MIN_POINTS} are needed; add sharp overlapping photos, lower points.min_track, or give "
-            "points.source=file points.file=PATH"
-        )
+        if len(points) < MIN_POINTS:
+            if not may_lack:
+                raise InputError(_too_few(scene, len(points)))
+            (Path(work) / "again").mkdir()
+            _stop_if_contradicted(scene, config, Path(work) / "again")
+            log(f"WARNING: {_too_few_to_use(scene, len(points))}")
+            return _no_points(scene)
     log(f"points: {len(points)} triangulated, seen by {points.track_length.mean():.1f} views on average")
     keep_points(scene, config, cache, points)
     return points
+
+
+def _too_few(scene: Scene, count: int) -> str:
+    elsewhere = "give points.source=file points.file=PATH, or prior=room_prior for the network's depth"
+    if _reach_m(scene) < ONE_PLACE_M:
+        return f"{_why(scene, count)}, so photos tell no depth; walk while filming, do not only turn, {elsewhere}"
+    return (
+        f"{_why(scene, count)}, at least {MIN_POINTS} are needed; add sharp overlapping photos, lower "
+        f"points.min_track, {elsewhere}"
+    )
+
+
+def _too_few_to_use(scene: Scene, count: int) -> str:
+    return (
+        f"{_why(scene, count)}, so photos tell no depth: depth and the scale of the room are the prior's alone; walk "
+        "while filming, do not only turn, with photos that overlap"
+    )
+
+
+def _why(scene: Scene, count: int) -> str:
+    reach = _reach_m(scene)
+    if reach < ONE_PLACE_M:
+        return f"{scene.path} was taken from one place (its cameras are at most {100 * reach:.1f} cm apart)"
+    return f"{scene.path} gives {count} points from {len(scene.train)} photos"
+
+
+def _reach_m(scene: Scene) -> float:
+    return float(np.linalg.norm(np.ptp([frame.camera.centre for frame in scene.train], axis=0)))
+
+
+def _stop_if_contradicted(scene: Scene, config: PointsConfig, work: Path) -> None:
+    """Photos without parallax still say how the cameras turned.
+
+    Raises:
+        InputError: otherwise than the poses say.
+    """
+    from room2dgs.sfm.contradiction import verdict
+    from room2dgs.sfm.matching import match
+
+    cameras = [frame.camera for frame in scene.train]
+    pairs = [(i, j) for i in range(len(cameras)) for j in range(i + 1, min(i + 1 + NEXT, len(cameras)))]
+    asked = verdict(match(scene.train, pairs, config, work), cameras, pairs)
+    if asked.contradicted:
+        raise InputError(
+            f"{scene.path} has poses that its photos contradict: of {asked.matches} matches that fit each other "
+            f"{asked.agreeing:.0%} agree with them; write poses as camera-to-world with x right, y down, z forward, "
+            "and check that they belong to these photos"
+        )
+
+
+def _no_points(scene: Scene) -> PointCloud:
+    none = np.zeros(0, np.int32)
+    tracks = Tracks(tuple(frame.name for frame in scene.train), none, none, np.zeros((0, 2), np.float32))
+    return PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), tracks)
 
 
 def keep_points(scene: Scene, config: PointsConfig, cache: Path, points: PointCloud) -> None:

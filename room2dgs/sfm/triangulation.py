@@ -13,6 +13,7 @@ from room2dgs.colmap import pycolmap
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
+from room2dgs.sfm.contradiction import verdict
 from room2dgs.sfm.matching import IndexPairs, Matches, epipolar_error, image_name, match, quiet
 from room2dgs.sfm.pairs import match_pairs
 from room2dgs.sfm.readings import WORDS, better_focal, better_reading, intrinsics_in_words
@@ -82,6 +83,9 @@ def _verify(matches: Matches, frames: Sequence[Frame], pairs: IndexPairs) -> Non
             geometry.inlier_matches = inliers
             db.write_two_view_geometry(matches.image_ids[i], matches.image_ids[j], geometry)
     if total >= 1000 and kept < MIN_AGREEMENT * total:
+        asked = verdict(matches, cameras, pairs)
+        if asked.confirmed:  # it is the matches that are wrong
+            return
         other = better_reading(matches, cameras, pairs, MAX_EPIPOLAR_PX)
         if other is not None:
             poses, share = other
@@ -97,6 +101,8 @@ def _verify(matches: Matches, frames: Sequence[Frame], pairs: IndexPairs) -> Non
                 f"{total} matches agree; {100 * share:.0f} % do with a focal length {factor:.2f} times as long: give "
                 f"{intrinsics_in_words(frames[0], factor)}"
             )
+        if not asked.contradicted:  # photos with so little in common say nothing of poses
+            return
         raise InputError(
             f"{matches.photos} and its poses do not belong together, only {100 * kept / total:.0f} % of {total} "
             "matches agree; write poses as camera-to-world with x right, y down, z forward, and check "

@@ -56,11 +56,16 @@ def new_model(scene: Scene, points: PointCloud, config: Config, priors: Mapping[
         InputError: no points, or points out of range.
     """
     centres = np.stack([frame.camera.centre for frame in scene.train])
-    seeds = seed_points(points.xyz, points.rgb, centres, config.seeds, config.train.seed)
+    surface = None
     if config.seeds.init == "sfm+depth" and priors:
         surface = agreed_surface(scene.train, priors, config.seeds.depth_voxel_m)
-        surface = away_from(surface, points.xyz, config.seeds.depth_voxel_m)
-        seeds = joined(seeds, surface_seeds(surface, config.seeds))
+    if surface is not None and len(surface.xyz) and not len(points):
+        seeds = surface_seeds(surface, config.seeds)  # photos that tell no depth have no points
+    else:
+        seeds = seed_points(points.xyz, points.rgb, centres, config.seeds, config.train.seed)
+        if surface is not None:
+            surface = away_from(surface, points.xyz, config.seeds.depth_voxel_m)
+            seeds = joined(seeds, surface_seeds(surface, config.seeds))
     spawned = spawn(seeds, config.seeds.per_seed, config.seeds.opacity, config.train.seed)
     decoder = new_decoder(spawned, config.seeds, config.render.sh_degree, config.train.seed)
     return Model(decoder, make_adam(decoder.parameters()))

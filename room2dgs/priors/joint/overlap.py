@@ -176,7 +176,10 @@ def _float(values) -> Tensor:
 
 
 def _pairs(frames: Sequence[Frame]) -> Tensor:
-    shared = shared_view([frame.camera for frame in frames])
+    cameras = [frame.camera for frame in frames]
+    shared = shared_view(cameras)
+    if (shared > MIN_SHARED).sum() < len(frames):  # the camera only turned: what two views see still has to agree
+        shared = shared_view(cameras, by_angle=False)
     best = np.argsort(-shared, axis=1, kind="stable")[:, :NEIGHBOURS]
     found = [(i, int(j)) for i, row in enumerate(best) for j in row if shared[i, j] > MIN_SHARED]
     return torch.tensor(found, dtype=torch.int64).reshape(-1, 2)
