@@ -115,7 +115,10 @@ def load_priors(
         maps = stored.get(name, ViewMaps(source=label))
         stored.put(name, maps._replace(depth=depth, depth_confidence=confidence))
 
-    if config.depth.joint and depths:
+    joint = config.depth.joint and len(points) > 0
+    if config.depth.joint and depths and not joint:
+        log("depth prior: no point holds it, so it is used as it is, neither optimised jointly nor completed")
+    if joint and depths:
         normals, normal_confidences = _stored_normals(stored)
         both = (confidences, normal_confidences)
         with timed("joint"):
