@@ -22,6 +22,7 @@ from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.priors.align.depths import aligned_depths
 from room2dgs.priors.align.scale_shift import Fit
+from room2dgs.priors.completion.free_space import FreeSpace, free_space, less_where_seen_through, rays_to
 from room2dgs.priors.completion.planes import Plane
 from room2dgs.priors.completion.views import complete_views
 from room2dgs.priors.confidence import has_confidence, read_confidence
@@ -94,6 +95,7 @@ def load_priors(
     depths: LazyMaps[np.ndarray] = LazyMaps()
     confidences: LazyMaps[np.ndarray] = LazyMaps()
     fits: dict[str, Fit] = {}
+    space: FreeSpace | None = None
     planes: list[Plane] = []
     if sensor:
         depths, confidences, fits = sensor
@@ -101,6 +103,9 @@ def load_priors(
         if compare and config.depth.joint:
             with timed("stereo"):
                 points, fine = compare()
+                if config.depth.free_space:
+                    space = free_space([rays_to(points, frame) for frame in frames])
+                    points = less_where_seen_through(points, space)
         with timed("maps"):
             files = _maps(frames, config, "depth", models, log)
             depths, fits = aligned_depths(frames, files, points, config.depth, log)
@@ -127,7 +132,7 @@ def load_priors(
             given = (depths, confidences, normals, normal_confidences)
             misfits = {name: fit.residual for name, fit in fits.items()}
             with timed("completion"):
-                bends = {"planes": config.depth.planes, "through": config.depth.free_space}
+                bends = {"planes": config.depth.planes, "space": space}
                 planes = complete_views(frames, *given, points, fine, misfits, log, take, **bends)
             depths = {}
     for name, depth in depths.items():

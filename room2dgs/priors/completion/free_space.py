@@ -6,20 +6,25 @@ through such a surface at what lies behind it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter
 
-from room2dgs.geometry.camera import Camera
+from room2dgs import _C
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
+from room2dgs.captures.seen_points import seen_points
 
 CELL_M = 0.05
 MOST_CELLS = 2**25  # larger cells where a room would need more
-LEAST_TRUST = 0.25  # of an anchor whose ray counts
+LEAST_TRUST = 0.25  # of a point whose ray counts
 FROM_M = 0.1  # from the camera on
-UP_TO = 0.95  # of the way to the anchor
+UP_TO = 0.95  # of the way to the point
 OUTSIDE = 0.001  # share of the ends on each side that the cells leave out: those far beyond a window
 MARGIN_M = 0.3
 DOUBT = 2  # views that one view has to be more than
@@ -41,35 +46,42 @@ class FreeSpace(NamedTuple):
     ended: np.ndarray
 
 
-class Anchors(NamedTuple):
-    """(h, w) depth of a view's anchors in metres, 0 = none, and (h, w) the trust in them, 0..1."""
+class Rays(NamedTuple):
+    """From a camera's centre, (3,), to the points that it sees, (N, 3), metres, world frame."""
 
-    camera: Camera
-    depth: np.ndarray
-    trust: np.ndarray
+    centre: np.ndarray
+    ends: np.ndarray
 
 
-def free_space(views: Sequence[Anchors], map_over: Callable[..., Iterable] = map) -> FreeSpace | None:
-    """Counted over the anchors of all views; None if there are none.
+def rays_to(points: PointCloud, frame: Frame) -> Rays:
+    """To the points that a photo sees and that can be trusted."""
+    index = seen_points(points, frame).index
+    return Rays(frame.camera.centre, points.xyz[index[points.weight_of(index) >= LEAST_TRUST]])
 
-    Args:
-        map_over: `map`, or that of a thread pool; the counts are the same.
-    """
-    ends = list(map_over(_ends, views))
-    if not any(len(xyz) for xyz in ends):
+
+def free_space(views: Sequence[Rays]) -> FreeSpace | None:
+    """Counted over all views, on any number of threads the same; None if no ray has an end."""
+    ends = np.concatenate([view.ends for view in views]) if views else np.zeros((0, 3))
+    if not len(ends):
         return None
-    low, high = np.quantile(np.concatenate(ends), (OUTSIDE, 1 - OUTSIDE), axis=0)
-    centres = [view.camera.centre for view in views]
+    low, high = np.quantile(ends, (OUTSIDE, 1 - OUTSIDE), axis=0)
+    centres = [view.centre for view in views]
     low, high = np.min([low, *centres], axis=0), np.max([high, *centres], axis=0)
     corner, size = low - MARGIN_M, high - low + 2 * MARGIN_M
     cell = max(CELL_M, float(np.prod(size) / MOST_CELLS) ** (1 / 3))
     shape = tuple(int(count) for count in np.ceil(size / cell))
     through, ended = np.zeros(shape, np.int16), np.zeros(shape, np.int16)
-    cells = partial(_cells, corner=corner, cell=cell, shape=shape)
-    for passed, met in map_over(cells, centres, ends):
-        through.ravel()[passed] += 1
-        ended.ravel()[met] += 1
+    with ThreadPoolExecutor(_C.threads()) as pool:
+        for passed, met in pool.map(partial(_cells, corner=corner, cell=cell, shape=shape), views):
+            through.ravel()[passed] += 1
+            ended.ravel()[met] += 1
     return FreeSpace(corner, cell, through, maximum_filter(ended, 3, mode="constant"))
+
+
+def less_where_seen_through(points: PointCloud, space: FreeSpace | None) -> PointCloud:
+    """The points, less trusted the more views look through them."""
+    weight = points.weight_of(np.arange(len(points))) * (1 - seen_through(space, points.xyz)) ** 2
+    return replace(points, weight=weight.astype(np.float32))
 
 
 def seen_through(space: FreeSpace | None, xyz: np.ndarray) -> np.ndarray:
@@ -88,18 +100,10 @@ def seen_through(space: FreeSpace | None, xyz: np.ndarray) -> np.ndarray:
     return against / (against + DOUBT + ended)
 
 
-def _ends(view: Anchors) -> np.ndarray:
-    """(N, 3)"""
-    row, column = np.nonzero((view.depth > 0) & (view.trust >= LEAST_TRUST))
-    return view.camera.unproject(np.stack([column, row], axis=1) + 0.5, view.depth[row, column])
-
-
-def _cells(
-    centre: np.ndarray, ends: np.ndarray, corner: np.ndarray, cell: float, shape: tuple[int, ...]
-) -> tuple[np.ndarray, np.ndarray]:
+def _cells(view: Rays, corner: np.ndarray, cell: float, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Flat indices of the cells that a view looks through, and of those where its rays end, each once."""
-    met = np.unique(_flat((ends - corner) / cell, shape))
-    start, reach = (centre - corner) / cell, (ends - centre) / cell
+    met = np.unique(_flat((view.ends - corner) / cell, shape))
+    start, reach = (view.centre - corner) / cell, (view.ends - view.centre) / cell
     length = np.linalg.norm(reach, axis=1)
     reach = reach[length > 0] / length[length > 0, None]
     length = UP_TO * length[length > 0]

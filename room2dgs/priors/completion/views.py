@@ -17,7 +17,7 @@ from room2dgs.captures.seen_points import seen_points
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
-from room2dgs.priors.completion.free_space import Anchors, FreeSpace, free_space, seen_through
+from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.on_planes import on_planes
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
 from room2dgs.priors.completion.solve import completed, normal_slopes, prior_slopes
@@ -64,7 +64,7 @@ def complete_views(
     take: Callable[[str, np.ndarray, np.ndarray], None],
     *,
     planes: bool,
-    through: bool,
+    space: FreeSpace | None,
 ) -> list[Plane]:
     """Depth of every view that has a map, and the confidence in each pixel.
 
@@ -79,7 +79,7 @@ def complete_views(
             unknown: where the network does badly, by the median over the views, its maps bend to the points.
         take: gets each frame's name, its (H, W) depth in metres, 0 = invalid, and (H, W) confidence.
         planes: what looks as if it lay on one of the room's large planes is drawn to it.
-        through: depth that other views see through counts for less.
+        space: depth that other views look through counts for less; None = not asked.
 
     Returns:
         The planes that depth was drawn to.
@@ -95,9 +95,6 @@ def complete_views(
             maps = (depths[name], confidences.get(name), normals.get(name), normal_confidences.get(name))
             reading.append(pool.submit(_small_maps, frame, *maps, points, misfit))
         given = [one.result() for one in reading]
-        anchors = [Anchors(maps.camera, maps.anchor, maps.trust) for maps in given]
-        space = free_space(anchors, pool.map) if through else None
-        given = list(pool.map(partial(_anchors_not_seen_through, space=space), given))
         small = list(pool.map(_completed, given))
         near = _near_views(frames, points)
         for _ in range(PLANE_ROUNDS if planes and len(normals) else 0):
@@ -154,11 +151,6 @@ def _samples(
         weight = sure[use] * depth[use] ** 2 * (1 - seen_through(space, xyz)) ** 2
         parts.append(Samples(xyz, normal[use], depth[use], weight))
     return Samples(*(np.concatenate(one) for one in zip(*parts, strict=True)))
-
-
-def _anchors_not_seen_through(maps: _SmallMaps, space: FreeSpace | None) -> _SmallMaps:
-    through = seen_through(space, maps.camera.unproject_map(maps.anchor))
-    return maps._replace(trust=maps.trust * (1 - through) ** 2)
 
 
 def _held_by_planes(maps: _SmallMaps, before: Completed, planes: Sequence[Plane], space: FreeSpace | None) -> Completed:

@@ -96,7 +96,7 @@ def views(box_room):
     return frames, depths
 
 
-def everything(frames, depths, points, stereo=None, misfits=None, normals=None, planes=True, through=True):
+def everything(frames, depths, points, stereo=None, misfits=None, normals=None, planes=True):
     found = {}
     complete_views(
         frames,
@@ -110,7 +110,7 @@ def everything(frames, depths, points, stereo=None, misfits=None, normals=None, 
         lambda line: None,
         lambda *one: found.update({one[0]: one[1:]}),
         planes=planes,
-        through=through,
+        space=None,
     )
     return found
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,23 +10,30 @@ import pytest
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.geometry.camera import Camera
 from room2dgs.priors.completion import free_space as module
-from room2dgs.priors.completion.free_space import Anchors, free_space, seen_through
+from room2dgs.priors.completion.free_space import (
+    Rays,
+    free_space,
+    less_where_seen_through,
+    rays_to,
+    seen_through,
+)
 from room2dgs.priors.completion.views import complete_views
+from room2dgs.splat import set_threads
 
 WALL_M = 2.0
 
 
 @pytest.fixture
 def facing_a_wall(make):
-    """`facing_a_wall(count)`: cameras side by side, 2 m in front of a wall at x = 2 m that they all have right."""
+    """`facing_a_wall(count)`: rays of cameras side by side, 2 m in front of a wall at x = 2 m that all have right."""
     return lambda count: [
-        _anchored(make.camera_at((0.0, 0.02 * index, 0.0), (1.0, 0, 0), half_angle_deg=30)) for index in range(count)
+        _rays(make.camera_at((0.0, 0.02 * index, 0.0), (1.0, 0, 0), half_angle_deg=30)) for index in range(count)
     ]
 
 
-def _anchored(camera: Camera) -> Anchors:
-    shape = (camera.height, camera.width)
-    return Anchors(camera, np.full(shape, WALL_M), np.ones(shape))
+def _rays(camera: Camera) -> Rays:
+    depth = np.full((camera.height, camera.width), WALL_M)
+    return Rays(camera.centre, camera.unproject_map(depth).reshape(-1, 3))
 
 
 def test_in_front_of_a_wall_is_seen_through_and_the_wall_is_not(facing_a_wall):
@@ -41,27 +48,28 @@ def test_in_front_of_a_wall_is_seen_through_and_the_wall_is_not(facing_a_wall):
 
 def test_one_view_that_looks_through_what_others_see_says_little(facing_a_wall):
     views = facing_a_wall(8)
-    views[3] = views[3]._replace(depth=np.full_like(views[3].depth, 3.0))
-    space = free_space(views)
-    assert seen_through(space, np.array([[WALL_M, 0.2, 0.0]]))[0] == 0
-    alone = free_space(views[3:4])
-    assert seen_through(alone, np.array([[WALL_M, 0.2, 0.0]]))[0] < 0.4
+    views[3] = views[3]._replace(ends=views[3].centre + 1.5 * (views[3].ends - views[3].centre))
+    assert seen_through(free_space(views), np.array([[WALL_M, 0.2, 0.0]]))[0] == 0
+    alone = seen_through(free_space(views[3:4]), np.array([[WALL_M, 0.2, 0.0]]))[0]
+    assert 0 < alone < 0.4
 
 
-def test_anchors_that_are_not_trusted_say_nothing(facing_a_wall):
-    views = [one._replace(trust=np.full_like(one.trust, 0.9 * module.LEAST_TRUST)) for one in facing_a_wall(4)]
-    assert free_space(views) is None
+def test_where_nothing_is_known_nothing_is_seen_through():
+    assert free_space([]) is None
+    assert free_space([Rays(np.zeros(3), np.zeros((0, 3)))]) is None
     np.testing.assert_array_equal(seen_through(None, np.ones((3, 4, 3))), np.zeros((3, 4)))
 
 
 def test_threads_count_the_same(facing_a_wall):
-    views = facing_a_wall(5)
-    with ThreadPoolExecutor(3) as pool:
-        several = free_space(views, pool.map)
-    one = free_space(views)
-    assert one is not None and several is not None
-    np.testing.assert_array_equal(one.through, several.through)
-    np.testing.assert_array_equal(one.ended, several.ended)
+    counts = []
+    for threads in (1, 3):
+        set_threads(threads)
+        space = free_space(facing_a_wall(5))
+        assert space is not None
+        counts.append((space.through, space.ended))
+    set_threads(None)
+    np.testing.assert_array_equal(*(one[0] for one in counts))
+    np.testing.assert_array_equal(*(one[1] for one in counts))
 
 
 def test_a_vast_room_has_larger_cells(facing_a_wall, monkeypatch: pytest.MonkeyPatch):
@@ -74,6 +82,8 @@ def test_a_vast_room_has_larger_cells(facing_a_wall, monkeypatch: pytest.MonkeyP
 def left_half(room, depths, points, through: bool, names, misfit=0.0) -> tuple[float, float]:
     """Mean relative error and mean confidence of the completed depth there."""
     found = {}
+    space = free_space([rays_to(points, frame) for frame in room.frames]) if through else None
+    points = less_where_seen_through(points, space)
     complete_views(
         room.frames,
         depths,
@@ -86,7 +96,7 @@ def left_half(room, depths, points, through: bool, names, misfit=0.0) -> tuple[f
         lambda line: None,
         lambda *one: found.update({one[0]: one[1:]}),
         planes=False,
-        through=through,
+        space=space,
     )
     inner = (slice(5, -5), slice(5, 35))
     truth = {frame.name: depth for frame, depth in zip(room.frames, room.depths, strict=True)}
@@ -141,3 +151,9 @@ def test_anchors_that_others_look_through_do_not_bend_the_depth(seen):
     points = anchored(room.frames, too_near(depths, names))
     off = [left_half(room, depths, points, through, names, misfit=0.15)[0] for through in (False, True)]
     assert off[0] > 0.1 and off[1] < 0.02
+
+
+def test_points_that_are_hardly_trusted_send_no_rays(seen):
+    room, depths = seen
+    points = replace(anchored(room.frames, depths), weight=np.full(len(anchored(room.frames, depths)), 0.2, np.float32))
+    assert not len(rays_to(points, room.frames[0]).ends)

@@ -112,7 +112,7 @@ def off_by_view(room, planes: bool) -> float:
         lambda line: None,
         lambda *one: found.update({one[0]: one[1]}),
         planes=planes,
-        through=True,
+        space=None,
     )
     return float(
         np.median(
