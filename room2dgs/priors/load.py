@@ -132,8 +132,9 @@ def load_priors(
             given = (depths, confidences, normals, normal_confidences)
             misfits = {name: fit.residual for name, fit in fits.items()}
             with timed("completion"):
-                bends = {"planes": config.depth.planes, "space": space}
-                planes = complete_views(frames, *given, points, fine, misfits, log, take, **bends)
+                planes = complete_views(
+                    frames, *given, points, fine, misfits, log, take, planes=config.depth.planes, space=space
+                )
             depths = {}
     for name, depth in depths.items():
         take(name, depth, _by_fit(depth, confidences.get(name), fits.get(name)))
