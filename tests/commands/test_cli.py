@@ -226,7 +226,7 @@ def test_bad_input_that_shows_late_leaves_nothing(scene, tmp_path, capsys):
 def test_our_fault_keeps_the_traceback_in_the_runs_log(scene, tmp_path, monkeypatch, capsys):
     import room2dgs.sfm.sparse
 
-    def broken(*_):
+    def broken(*_, **__):
         raise RuntimeError("a wheel came off\nsecond line")
 
     monkeypatch.setattr(room2dgs.sfm.sparse, "sparse_points", broken)
