@@ -54,7 +54,7 @@ def views(count: int, seed: int = 0) -> list[FusedView]:
 
 @pytest.mark.parametrize("voxel", [0.005, 0.02, 0.11])
 def test_the_blocks_are_open3ds(voxel):
-    config, volume = make_config(voxel_m=voxel), tsdf.empty_volume(voxel)
+    config, volume = make_config(voxel_m=voxel, truncation_voxels=5.0), tsdf.empty_volume(voxel)
     for view in views(4):
         depth = np.where(view.depth < 9, view.depth, 0).astype(np.float32)
         origin = tsdf.start_of(view.camera, voxel)
