@@ -257,7 +257,7 @@ def test_camera_info_of_a_part_and_of_binned_pixels(ros_messages):
 
 
 def test_memory_is_that_of_a_few_pictures(ros_messages, tmp_path, settings):
-    ros, count = ros_messages(False), 80
+    ros, count = ros_messages(False), 160
     photo = np.zeros((480, 640), np.uint8)
 
     def messages():
@@ -273,7 +273,7 @@ def test_memory_is_that_of_a_few_pictures(ros_messages, tmp_path, settings):
     scene = read_scene(settings(tmp_path / "long", **told))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert len(scene.frames) == count and size > 24e6
+    assert len(scene.frames) == count and size > 48e6
     assert peak < size / 4, (peak, size)
 
 
