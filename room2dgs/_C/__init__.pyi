@@ -87,5 +87,10 @@ def joint_gradient(depth: Annotated[NDArray, dict(writable=False)], depth_confid
 def adam(values: NDArray, gradient: Annotated[NDArray, dict(writable=False)], first: NDArray, second: NDArray, rate: float, step: int) -> None:
     """One step of Adam; `first` and `second` are its moments."""
 
+def complete(distance: Annotated[NDArray, dict(writable=False)], anchor: Annotated[NDArray, dict(writable=False)], prior: Annotated[NDArray, dict(writable=False)], right: Annotated[NDArray, dict(writable=False)], down: Annotated[NDArray, dict(writable=False)], reweightings: int, least: float, anchor_width: float, tie_width: float, result: NDArray) -> None:
+    """
+    Reweighted least squares of images (n, h, w) between anchors; see priors/completion/solve.py.
+    """
+
 def fuse_depth(block: Annotated[NDArray, dict(writable=False)], row: Annotated[NDArray, dict(writable=False)], distance: NDArray, weight: NDArray, views: NDArray, color: NDArray, depth: Annotated[NDArray, dict(writable=False)], trust: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], pixel_from_voxel: Annotated[NDArray, dict(writable=False)], truncation: float) -> None:
     """Takes one depth map into the blocks of a signed distance volume."""

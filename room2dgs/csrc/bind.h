@@ -15,6 +15,7 @@ void bind_bench(nb::module_ m);
 void bind_mesh(nb::module_& m);
 void bind_stereo(nb::module_& m);
 void bind_joint(nb::module_& m);
+void bind_completion(nb::module_& m);
 
 // True when the processor runs the AVX2 kernels.
 bool has_avx2();

@@ -39,6 +39,7 @@ NB_MODULE(_C, m) {
   room2dgs::bind_bench(m.def_submodule("bench", "What `room2dgs bench raster` measures by."));
   room2dgs::bind_stereo(m);
   room2dgs::bind_joint(m);
+  room2dgs::bind_completion(m);
   room2dgs::bind_mesh(m);
   nanobind::module_ device = m.def_submodule("device", "The CUDA kernels as plain C++ on the CPU, for tests.");
   isa_blocks::bind_device(device);

@@ -5,14 +5,18 @@ Unknown is r, the logarithm of completed over prior depth, on the pixels of a sm
     sum a (r - d)^2 + sum p r^2 + stiffness * sum over neighbours b (r_i - r_j)^2
 
 with d the logarithm of anchor over prior depth. Anchors a, prior p and ties b are reweighted (Geman and McClure), since
-some anchors are wrong, the prior is wrong where anchors say so, and surfaces end.
+some anchors are wrong, the prior is wrong where anchors say so, and surfaces end. Kernels solve it directly, four
+images at a time (csrc/completion_kernels.cpp); reference.py does it with scipy.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
-from scipy.sparse import diags
-from scipy.sparse.linalg import splu
+
+from room2dgs import _C
 
 REWEIGHTINGS = 3
 STIFFNESS = 10.0
@@ -24,45 +28,66 @@ WEAKEST_TIE = 0.01
 LEAST = 1e-7  # keeps the system regular where nothing is known
 
 
-def completed(
+class System(NamedTuple):
+    """What one image's r is solved from; float64.
+
+    Attributes:
+        distance: (h, w) d, 0 without anchor.
+        anchor, prior: (h, w) a and p before any reweighting.
+        right: (h, w - 1) stiffness times b between neighbours along x.
+        down: (h - 1, w) likewise along y.
+    """
+
+    distance: np.ndarray
+    anchor: np.ndarray
+    prior: np.ndarray
+    right: np.ndarray
+    down: np.ndarray
+
+
+def system(
     anchor: np.ndarray,
     trust: np.ndarray,
     prior: np.ndarray,
     prior_weight: np.ndarray,
     slopes: tuple[np.ndarray, np.ndarray],
     tie: np.ndarray,
-) -> np.ndarray:
-    """ln of completed over prior depth.
+) -> System:
+    """Of one image.
 
     Args:
         anchor: (h, w) metres, 0 = none.
         trust: (h, w) of each anchor, 0..1.
-        prior: (h, w) metres, 0 = invalid.
+        prior: (h, w) metres, 0 = invalid; r is 0 there.
         prior_weight: (h, w) confidence in the prior, 0..1.
         slopes: (h, w) each, d ln z / dx and d ln z / dy a pixel, of the normals; NaN where there is none.
         tie: (h, w) confidence in the slopes, 0..1.
-
-    Returns:
-        (h, w) float64; 0 where the prior is invalid.
     """
     known = prior > 0
     log_prior = np.log(np.where(known, prior, 1.0))
     anchored = (anchor > 0) & known
     distance = np.where(anchored, np.log(np.where(anchored, anchor, 1.0)) - log_prior, 0.0)
-    right = _ties(log_prior, known, slopes[0], tie)
-    down = _ties(log_prior.T, known.T, slopes[1].T, tie.T).T
-    r = np.zeros(prior.shape)
-    anchor_share, prior_share = np.ones(prior.shape), np.ones(prior.shape)
-    whole = [np.ones(right.shape), np.ones(down.shape)]
-    for step in range(REWEIGHTINGS):
-        if step:
-            anchor_share = _share(r - distance, ANCHOR_WIDTH)
-            prior_share = _share(r, ANCHOR_WIDTH)
-            whole = [_share(np.diff(r, axis=axis), TIE_WIDTH) for axis in (1, 0)]
-        data = anchored * trust * anchor_share
-        pull = data + PRIOR_WEIGHT * prior_weight * known * prior_share + LEAST
-        r = _solved(pull, data * distance, STIFFNESS * right * whole[0], STIFFNESS * down * whole[1])
-    return np.where(known, r, 0.0)
+    right = STIFFNESS * _ties(log_prior, known, slopes[0], tie)
+    down = STIFFNESS * _ties(log_prior.T, known.T, slopes[1].T, tie.T).T
+    return System(distance, anchored * trust, PRIOR_WEIGHT * prior_weight * known, right, down)
+
+
+def solved(systems: Sequence[System]) -> list[np.ndarray]:
+    """r of each image, (h, w) float64: ln of completed over prior depth.
+
+    Each is its own; images of one size are solved together, which is faster.
+    """
+    results: list[np.ndarray] = [np.zeros(0)] * len(systems)
+    by_shape: dict[tuple[int, ...], list[int]] = {}
+    for index, one in enumerate(systems):
+        by_shape.setdefault(one.distance.shape, []).append(index)
+    for shape, alike in by_shape.items():
+        parts = [np.array(part, np.float64, order="C") for part in zip(*(systems[k] for k in alike), strict=True)]
+        r = np.empty((len(alike), *shape))
+        _C.complete(*parts, REWEIGHTINGS, LEAST, ANCHOR_WIDTH, TIE_WIDTH, r)
+        for index, one in zip(alike, r, strict=True):
+            results[index] = one
+    return results
 
 
 def normal_slopes(normal: np.ndarray, rays: np.ndarray, focal: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -95,23 +120,9 @@ def _ties(log_prior: np.ndarray, known: np.ndarray, slope: np.ndarray, tie: np.n
     expected = 0.5 * (slope[:, :-1] + slope[:, 1:])
     jump = np.abs(np.diff(log_prior, axis=1) - np.nan_to_num(expected))
     sure = np.minimum(tie[:, :-1], tie[:, 1:]) * np.isfinite(expected) + WEAKEST_TIE
-    return sure * _share(jump, JUMP_WIDTH) * (known[:, :-1] & known[:, 1:])
+    return sure * share(jump, JUMP_WIDTH) * (known[:, :-1] & known[:, 1:])
 
 
-def _share(residual: np.ndarray, width: float) -> np.ndarray:
+def share(residual: np.ndarray, width: float) -> np.ndarray:
+    """What is left of a weight: 1 without a residual, 1/2 where it is as large as the width."""
     return 1.0 / (1.0 + (residual / width) ** 2)
-
-
-def _solved(pull: np.ndarray, target: np.ndarray, right: np.ndarray, down: np.ndarray) -> np.ndarray:
-    height, width = pull.shape
-    rightwards = np.zeros(pull.shape)
-    rightwards[:, :-1] = right
-    downwards = np.zeros(pull.shape)
-    downwards[:-1] = down
-    centre = pull + rightwards + downwards
-    centre[:, 1:] += right
-    centre[1:] += down
-    x, y = rightwards.ravel()[:-1], downwards.ravel()[:-width]
-    matrix = diags([centre.ravel(), -x, -x, -y, -y], [0, 1, -1, width, -width], format="csc")
-    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    return factors.solve(target.ravel()).reshape(height, width)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple
 
@@ -20,12 +20,13 @@ from room2dgs.priors.completion.expected_error import confidence, expected_relat
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.on_planes import on_planes
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
-from room2dgs.priors.completion.solve import completed, normal_slopes, prior_slopes
+from room2dgs.priors.completion.solve import System, normal_slopes, prior_slopes, solved, system
 from room2dgs.priors.files import resize_depth
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.neighbours import choose_neighbours
 
 COLUMNS = 160  # of the small images that are solved
+AT_ONCE = 64  # images, whose systems are in memory
 ASKED = 10  # views that are asked whether they agree
 MAX_PX, MAX_RELATIVE = 2.0, 0.03
 HALF_MISFIT = 0.1  # relative residual at the points, before any optimisation, that halves the weight of the maps
@@ -95,11 +96,12 @@ def complete_views(
             maps = (depths[name], confidences.get(name), normals.get(name), normal_confidences.get(name))
             reading.append(pool.submit(_small_maps, frame, *maps, points, misfit))
         given = [one.result() for one in reading]
-        small = list(pool.map(_completed, given))
+        small = _completed(given, pool)
         near = _near_views(frames, points)
         for _ in range(PLANE_ROUNDS if planes and len(normals) else 0):
             found = find_planes(_samples(given, small, _expected_errors(small, near, space), space))
-            small = list(pool.map(partial(_held_by_planes, planes=found, space=space), given, small))
+            held = pool.map(partial(_held_by_planes, planes=found, space=space), given, small)
+            small = _completed(list(held), pool)
     all_errors = _expected_errors(small, near, space)
     medians = []
     for frame, part, error in zip(frames, small, all_errors, strict=True):
@@ -153,27 +155,27 @@ def _samples(
     return Samples(*(np.concatenate(one) for one in zip(*parts, strict=True)))
 
 
-def _held_by_planes(maps: _SmallMaps, before: Completed, planes: Sequence[Plane], space: FreeSpace | None) -> Completed:
-    """Completed once more: a plane is an anchor wherever it is trusted more than stereo, and where other views see
-    through what was found, the prior has no say."""
+def _held_by_planes(
+    maps: _SmallMaps, before: Completed, planes: Sequence[Plane], space: FreeSpace | None
+) -> _SmallMaps:
+    """What to complete once more: a plane is an anchor wherever it is trusted more than stereo, and where other views
+    see through what was found, the prior has no say."""
     on, trust = on_planes(before.depth, maps.normal, maps.camera, planes)
     use = trust > maps.trust
     through = seen_through(space, maps.camera.unproject_map(before.depth))
-    return _completed(
-        maps._replace(
-            anchor=np.where(use, on, maps.anchor),
-            trust=np.where(use, trust, maps.trust),
-            prior_weight=maps.prior_weight * (1 - through) ** 2,
-        )
+    return maps._replace(
+        anchor=np.where(use, on, maps.anchor),
+        trust=np.where(use, trust, maps.trust),
+        prior_weight=maps.prior_weight * (1 - through) ** 2,
     )
 
 
 class _SmallMaps(NamedTuple):
-    """What `completed` is given, and the camera of that size."""
+    """What a `system` is made of, and the camera of that size."""
 
     camera: Camera
     normal: np.ndarray  # (h, w, 3) unit, world frame; 0 = none
-    anchor: np.ndarray  # from here on as `completed` takes them
+    anchor: np.ndarray  # from here on as `system` takes them
     trust: np.ndarray
     prior: np.ndarray
     prior_weight: np.ndarray
@@ -207,8 +209,20 @@ def _small_maps(
     return _SmallMaps(camera, unit, anchor, trust, prior, weight, slopes, tie)
 
 
-def _completed(maps: _SmallMaps) -> Completed:
-    scale = completed(*maps[2:]).astype(np.float32)
+def _completed(given: Sequence[_SmallMaps], pool: Executor) -> list[Completed]:
+    found = []
+    for start in range(0, len(given), AT_ONCE):
+        some = given[start : start + AT_ONCE]
+        scales = solved(list(pool.map(_system, some)))
+        found += [_at_scale(maps, scale.astype(np.float32)) for maps, scale in zip(some, scales, strict=True)]
+    return found
+
+
+def _system(maps: _SmallMaps) -> System:
+    return system(*maps[2:])
+
+
+def _at_scale(maps: _SmallMaps, scale: np.ndarray) -> Completed:
     return Completed(maps.camera, maps.anchor, maps.trust, scale, (maps.prior * np.exp(scale)).astype(np.float32))
 
 

@@ -7,16 +7,16 @@ import pytest
 
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.scene import Frame
+from room2dgs.priors.completion import solve
 from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
-from room2dgs.priors.completion.solve import completed, normal_slopes, prior_slopes
+from room2dgs.priors.completion.solve import normal_slopes, prior_slopes
 from room2dgs.priors.completion.views import complete_views
 
 
 def solved(anchor, trust, prior, weight=0.0, tie=1.0):
     shape = prior.shape
-    return completed(
-        anchor, np.full(shape, trust), prior, np.full(shape, weight), prior_slopes(prior), np.full(shape, tie)
-    )
+    trusted, weights, ties = (np.full(shape, value) for value in (trust, weight, tie))
+    return solve.solved([solve.system(anchor, trusted, prior, weights, prior_slopes(prior), ties)])[0]
 
 
 def test_a_few_anchors_correct_the_scale_everywhere():

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
 from room2dgs.geometry.camera import Camera
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.solve import prior_slopes
-from room2dgs.priors.completion.views import Completed, _held_by_planes, _samples, _SmallMaps
+from room2dgs.priors.completion.views import Completed, _completed, _held_by_planes, _samples, _SmallMaps
 
 SHAPE = (40, 40)
 DEPTH_M = 2.0
@@ -51,7 +53,8 @@ def test_the_prior_has_no_say_where_others_look_through_it(left_is_seen_through)
     anchor = np.zeros(SHAPE)
     anchor[::6, ::6] = 1.02 * DEPTH_M
     maps = maps_of(camera, anchor)
-    result = _held_by_planes(maps, completed_at_prior(maps), [], space).depth / DEPTH_M
-    unaware = _held_by_planes(maps, completed_at_prior(maps), [], None).depth / DEPTH_M
+    held = [_held_by_planes(maps, completed_at_prior(maps), [], one) for one in (space, None)]
+    with ThreadPoolExecutor(1) as pool:
+        result, unaware = (one.depth / DEPTH_M for one in _completed(held, pool))
     assert np.median(result[:, :18]) > 1.015 and np.median(unaware[:, :18]) < 1.01
     np.testing.assert_allclose(result[:, 22:], unaware[:, 22:], atol=2e-3)
