@@ -116,7 +116,7 @@ def dense_views(
         else:
             planes = [resized_planes(old, *view.camera.size) for old, view in zip(planes, views, strict=True)]
         for search in range((0 if first else 1), options.rounds + 1):
-            planes = _searched(views, planes, near_views, ranges, options, matching, search, level, progress)
+            _search(views, planes, near_views, ranges, options, matching, search, level, progress)
         if level == 1:
             coarse = list(_filtered(views, planes, near_views, options, matching, progress))
     for index, view in enumerate(_filtered(views, planes, near_views, options, matching, progress)):
@@ -156,9 +156,9 @@ def _at_level(photo: np.ndarray, camera: Camera, level: int, device: str) -> Pac
     return packed(smaller, camera.resized(width, height), kernels)
 
 
-def _searched(
+def _search(
     views: Sequence[Packed],
-    planes: Sequence[np.ndarray],
+    planes: list[np.ndarray],
     near_views: Sequence[np.ndarray],
     ranges: Sequence[tuple[float, float]],
     options: Options,
@@ -166,27 +166,26 @@ def _searched(
     search: int,
     level: int,
     progress: Progress,
-) -> list[np.ndarray]:
-    """All views once; all see the others' depths as they were before."""
-    found = []
+) -> None:
+    """All views once, in place; all see the others' depths as they were before."""
+    before = [plane[0].copy() for plane in planes] if search else []
     for index, view in enumerate(views):
         near = near_views[index][: options.neighbours]
         if not len(near):
-            found.append(np.zeros_like(planes[index]))
+            planes[index] = np.zeros_like(planes[index])
             continue
-        inverse = [planes[other][0] for other in near] if search else None
+        inverse = [before[other] for other in near] if search else None
         run = Search(view, [views[other] for other in near], matching, ranges[index], index + 1, inverse)
         draw = 1000 * level + 100 * search
         if search:
             size = 0.5 / search
             thrifty = level == 0  # at smaller sizes what is missed is missed for good
-            found.append(
-                run.run(planes[index], options.refinements, perturbation=size, first_draw=draw, thrifty=thrifty)
+            planes[index] = run.run(
+                planes[index], options.refinements, perturbation=size, first_draw=draw, thrifty=thrifty
             )
         else:
-            found.append(run.run(planes[index], options.iterations, random_depths=2, first_draw=draw))
+            planes[index] = run.run(planes[index], options.iterations, random_depths=2, first_draw=draw)
         progress(f"stereo at {view.camera.width} pixels, search {search + 1}", index + 1, len(views))
-    return found
 
 
 def _filtered(

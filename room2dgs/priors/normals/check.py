@@ -17,7 +17,7 @@ from room2dgs.priors.normals.samples import Sample
 MIN_AGREEMENT = 0.4
 # Mean cosine with the planes of the sparse points, above what normals that just face the camera have.
 MIN_GAIN = 0.05
-MIN_PLANAR = 200
+MIN_PLANAR, MOST_PLANAR = 200, 20000
 
 
 def usable(
@@ -43,7 +43,7 @@ def usable(
         found.append(f"mean cosine with the depth prior's normals {verdict.score.cosine:.2f}")
     if verdict.score.agreement is not None:
         found.append(f"between views of the same points {verdict.score.agreement:.2f}")
-    planes, facing = _with_planes(samples, planar_normals(xyz), settings)
+    planes, facing = _with_planes(samples, xyz, settings)
     if planes is not None:
         found.append(f"with planes of the sparse points {planes:.2f} ({facing:.2f} if all just faced the camera)")
     log(f"normal prior: {', '.join(found)}")
@@ -60,7 +60,7 @@ def usable(
             "or prior.normal.check=false uses them as they are"
         )
     if verdict.better:
-        log(f"WARNING: the normals' convention inferences wrong, {verdict.better} fits best; used all the same")
+        log(f"WARNING: the normals seem to be in another convention, {verdict.better} fits best; used all the same")
     elif verdict.score.cosine is not None and verdict.score.cosine < 0.5:
         log("WARNING: depth and normal priors do not agree; one of them or both are poor")
     elif planes is not None and planes < facing + MIN_GAIN:
@@ -68,14 +68,18 @@ def usable(
     return True
 
 
-def _with_planes(
-    samples: Sequence[Sample], planes: np.ndarray, settings: NormalPriorConfig
-) -> tuple[float | None, float]:
+def _with_planes(samples: Sequence[Sample], xyz: np.ndarray, settings: NormalPriorConfig) -> tuple[float | None, float]:
     """Mean cosine of the normals, and of vectors towards the camera, with the points' planes; None: too few."""
+    # With stereo's pixels there are hundreds of thousands of points, far more than a mean needs.
+    step = 1 + sum(np.count_nonzero(sample.point >= 0) for sample in samples) // MOST_PLANAR
+    chosen = [np.flatnonzero(sample.point >= 0)[::step] for sample in samples]
+    points = [sample.point[seen] for sample, seen in zip(samples, chosen, strict=True)]
+    asked, place = np.unique(np.concatenate([np.zeros(0, np.int64), *points]), return_inverse=True)
+    planes = planar_normals(xyz, asked)[place]
     cosines, facing = [np.zeros(0)], [np.zeros(0)]
-    for sample in samples:
-        seen = sample.point >= 0
-        plane = sample.camera.turned_to_camera(planes[sample.point[seen]])
+    ends = np.cumsum([len(seen) for seen in chosen])[:-1]
+    for sample, seen, in_world in zip(samples, chosen, np.split(planes, ends), strict=True):
+        plane = sample.camera.turned_to_camera(in_world)
         rays = sample.rays[seen] / np.linalg.norm(sample.rays[seen], axis=-1, keepdims=True)
         towards = -(plane * rays).sum(axis=-1)
         normal = camera_normals(sample.raw[seen], settings, sample.camera)

@@ -12,21 +12,22 @@ SPACING_M = 0.05
 MAX_THICKNESS, MIN_WIDTH = 0.05, 0.1
 
 
-def planar_normals(xyz: np.ndarray) -> np.ndarray:
-    """Normals by principal components of each point's neighbours.
+def planar_normals(xyz: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """Normals by principal components of some points' neighbours.
 
     Args:
         xyz: (M, 3) metres.
+        asked: (N,) indices of the points.
 
     Returns:
-        (M, 3) float64 unit, of either sign; 0 where the neighbours lie on no plane.
+        (N, 3) float64 unit, of either sign; 0 where the neighbours lie on no plane.
     """
     cells = np.unique(np.floor(xyz / SPACING_M).astype(np.int64), axis=0, return_index=True)[1]
     thinned = xyz[cells]
-    normals = np.zeros((len(xyz), 3))
+    normals = np.zeros((len(asked), 3))
     if len(thinned) < NEIGHBOURS:
         return normals
-    near = thinned[cKDTree(thinned).query(xyz, k=NEIGHBOURS)[1]]
+    near = thinned[cKDTree(thinned).query(xyz[asked], k=NEIGHBOURS)[1]]
     offsets = near - near.mean(axis=1, keepdims=True)
     variances, axes = np.linalg.eigh(np.einsum("mki,mkj->mij", offsets, offsets))
     plane = (variances[:, 0] < MAX_THICKNESS * variances[:, 1]) & (variances[:, 1] > MIN_WIDTH * variances[:, 2])

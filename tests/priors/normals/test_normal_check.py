@@ -79,8 +79,11 @@ def test_planes_have_normals_and_clutter_has_none():
     wall = np.column_stack([rng.uniform(0, 2, (400, 2)), rng.normal(1.0, 0.002, 400)])
     clutter = rng.uniform(5, 6, (400, 3))
     line = np.column_stack([np.linspace(9, 12, 60), np.full(60, 3.0), rng.normal(0, 1e-4, 60)])
-    normals = planar_normals(np.concatenate([wall, clutter, line]))
+    cloud = np.concatenate([wall, clutter, line])
+    order = rng.permutation(len(cloud))
+    normals = np.empty_like(cloud)
+    normals[order] = planar_normals(cloud, order)
     known = normals.any(axis=1)
     assert known[:400].mean() > 0.95 and known[400:800].mean() < 0.3 and not known[800:].any()
     assert np.abs(normals[:400][known[:400], 2]).min() > 0.99
-    assert not planar_normals(wall[:10]).any()
+    assert not planar_normals(wall[:10], np.arange(10)).any()
