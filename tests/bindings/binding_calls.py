@@ -156,6 +156,19 @@ CALLS = {
                 Array("gradient", "krr", written=True),
             ),
         ),
+        Call(
+            "complete",
+            (
+                *(Array(name, "kyx", np.float64) for name in ("distance", "anchor", "prior")),
+                Array("right", "kyw", np.float64),
+                Array("down", "khx", np.float64),
+                "reweightings",
+                "least",
+                "anchor_width",
+                "tie_width",
+                Array("result", "kyx", np.float64, True),
+            ),
+        ),
         Call("time_stages", (*SURFELS, *FIVE_MAPS), bench=True),
         Call(
             "bare_loop",
@@ -173,7 +186,7 @@ def numbers(sizes: dict[str, int]) -> dict[str, float]:
     return {
         "dssim": 0.2, "fx": 30.0, "fy": 32.0, "cx": sizes["w"] / 2, "cy": sizes["h"] / 2,
         "width": sizes["w"], "height": sizes["h"], "near": 0.05, "every": 2, "repeats": 1, "step": 2,
-        "smoothness": 8.0, "magnitude": 0.3,
+        "smoothness": 8.0, "magnitude": 0.3, "reweightings": 2, "least": 1e-7, "anchor_width": 0.03, "tie_width": 0.01,
     }  # fmt: skip
 
 
