@@ -28,7 +28,7 @@ void complete(const Input& distance, const Input& anchor, const Input& prior, co
   job.right = check.input<double>("right", right, {n, h, w - 1});
   job.down = check.input<double>("down", down, {n, h - 1, w});
   job.result = check.output<double>("result", result, {n, h, w});
-  require(reweightings >= 1, "reweightings is not 1 or more");
+  require(reweightings >= 1 && reweightings <= 100, "reweightings is not in 1..100");
   require(least > 0 && anchor_width > 0 && tie_width > 0, "least and the widths are not above 0");
   job.reweightings = reweightings;
   job.least = least, job.anchor_width = anchor_width, job.tie_width = tie_width;
