@@ -15,7 +15,7 @@ from room2dgs.mesh.views import FusedView
 
 
 def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str = "cpu") -> trimesh.Trimesh:
-    """Fuse, mesh and clean; the views are taken one at a time and not kept.
+    """Fuse, mesh, clean and smooth; the views are taken one at a time and not kept.
 
     With mesh.space=contracted they are taken several times, and kept if `views` can be taken only once.
 
@@ -39,7 +39,7 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str =
             f"every piece of the mesh has fewer than mesh.min_triangles={config.min_triangles} faces; lower it"
         )
     log(f"mesh: {len(mesh.faces):,} faces, {len(raw.faces) - len(mesh.faces):,} dropped by cleaning")
-    return _few(_filled(mesh, config, log), config, log)
+    return _few(_filled(_smooth(mesh, config), config, log), config, log)
 
 
 def _integrated(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:
@@ -62,6 +62,12 @@ class _OnCpu:
 
     def __iter__(self) -> Iterator[FusedView]:
         return (view.on_cpu() for view in self._views)
+
+
+def _smooth(mesh: trimesh.Trimesh, config: MeshConfig) -> trimesh.Trimesh:
+    from room2dgs.mesh.smooth import smoothed
+
+    return clean(smoothed(mesh, config.smoothing_steps)) if config.smoothing_steps else mesh
 
 
 def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:

@@ -32,10 +32,13 @@ class MeshConfig:
     min_weight: Float = Field(ge=0, description="voxels that fewer views have seen are not meshed")
     min_triangles: Int = Field(ge=0, description="smaller connected pieces are dropped")
     keep_clusters: Int = Field(ge=1, description="at most this many connected pieces")
+    smoothing_steps: Int = Field(
+        ge=0, le=100, description="what takes the roughness of the voxels off the surface; rims stay (0: as it is)"
+    )
     fill: Literal["none", "holes", "watertight"] = Field(
         description="none | holes: close small ones | watertight: a closed surface, also where nothing was seen"
     )
     fill_hole_m: Float = Field(ge=0, le=100, description="fill=holes: diameter of the largest that is closed")
     max_error_m: Float | None = Field(
-        gt=0, description="as few faces as keep 99.9 % this close to the extracted surface (null: all faces)"
+        gt=0, description="as few faces as keep 99.9 % this close to the whole surface (null: all faces)"
     )
