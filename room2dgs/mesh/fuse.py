@@ -14,6 +14,10 @@ from room2dgs.mesh.tsdf import integrate
 from room2dgs.mesh.views import FusedView
 
 
+class NoSurface(InputError):
+    """The depth maps make no surface under these settings."""
+
+
 def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str = "cpu") -> trimesh.Trimesh:
     """Fuse, mesh, clean and smooth; the views are taken one at a time and not kept.
 
@@ -26,16 +30,16 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str =
         Coloured mesh in the world frame, metres, faces towards the cameras; the same on any number of threads.
 
     Raises:
-        InputError: no surface is left; names the settings to relax. No GPU where one is asked for.
+        NoSurface: no surface is left; names the settings to relax.
+        InputError: no GPU where one is asked for.
     """
-    raw = _integrated(views, config, device)
+    watched = _Watched(views, config)
+    raw = _integrated(watched, config, device)
     if not len(raw.faces):
-        raise InputError(
-            "no surface came out of the depth maps; train longer, or lower mesh.min_weight or mesh.min_alpha"
-        )
+        raise NoSurface(_why_none(config) if watched.any_pixel else _why_no_pixel(config))
     mesh = clean(raw, config.min_triangles, config.keep_clusters)
     if not len(mesh.faces):
-        raise InputError(
+        raise NoSurface(
             f"every piece of the mesh has fewer than mesh.min_triangles={config.min_triangles} faces; lower it"
         )
     log(f"mesh: {len(mesh.faces):,} faces, {len(raw.faces) - len(mesh.faces):,} dropped by cleaning")
@@ -51,7 +55,55 @@ def _integrated(views: Iterable[FusedView], config: MeshConfig, device: str) -> 
         return integrate(views, config)
     from room2dgs.mesh.contracted import integrate_contracted
 
-    return integrate_contracted(_OnCpu(list(views) if iter(views) is views else views), config)
+    return integrate_contracted(_OnCpu(views), config)
+
+
+class _Watched:
+    """The views as they come, each time that they are gone through.
+
+    Attributes:
+        any_pixel: whether one of them had a depth that may be fused.
+    """
+
+    def __init__(self, views: Iterable[FusedView], config: MeshConfig) -> None:
+        once = iter(views) is views
+        self._views = list(views) if once and config.space != "bounded" else views
+        self._farthest = config.max_depth_m
+        self.any_pixel = False
+
+    def __iter__(self) -> Iterator[FusedView]:
+        for view in self._views:
+            if not self.any_pixel:
+                usable = (view.depth > 0) & (view.depth <= self._farthest)
+                self.any_pixel = bool((usable if view.weight is None else usable & (view.weight > 0)).any())
+            yield view
+
+
+def _why_no_pixel(config: MeshConfig) -> str:
+    helps = [f"raise mesh.max_depth_m={config.max_depth_m:g}"]
+    if config.source == "surfels":
+        helps = ["train longer", *helps]
+        if config.min_alpha > 0:
+            helps.append(f"lower mesh.min_alpha={config.min_alpha:g}")
+        if config.max_angle_deg < 90:
+            helps.append(f"raise mesh.max_angle_deg={config.max_angle_deg:g}")
+    else:
+        helps = ["add photos that overlap", *helps]
+        if config.min_confidence > 0:
+            helps.append(f"lower mesh.min_confidence={config.min_confidence:g}")
+    return f"no pixel of the depth maps may be fused; {_either(helps)}"
+
+
+def _why_none(config: MeshConfig) -> str:
+    helps = ["train longer" if config.source == "surfels" else "add photos of the same places"]
+    if config.min_weight > 1:  # one view is the least that a voxel can be seen by
+        helps.append(f"lower mesh.min_weight={config.min_weight:g}")
+    helps.append(f"take larger voxels than mesh.voxel_m={config.voxel_m:g}")
+    return f"no surface came out of the depth maps; {_either(helps)}"
+
+
+def _either(parts: list[str]) -> str:
+    return f"{', '.join(parts[:-1])} or {parts[-1]}"
 
 
 class _OnCpu:

@@ -129,7 +129,7 @@ def test_nothing_seen_is_nothing_and_no_gpu_is_one_sentence():
     speck = empty.depth.copy()
     speck[1, 1] = 1.0  # beside the pixels that are followed
     for nothing in (empty, replace(view, depth=speck)):
-        with pytest.raises(InputError, match=r"mesh\.min_weight"):
+        with pytest.raises(InputError, match=r"no (pixel|surface)"):
             fuse([nothing], make_config(), lambda _: None, "blocks")
     with pytest.raises(InputError, match=r"render\.device=cuda lacks"):
         fuse([view], make_config(), lambda _: None, "cuda")

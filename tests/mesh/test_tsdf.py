@@ -12,7 +12,7 @@ from room2dgs.config import MeshConfig, load_config
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.clean import clean
-from room2dgs.mesh.fuse import fuse
+from room2dgs.mesh.fuse import NoSurface, fuse
 from room2dgs.mesh.reference import fused_voxels
 from room2dgs.mesh.tsdf import integrate
 from room2dgs.mesh.views import FusedView
@@ -202,5 +202,37 @@ def test_a_view_with_hardly_any_depth_is_passed_over():
     sparse = plane_view(camera, np.array([0, 0, 1.0]), 2.0)
     depth = np.zeros_like(sparse.depth)
     depth[1, 1] = 2.0
-    with pytest.raises(InputError, match=r"mesh\.min_weight"):
+    with pytest.raises(NoSurface, match="no surface came out"):
         fuse([FusedView(camera, depth, sparse.color)], make_config(), print)
+
+
+@pytest.mark.parametrize(
+    "changes, helps, not_these",
+    [
+        ({}, ["train longer", "mesh.voxel_m=0.05"], ["min_weight", "max_depth_m", "min_alpha"]),
+        ({"min_weight": 3.0}, ["lower mesh.min_weight=3"], ["max_depth_m"]),
+        ({"source": "depth"}, ["add photos of the same places", "mesh.voxel_m"], ["train", "min_weight"]),
+        ({"max_depth_m": 1.0}, ["train longer", "mesh.max_depth_m=1", "mesh.min_alpha=0.5", "max_angle"], ["weight"]),
+        ({"max_depth_m": 1.0, "min_alpha": 0.0}, ["mesh.max_depth_m=1"], ["min_alpha"]),
+        ({"max_depth_m": 1.0, "source": "depth"}, ["add photos", "mesh.max_depth_m=1"], ["alpha", "confidence"]),
+        ({"max_depth_m": 1.0, "source": "depth", "min_confidence": 0.2}, ["mesh.min_confidence=0.2"], ["train"]),
+    ],
+)
+@pytest.mark.parametrize("space", ["bounded", "contracted"])
+def test_what_is_said_of_no_surface_helps_under_the_settings_in_force(changes, helps, not_these, space):
+    camera = make_camera()
+    wall = plane_view(camera, np.array([0, 0, 1.0]), 2.0)
+    speck = np.zeros_like(wall.depth)
+    speck[1, 1] = 2.0  # a pixel is no surface
+    view = FusedView(camera, speck, wall.color)
+    with pytest.raises(NoSurface) as said:
+        fuse(iter([view]), make_config(voxel_m=0.05, space=space, **changes), print)
+    assert all(words in str(said.value) for words in helps)
+    assert not any(words in str(said.value) for words in not_these)
+
+
+def test_depth_that_weighs_nothing_is_not_taken_for_depth():
+    camera = make_camera()
+    wall = plane_view(camera, np.array([0, 0, 1.0]), 2.0)
+    with pytest.raises(NoSurface, match="no pixel of the depth maps may be fused"):
+        fuse([FusedView(camera, wall.depth, wall.color, np.zeros_like(wall.depth))], make_config(), print)
