@@ -44,6 +44,14 @@ def run_log(out: Path | str) -> Log:
     return log
 
 
+def logged(out: Path) -> list[str]:
+    """Lines of the log of the run in `out`; none where it cannot be read."""
+    try:
+        return (out / LOG_FILE).read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return []
+
+
 def open_log() -> Path | None:
     """The log file of the run in this process, if there is one."""
     return next((handler.path for handler in _run_handlers() if handler.path.exists()), None)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,6 +39,9 @@ def main(argv: list[str]) -> int:
     point cloud (dense.ply), a mesh of the depth alone (mesh.ply), and a report of coverage and time (report.html,
     coverage.json).
 
+    Where photos tell no depth, of a camera that only turned, maps and cloud are empty and there is no mesh; report and
+    coverage say so.
+
     The maps are .npy files named as the photos: depth in metres (0 = none), unit normals in the world frame, errors in
     metres. `room2dgs run ... prior/depth=files prior.depth.path=OUT/depth prior.depth.align=false` trains with them.
     fill=true fills what stereo leaves empty with the network's depth (prior=room_prior), drawn to stereo's: filled/ and
@@ -52,9 +56,7 @@ def main(argv: list[str]) -> int:
     with timed(seconds, "read"):
         scene = read(config, keep=True)
     with claimed(config) as out, cached(scene, out):
-        from room2dgs.mesh.fuse import fuse
-        from room2dgs.mesh.io import write_mesh
-        from room2dgs.sfm.sparse import sparse_points
+        from room2dgs.sfm.sparse import MayLack, sparse_points
         from room2dgs.stereo.scene import coverage, scene_stereo
 
         log = run_log(out)
@@ -62,7 +64,8 @@ def main(argv: list[str]) -> int:
         scene = refined(scene, config, out, log, seconds)
         with timed(seconds, "points"):
             cache = Path(config.points.cache or out / POINTS)
-            points = sparse_points(scene, config.points, cache, log, may_lack=fills and knows_metres(config))
+            may_lack = MayLack.WITH_METRES if fills and knows_metres(config) else MayLack.IN_ONE_PLACE
+            points = sparse_points(scene, config.points, cache, log, may_lack)
         with timed(seconds, "stereo"):
             cameras, found = scene_stereo(scene.train, points, config.stereo, log, config.render.device)
             views = list(found)
@@ -78,10 +81,9 @@ def main(argv: list[str]) -> int:
             count = _write_cloud(out, scene.train, cameras, views, config.stereo.cell_m)
         log(f"points: {out / CLOUD}, {count:,}")
         if share.any() or any(one.depth is not None for one in maps.values()):
+            depths = trusted_views(scene, priors, config) if priors else _fused_views(scene.train, cameras, views)
             with timed(seconds, "mesh"):
-                depths = trusted_views(scene, priors, config) if priors else _fused_views(scene.train, cameras, views)
-                write_mesh(out / MESH, fuse(depths, config.mesh, log, config.render.device))
-            log(f"mesh: {out / MESH}")
+                _write_mesh(depths, config, out, log)
         part = {
             "stereo_coverage": round(float(share.mean()), 4),
             "dense_points": count,
@@ -90,6 +92,21 @@ def main(argv: list[str]) -> int:
         record(out, part, seconds)
         _report(scene, views, maps, seconds, config, out, log)
     return 0
+
+
+def _write_mesh(views: Iterable[FusedView], config: Config, out: Path, log: Log) -> None:
+    """mesh.ply; a warning where the depth is too little for a surface, which maps, cloud and report still show."""
+    from room2dgs.mesh.fuse import NoSurface, fuse
+    from room2dgs.mesh.io import write_mesh
+
+    settings = replace(config.mesh, source="depth")  # there are no surfels here, whatever a run would mesh
+    try:
+        mesh = fuse(views, settings, log, config.render.device)
+    except NoSurface as error:
+        log(f"WARNING: no mesh: {error}")
+        return
+    write_mesh(out / MESH, mesh)
+    log(f"mesh: {out / MESH}")
 
 
 def _report(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.settings_help import asked_for_help, settings
-from room2dgs.commands.stages import knows_metres, read, rendered, trained_surfels, use_threads, with_poses_of_run
+from room2dgs.commands.stages import points_may_lack, read, rendered, trained_surfels, use_threads, with_poses_of_run
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
@@ -113,7 +113,7 @@ def source_of(config: Config, log: Log) -> Source:
         read_surfels=lambda: trained_surfels(out),
         read_mesh=lambda: read_mesh(required(out / MESH, "mesh")),
         read_points=lambda scene: sparse_points(
-            scene, config.points, Path(config.points.cache or out / POINTS), log, may_lack=knows_metres(config)
+            scene, config.points, Path(config.points.cache or out / POINTS), log, may_lack=points_may_lack(config)
         ),
         render=lambda surfels, frames: rendered(surfels, frames, config),
         log=log,

@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be r
     import numpy as np
 
     from room2dgs.priors import Priors
+    from room2dgs.sfm.sparse import MayLack
     from room2dgs.splat.types import Rendering, Surfels
 
 
@@ -115,7 +116,7 @@ def points_and_priors(
     log(f"{len(scene.train)} training views, {len(scene.test)} held out")
     with timed(seconds, "points"):
         cache = Path(config.points.cache or out / POINTS)
-        points = sparse_points(scene, config.points, cache, log, may_lack=knows_metres(config))
+        points = sparse_points(scene, config.points, cache, log, may_lack=points_may_lack(config))
     with timed(seconds, "priors"):
         priors = read_priors(scene, points, config, out, log)
     part = {
@@ -131,6 +132,13 @@ def points_and_priors(
 def knows_metres(config: Config) -> bool:
     """Whether a prior gives depth in metres, whatever the photos say of it."""
     return config.prior.depth.source != "none" and config.prior.depth.meaning == "metric_depth"
+
+
+def points_may_lack(config: Config) -> MayLack:
+    """Whether a run goes on without sparse points."""
+    from room2dgs.sfm.sparse import MayLack
+
+    return MayLack.WITH_METRES if knows_metres(config) else MayLack.NEVER
 
 
 def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log: Log) -> Priors:

@@ -6,6 +6,7 @@ import hashlib
 import json
 import tempfile
 from collections.abc import Sequence
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,16 @@ RECIPE = 2
 NEXT = 2  # photos after each that it is compared with where there is no parallax
 
 
+class MayLack(Enum):
+    """When too few points are no reason to stop; photos that contradict their poses always are one."""
+
+    NEVER = "never"
+    IN_ONE_PLACE = "in one place"  # where no photo could tell a depth: that there is none is the answer
+    WITH_METRES = "with metres"  # depth in metres comes from elsewhere
+
+
 def sparse_points(
-    scene: Scene, config: PointsConfig, cache: Path, log: Log = print, may_lack: bool = False
+    scene: Scene, config: PointsConfig, cache: Path, log: Log = print, may_lack: MayLack = MayLack.NEVER
 ) -> PointCloud:
     """The scene's sparse points.
 
@@ -39,11 +48,10 @@ def sparse_points(
     Args:
         cache: folder for the result, made if needed.
         log: takes one line at a time.
-        may_lack: depth in metres comes from elsewhere, so that photos without parallax are no reason to stop, unless
-            they contradict their poses.
+        may_lack: whether too few points are only a warning.
 
     Returns:
-        At least `MIN_POINTS`; metres, world frame; none at all if `may_lack` and photos give fewer.
+        At least `MIN_POINTS`; metres, world frame; none at all if they `may_lack` and photos give fewer.
 
     Raises:
         InputError: too few points, photos that disagree with their poses, or an unusable file.
@@ -71,11 +79,11 @@ def sparse_points(
     with tempfile.TemporaryDirectory(prefix=".sfm-", dir=cache) as work:
         points = triangulate(scene.train, config, Path(work), log)
         if len(points) < MIN_POINTS:
-            if not may_lack:
+            if may_lack is MayLack.NEVER or (may_lack is MayLack.IN_ONE_PLACE and not _in_one_place(scene)):
                 raise InputError(_too_few(scene, len(points)))
             (Path(work) / "again").mkdir()
             _stop_if_contradicted(scene, config, Path(work) / "again")
-            log(f"WARNING: {_too_few_to_use(scene, len(points))}")
+            log(f"WARNING: {_too_few_to_use(scene, len(points), may_lack)}")
             return _no_points(scene)
     log(f"points: {len(points)} triangulated, seen by {points.track_length.mean():.1f} views on average")
     keep_points(scene, config, cache, points)
@@ -84,7 +92,7 @@ def sparse_points(
 
 def _too_few(scene: Scene, count: int) -> str:
     elsewhere = "give points.source=file points.file=PATH, or prior=room_prior for the network's depth"
-    if _reach_m(scene) < ONE_PLACE_M:
+    if _in_one_place(scene):
         return f"{_why(scene, count)}, so photos tell no depth; walk while filming, do not only turn, {elsewhere}"
     return (
         f"{_why(scene, count)}, at least {MIN_POINTS} are needed; add sharp overlapping photos, lower "
@@ -92,7 +100,12 @@ def _too_few(scene: Scene, count: int) -> str:
     )
 
 
-def _too_few_to_use(scene: Scene, count: int) -> str:
+def _too_few_to_use(scene: Scene, count: int, may_lack: MayLack) -> str:
+    if may_lack is MayLack.IN_ONE_PLACE:
+        return (
+            f"{_why(scene, count)}, so photos tell no depth and stereo finds next to none; walk while filming, do not "
+            "only turn, or take a network's depth: fill=true prior=room_prior"
+        )
     return (
         f"{_why(scene, count)}, so photos tell no depth: depth and the scale of the room are the prior's alone; walk "
         "while filming, do not only turn, with photos that overlap"
@@ -100,10 +113,13 @@ def _too_few_to_use(scene: Scene, count: int) -> str:
 
 
 def _why(scene: Scene, count: int) -> str:
-    reach = _reach_m(scene)
-    if reach < ONE_PLACE_M:
-        return f"{scene.path} was taken from one place (its cameras are at most {100 * reach:.1f} cm apart)"
+    if _in_one_place(scene):
+        return f"{scene.path} was taken from one place (its cameras are at most {100 * _reach_m(scene):.1f} cm apart)"
     return f"{scene.path} gives {count} points from {len(scene.train)} photos"
+
+
+def _in_one_place(scene: Scene) -> bool:
+    return _reach_m(scene) < ONE_PLACE_M
 
 
 def _reach_m(scene: Scene) -> float:

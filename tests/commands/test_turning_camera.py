@@ -13,7 +13,7 @@ from room2dgs import cli
 from room2dgs.captures.read import read_scene
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
-from room2dgs.sfm.sparse import sparse_points
+from room2dgs.sfm.sparse import MayLack, sparse_points
 
 EYE = np.array([1.9, 2.1, 1.3])
 K = np.array([[260, 0, 159.5, 0], [0, 260, 119.5, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -38,6 +38,16 @@ def true_depth(pose):
     return np.where(rays < -1e-6, -pose[:3, 3] / np.minimum(rays, -1e-6), np.inf).min(axis=-1).astype(np.float32)
 
 
+def write_wrongly_turned(folder, views):
+    """Each pose turned to the side by a part of what lies between two photos, the other way round every second time."""
+    wrong = []
+    for index, (pose, photo) in enumerate(views):
+        turned = pose.copy()
+        turned[:3, :3] = cv2.Rodrigues(np.array([0, 0, 0.03 * (-1) ** index]))[0] @ pose[:3, :3]
+        wrong.append((turned, photo))
+    return write_capture(folder, wrong)
+
+
 @pytest.fixture(scope="module")
 def views(corner_walk):
     angles = np.radians(np.linspace(200, 250, VIEWS))
@@ -55,7 +65,7 @@ def turning(views, tmp_path_factory):
     return folder
 
 
-def points_of(folder, cache, may_lack=True):
+def points_of(folder, cache, may_lack=MayLack.WITH_METRES):
     config = load_config([f"scene.path={folder}", "out=unused", "points.max_features=1000"])
     log = []
     found = sparse_points(read_scene(config.scene), config.points, cache, log.append, may_lack)
@@ -73,17 +83,11 @@ def test_photos_that_agree_with_the_rotations_are_no_reason_to_stop(turning, tmp
     assert len(points) == 0 and not len(points.tracks)
     assert "WARNING" in said and "was taken from one place" in said and "the prior's alone" in said
     with pytest.raises(InputError, match=r"was taken from one place.*walk while filming"):
-        points_of(turning / "capture", tmp_path, may_lack=False)
+        points_of(turning / "capture", tmp_path, may_lack=MayLack.NEVER)
 
 
 def test_rotations_that_the_photos_contradict_stop_the_run(views, tmp_path):
-    """Each pose turned to the side by a part of what lies between two photos, the other way round every second time."""
-    wrong = []
-    for index, (pose, photo) in enumerate(views):
-        turned = pose.copy()
-        turned[:3, :3] = cv2.Rodrigues(np.array([0, 0, 0.03 * (-1) ** index]))[0] @ pose[:3, :3]
-        wrong.append((turned, photo))
-    write_capture(tmp_path / "capture", wrong)
+    write_wrongly_turned(tmp_path / "capture", views)
     with pytest.raises(InputError, match=r"poses that its photos contradict.*check that they belong"):
         points_of(tmp_path / "capture", tmp_path / "cache")
     assert list((tmp_path / "cache").iterdir()) == []
@@ -130,3 +134,62 @@ def test_without_a_prior_one_sentence_says_what_to_do(turning, tmp_path, capsys)
     said = capsys.readouterr().err
     assert "was taken from one place" in said and "prior=room_prior" in said and "Traceback" not in said
     assert not (tmp_path / "out").exists()
+
+
+def depth_of(capture, out, *more):
+    """Exit code of `room2dgs depth`."""
+    small = ["scene.test_every=0", "scene.image_width=160", "points.max_features=1000", "mesh.voxel_m=0.04"]
+    return cli.main(["depth", f"scene.path={capture}", f"out={out}", *small, "mesh.min_triangles=10", *more])
+
+
+def test_depth_of_a_turning_camera_is_empty_and_says_so(turning, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert depth_of(turning / "capture", out) == 0
+    log = (out / "log.txt").read_text()
+    assert log.count("WARNING") == 1 and "stereo: 0% of the pixels of 8 views" in log
+    coverage = json.loads((out / "coverage.json").read_text())
+    assert coverage["total"]["stereo"] == 0 and coverage["total"]["error_m"] is None
+    assert [photo["stereo"] for photo in coverage["photos"]] == [0] * VIEWS
+    for kind in ("depth", "normal", "error", "agreeing"):
+        maps = [np.load(path) for path in (out / kind).glob("*.npy")]
+        assert len(maps) == VIEWS and not any(one.any() for one in maps)
+    assert (out / "dense.ply").exists() and not (out / "mesh.ply").exists()
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "was taken from one place" in page and "fill=true" in page
+
+
+def test_depth_of_poses_that_photos_contradict_stops_and_leaves_nothing(views, tmp_path, capsys):
+    write_wrongly_turned(tmp_path / "capture", views)
+    assert depth_of(tmp_path / "capture", tmp_path / "out") == 2
+    assert "poses that its photos contradict" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_depth_of_photos_with_nothing_in_common_stops(views, tmp_path, capsys):
+    """Cameras far apart, blank photos: no points, but not of one place."""
+    blank = [(pose.copy(), np.full_like(photo, 128)) for pose, photo in views]
+    for index, (pose, _) in enumerate(blank):
+        pose[0, 3] += 0.2 * index
+    write_capture(tmp_path / "capture", blank)
+    assert depth_of(tmp_path / "capture", tmp_path / "out") == 2
+    assert "add sharp overlapping photos" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_too_little_depth_for_a_mesh_is_a_warning(turning, tmp_path, capsys):
+    """All of the prior's depth is farther than may be fused: maps and report are there, the mesh is not."""
+    out = tmp_path / "out"
+    prior = ["prior=files", f"prior.depth.path={turning / 'maps'}", "prior.normal.source=none", "fill=true"]
+    assert depth_of(turning / "capture", out, *prior, "mesh.max_depth_m=0.2") == 0
+    warning = "no mesh: no pixel of the depth maps may be fused"
+    assert f"WARNING: {warning}" in (out / "log.txt").read_text()
+    assert warning in (out / "report.html").read_text(encoding="utf-8") and not (out / "mesh.ply").exists()
+    assert json.loads((out / "coverage.json").read_text())["total"]["filled"] > 0.99
+
+
+@pytest.mark.slow
+def test_filled_depth_of_a_turning_camera_is_the_priors(turning, tmp_path):
+    out = tmp_path / "out"
+    prior = ["prior=files", f"prior.depth.path={turning / 'maps'}", "prior.normal.source=none"]
+    assert depth_of(turning / "capture", out, "fill=true", *prior) == 0
+    total = json.loads((out / "coverage.json").read_text())["total"]
+    assert total["stereo"] == 0 and total["filled"] > 0.99
+    assert np.median(np.abs(trimesh.load(out / "mesh.ply").vertices).min(axis=1)) < 0.01

@@ -13,6 +13,7 @@ from room2dgs.captures.scene import Frame, Scene
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config, dump_config
 from room2dgs.files import whole_file
+from room2dgs.logs import logged
 from room2dgs.report.page import Figure, page
 from room2dgs.report.table import NOTHING, Table, table
 from room2dgs.runs.depth_coverage import Coverage, counted, total
@@ -64,7 +65,7 @@ def write_depth_report(
         title=f"Depth from photos: {Path(config.scene.path).name}",
         opening=f"Capture {config.scene.path}: every photo was compared with its neighbours, in {config.out}.",
         facts=_facts(whole, len(photos), metrics),
-        warnings=[*scene.warnings, *_little(photos)],
+        warnings=[*_warnings(scene, out), *_little(photos)],
         advice=ADVICE,
         tables=[_totals(whole), _seconds(metrics, len(photos))],
         pictured=pictured,
@@ -88,6 +89,11 @@ def _facts(whole: Coverage, count: int, metrics: dict[str, Any]) -> list[dict[st
         found.append((f"{1000 * whole.error_m:.1f} mm", "expected error of stereo (median)"))
     found.append((f"{wall / count:.2f} s", f"a photo ({cpu / count:.2f} s of all cores)"))
     return [{"value": value, "what": what} for value, what in found]
+
+
+def _warnings(scene: Scene, out: Path) -> list[str]:
+    """The capture's, and what the log warned of besides."""
+    return list(dict.fromkeys([*scene.warnings, *words.logged_warnings(logged(out))]))
 
 
 def _little(photos: Sequence[Coverage]) -> list[str]:

@@ -81,11 +81,13 @@ def warnings(scene: Scene, config: Config, metrics: dict[str, Any], log: Sequenc
         lines.append("Depth or normals were simulated from the ground truth: a study of the method, not a result.")
     if metrics.get("iterations") is not None and metrics["iterations"] < config.train.iterations:
         lines.append(f"Training ended after {metrics['iterations']} of {config.train.iterations} iterations.")
-    for line in log:
-        start, _, rest = line.partition(": ")
-        if start.lower() == "warning" and rest not in lines:
-            lines.append(rest)
-    return lines
+    return lines + [line for line in logged_warnings(log) if line not in lines]
+
+
+def logged_warnings(log: Sequence[str]) -> list[str]:
+    """What the log warned of, each once."""
+    parts = (line.partition(": ") for line in log)
+    return list(dict.fromkeys(rest for start, _, rest in parts if start.lower() == "warning"))
 
 
 def tables(metrics: dict[str, Any]) -> list[Table]:

@@ -17,7 +17,7 @@ from room2dgs.eval.shading import error_color
 from room2dgs.eval.upright import up_axis
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
-from room2dgs.logs import LOG_FILE
+from room2dgs.logs import logged
 from room2dgs.mesh.io import read_mesh
 from room2dgs.report.page import page
 from room2dgs.runs.folder import MESH, REPORT, TRUST
@@ -56,7 +56,7 @@ def write_report(scene: Scene, surfels: Surfels | None, rendered: Rendered, conf
         InputError: the run's mesh or a photo cannot be read.
     """
     metrics = earlier(out)
-    log = _lines(out / LOG_FILE)
+    log = logged(out)
     maps = trust.read_trust(out / TRUST)
     source = str(metrics.get("depth_source") or "none")
     room, seen, places = _room(scene, config, out)
@@ -162,13 +162,6 @@ def _scale(labels: list[str], what: str) -> list[tuple[str, str]]:
 
 def _css(color: tuple[float, ...]) -> str:
     return f"rgb({', '.join(str(round(part * 255)) for part in color)})"
-
-
-def _lines(path: Path) -> list[str]:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return []
 
 
 @cache
