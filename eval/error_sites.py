@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -44,6 +44,18 @@ def where_the_error_sits(result: AreaResult, pred: Surface, gt: Surface, cameras
         "precision": _part(result.pred, pred_kind, threshold, cameras, pred, gt),
         "recall": _part(result.gt, true_kind, threshold, cameras, gt, gt),
     }
+
+
+def far_m(threshold_m: float) -> float:
+    """From where on the breakdown by distance has no more bins."""
+    return threshold_m * DISTANCE_BINS**2
+
+
+def far_share(sites: Mapping[str, Any]) -> float:
+    """Share of the prediction that is at least `far_m` from the ground truth."""
+    part = sites["precision"]
+    *_, farthest = part["by_distance"].values()
+    return part["wrong"] * farthest["wrong"]
 
 
 def sentences(sites: dict[str, Any]) -> list[str]:
@@ -88,7 +100,7 @@ def _part(
 
 
 def _by_distance(distance: np.ndarray, threshold: float) -> dict[str, dict[str, float]]:
-    edges = [threshold, threshold * DISTANCE_BINS, threshold * DISTANCE_BINS**2, np.inf]
+    edges = [threshold, threshold * DISTANCE_BINS, far_m(threshold), np.inf]
     rows = {}
     for low, high in pairwise(edges):
         last = f"{low * 100:g}-{high * 100:g} cm" if np.isfinite(high) else f"over {low * 100:g} cm"

@@ -164,7 +164,9 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     seconds = Stages()
     compared = compare if config.stereo.enabled else None
     priors = load_priors(scene.train, points, settings, log, compared, partial(timed, seconds))
-    record(out, {"prior_seconds": by_stage(seconds)}, {})
+    covered = [float((depth > 0).mean()) for depth, _ in stereo.values()]
+    share = round(sum(covered) / len(covered), 4) if covered else None
+    record(out, {"prior_seconds": by_stage(seconds), "stereo_coverage": share}, {})
     write_trust(out / TRUST, scene.train, priors.by_frame, stereo)
     if priors.fits:
         rows = ["view,scale,shift,median_relative_residual,points"]

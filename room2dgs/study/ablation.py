@@ -9,10 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from room2dgs.eval.error_sites import far_share
 from room2dgs.eval.geometry_scores import threshold_name
 
 FULL = "full"
 FINE = "f_score_2cm"
+FAR_OFF = "far_off"
 SCORING = ("export", "render", "eval", "report")  # stages that make no mesh
 
 
@@ -133,7 +135,8 @@ def figures_of(metrics: Mapping[str, Any] | None, at: str) -> dict[str, float]:
     """The table's figures that a run's metrics.json has, by name.
 
     Args:
-        at: name of the leading threshold, e.g. "5cm": figure "f_score" is at it, "f_score_2cm" always at 2 cm.
+        at: name of the leading threshold, e.g. "5cm": figure "f_score" is at it, "f_score_2cm" always at 2 cm,
+            "far_off" from four times it on.
     """
     metrics = metrics or {}
     seconds = metrics.get("seconds") or {}
@@ -147,6 +150,7 @@ def figures_of(metrics: Mapping[str, Any] | None, at: str) -> dict[str, float]:
         FINE: scores.get(FINE),
         "chamfer_m": metrics.get("chamfer_m"),
         "psnr_db": metrics.get("psnr_db"),
+        "stereo_coverage": metrics.get("stereo_coverage"),
         "primitives": metrics.get("primitives"),
         "points_s": seconds.get("points"),
         "priors_s": seconds.get("priors"),
@@ -157,6 +161,8 @@ def figures_of(metrics: Mapping[str, Any] | None, at: str) -> dict[str, float]:
     for name, stages in (("run_s", seconds), ("cpu_s", metrics.get("cpu_seconds") or {})):
         if stages:
             found[name] = sum(value for stage, value in stages.items() if stage not in SCORING)
+    if metrics.get("where_the_error_sits"):
+        found[FAR_OFF] = far_share(metrics["where_the_error_sits"])
     if seconds.get("train") is not None and seconds.get("mesh") is not None:
         found["train_and_mesh_s"] = seconds["train"] + seconds["mesh"]
     return {name: float(value) for name, value in found.items() if value is not None}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from room2dgs.report.table import NOTHING, Table, table
-from room2dgs.study.ablation import FINE, FULL, Row, Study, Value, difference
+from room2dgs.study.ablation import FAR_OFF, FINE, FULL, Row, Study, Value, difference
 
 SIMULATED = "simulated priors"
 # figure -> factor and decimals of what is shown
@@ -16,6 +16,8 @@ SHOWN: dict[str, tuple[float, int]] = {
     "recall": (1, 3),
     "f_score": (1, 3),
     FINE: (1, 3),
+    FAR_OFF: (100, 1),
+    "stereo_coverage": (100, 0),
     "chamfer_m": (100, 1),
     "psnr_db": (1, 1),
     "primitives": (1, 0),

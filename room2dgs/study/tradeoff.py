@@ -14,11 +14,12 @@ import yaml
 
 from room2dgs.config import conf_dir
 from room2dgs.errors import InputError
+from room2dgs.eval.error_sites import far_m
 from room2dgs.eval.geometry_scores import threshold_name
 from room2dgs.files import whole_file
 from room2dgs.report.table import NOTHING, Table, markdown, table
 from room2dgs.study import suite
-from room2dgs.study.ablation import FINE, Row
+from room2dgs.study.ablation import FAR_OFF, FINE, Row
 from room2dgs.study.ablation_tables import shown
 from room2dgs.study.jobs import Job
 from room2dgs.study.named_points import named_points
@@ -31,6 +32,8 @@ COLUMNS = {
     "F @ 2cm": FINE,
     "precision": "precision",
     "recall": "recall",
+    "over {far} off (%)": FAR_OFF,
+    "stereo covers (%)": "stereo_coverage",
     "chamfer (cm)": "chamfer_m",
     "PSNR (dB)": "psnr_db",
     "seconds": "run_s",
@@ -117,7 +120,9 @@ def score_table(found: Tradeoff) -> Table:
         "settings": lambda line: line[1],
     }
     for heading, figure in COLUMNS.items():
-        columns[heading.format(at=found.at)] = lambda line, figure=figure: shown(line[2].get(figure), figure)
+        columns[heading.format(at=found.at, far=f"{100 * far_m(found.threshold_m):g} cm")] = (
+            lambda line, figure=figure: shown(line[2].get(figure), figure)
+        )
     return table("", columns, lines)
 
 

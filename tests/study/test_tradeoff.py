@@ -34,6 +34,9 @@ class FakeRuns:
             return subprocess.CompletedProcess(command, 2, None, "room2dgs: no such thing")
         trained = config.mesh.source == "surfels"
         metrics = {"f_score_5cm": 0.5 + 0.2 * trained + 0.1 * (Path(config.scene.path).name == "b"), "commit": "abc"}
+        by_distance = {"5-10 cm": {"wrong": 0.5}, "10-20 cm": {"wrong": 0.3}, "over 20 cm": {"wrong": 0.2}}
+        metrics["where_the_error_sits"] = {"precision": {"wrong": 0.1, "by_distance": by_distance}}
+        metrics["stereo_coverage"] = 0.45 if config.stereo.enabled else None
         seconds = {"priors": 10.0, "mesh": 5.0, "eval": 100.0} | ({"train": 20.0} if trained else {})
         cpu = {name: 2 * value for name, value in seconds.items()}
         (out / "metrics.json").write_text(json.dumps({**metrics, "seconds": seconds, "cpu_seconds": cpu}))
@@ -68,6 +71,15 @@ def test_every_capture_runs_with_every_points_settings_and_the_means_are_told(fa
     assert "last, whole: train.iterations=70" in text
     assert len((out / "tradeoff.csv").read_text().splitlines()) == 7
     assert "<img" in (out / "tradeoff.html").read_text() and (out / "tradeoff.png").stat().st_size > 10_000
+
+
+def test_stereos_share_and_what_is_far_off_stand_beside_the_scores(fake, wall, tmp_path):
+    out = tmp_path / "out"
+    assert cli.main(["bench", "tradeoff", str(wall), f"out={out}", "points=stereo", "mesh.source=depth"]) == 0
+    table = [line.split("|") for line in (out / "tradeoff.md").read_text().splitlines() if line.startswith("| ")]
+    assert [cell.strip() for cell in table[0]][7:9] == ["over 20cm off (%)", "stereo covers (%)"]
+    cells = {line[2].strip(): (line[7].strip(), line[8].strip()) for line in table[1:]}
+    assert cells["with stereo"] == ("2.0", "45") and cells["without"][0] == "2.0" and "45" not in cells["without"][1]
 
 
 def test_a_failed_run_is_named_and_what_is_finished_stays(fake, wall, tmp_path, capsys):
