@@ -15,9 +15,10 @@ from room2dgs.commands.own_arguments import own_arguments, whole_number
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read, trained_surfels, use_threads, with_poses_of_run
 from room2dgs.config import Config
-from room2dgs.runs.folder import MESH, earlier_run
+from room2dgs.runs.folder import MESH, earlier_run, required
 
 if TYPE_CHECKING:
+    from room2dgs.runs.page.mesh_views import DrawnMesh
     from room2dgs.viewer.server import Viewer
 
 USAGE = "room2dgs view run=DIR [host=127.0.0.1] [port=8080] [fps=15]"
@@ -32,6 +33,8 @@ SEED_M = 0.015
 def main(argv: list[str]) -> int:
     """Serve an earlier run to a browser on this machine until Ctrl-C: walk through it; switch between colour, depth,
     normals, mesh and error; show seeds, cameras and their photos; measure between two clicked points.
+
+    A run that trained nothing (mesh.source=depth) shows its mesh instead of surfels.
 
     host= lets others look: without it nobody but this machine can. Needs viser: pip install 'room2dgs[view]'.
     """
@@ -58,18 +61,18 @@ def viewer_of(config: Config, host: str, port: int, fps: float) -> Viewer:
     """A viewer with all that a run has to show.
 
     Raises:
-        InputError: the run is not trained to the end, or viser is missing.
+        InputError: the run is not trained to the end, or has no mesh if it trains nothing; or viser is missing.
     """
     from room2dgs.eval.upright import up_axis
     from room2dgs.train import checkpoint
     from room2dgs.viewer.server import Viewer
 
     out = Path(config.out)
-    surfels = trained_surfels(out)
+    shown = _mesh_of(out) if config.mesh.source == "depth" else trained_surfels(out)
     scene = with_poses_of_run(read(config), out)
     use_threads(config)
     up = up_axis([frame.camera for frame in scene.frames], np.zeros((0, 3)))
-    viewer = Viewer(surfels, up, host, port, fps)
+    viewer = Viewer(shown, up, host, port, fps)
     try:
         viewer.look_from(scene.frames[0].camera)
         _add_meshes(viewer, out)
@@ -81,6 +84,14 @@ def viewer_of(config: Config, host: str, port: int, fps: float) -> Viewer:
         viewer.stop()
         raise
     return viewer
+
+
+def _mesh_of(out: Path) -> DrawnMesh:
+    """Of a run that trains nothing."""
+    from room2dgs.mesh.io import read_mesh
+    from room2dgs.runs.page.mesh_views import DrawnMesh
+
+    return DrawnMesh(read_mesh(required(out / MESH, "run")))
 
 
 def _add_meshes(viewer: Viewer, out: Path) -> None:

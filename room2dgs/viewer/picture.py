@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -12,7 +12,10 @@ from room2dgs.geometry.camera_tensors import view_matrices
 from room2dgs.geometry.poses import inverse_pose, rigid_pose
 from room2dgs.runs.pictures import depth_picture, normal_picture
 from room2dgs.splat import render
-from room2dgs.splat.types import Surfels
+from room2dgs.splat.types import Rendering, Surfels
+
+if TYPE_CHECKING:
+    from room2dgs.runs.page.mesh_views import DrawnMesh
 
 KINDS = ("colour", "depth", "normals")
 MIN_ALPHA = 0.5  # less covered pixels have no depth
@@ -33,7 +36,7 @@ class Picture(NamedTuple):
     depth: np.ndarray
 
 
-def picture(surfels: Surfels, camera: Camera, kind: str, near_m: float = 0.05) -> Picture:
+def picture(shown: Surfels | DrawnMesh, camera: Camera, kind: str, near_m: float = 0.05) -> Picture:
     """Draw colour, depth or normals.
 
     Raises:
@@ -41,16 +44,8 @@ def picture(surfels: Surfels, camera: Camera, kind: str, near_m: float = 0.05) -
     """
     if kind not in KINDS:
         raise ValueError(f"{kind!r} is none of {', '.join(KINDS)}")
-    with torch.no_grad():
-        view = render(
-            surfels,
-            *view_matrices(camera),
-            *camera.size,
-            background=torch.tensor(BACKGROUND),
-            near_m=near_m,
-            with_normal=kind == "normals",
-            with_distortion=False,
-        )
+    of_surfels = isinstance(shown, Surfels)
+    view = _surfels_seen(shown, camera, kind, near_m) if of_surfels else shown.rendering(camera, BACKGROUND)
     covered = (view.alpha >= MIN_ALPHA).numpy()
     depth = np.where(covered, view.median_depth.numpy(), 0).astype(np.float32)
     if kind == "depth":
@@ -60,6 +55,19 @@ def picture(surfels: Surfels, camera: Camera, kind: str, near_m: float = 0.05) -
     else:
         pixels = np.round(view.color.clamp(0, 1).numpy() * 255).astype(np.uint8)
     return Picture(pixels, depth)
+
+
+def _surfels_seen(surfels: Surfels, camera: Camera, kind: str, near_m: float) -> Rendering:
+    with torch.no_grad():
+        return render(
+            surfels,
+            *view_matrices(camera),
+            *camera.size,
+            background=torch.tensor(BACKGROUND),
+            near_m=near_m,
+            with_normal=kind == "normals",
+            with_distortion=False,
+        )
 
 
 def camera_at(wxyz: np.ndarray, position: np.ndarray, fov: float, size: tuple[int, int]) -> Camera:
@@ -73,7 +81,9 @@ def camera_at(wxyz: np.ndarray, position: np.ndarray, fov: float, size: tuple[in
     return Camera(K, width, height, inverse_pose(rigid_pose(rotation, np.asarray(position, np.float64))))
 
 
-def hit(surfels: Surfels, origin: np.ndarray, direction: np.ndarray, near_m: float = 0.05) -> np.ndarray | None:
+def hit(
+    shown: Surfels | DrawnMesh, origin: np.ndarray, direction: np.ndarray, near_m: float = 0.05
+) -> np.ndarray | None:
     """(3,) metres: the surface along a ray, from a tiny picture around it; None: nothing is there."""
     forward = np.asarray(direction, np.float64) / np.linalg.norm(direction)
     beside = np.cross(forward, np.eye(3)[np.abs(forward).argmin()])
@@ -83,5 +93,5 @@ def hit(surfels: Surfels, origin: np.ndarray, direction: np.ndarray, near_m: flo
     K = np.array([[focal, 0, PROBE / 2], [0, focal, PROBE / 2], [0, 0, 1.0]])
     origin = np.asarray(origin, np.float64)
     camera = Camera(K, PROBE, PROBE, rigid_pose(rotation, -rotation @ origin))
-    depth = float(picture(surfels, camera, "colour", near_m).depth[PROBE // 2, PROBE // 2])
+    depth = float(picture(shown, camera, "colour", near_m).depth[PROBE // 2, PROBE // 2])
     return origin + depth * forward if depth > 0 else None

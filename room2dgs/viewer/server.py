@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from room2dgs.logs import Log
 from room2dgs.splat.types import Surfels
 from room2dgs.viewer.pace import Pace
 from room2dgs.viewer.picture import KINDS, camera_at, hit, picture
+
+if TYPE_CHECKING:
+    from room2dgs.runs.page.mesh_views import DrawnMesh
 
 LOOPBACK = "127.0.0.1"
 NAMES_OF_LOOPBACK = (LOOPBACK, "localhost", "::1")
@@ -36,7 +39,7 @@ class Eye:
     Attributes:
         client: viser's handle.
         moved: when its camera moved last, `time.monotonic`.
-        drawn: what was drawn last: (number of the surfels, kind, moved, still).
+        drawn: what was drawn last: (number of what is shown, kind, moved, still).
     """
 
     client: Any
@@ -47,10 +50,10 @@ class Eye:
 
 
 class Viewer:
-    """Shows surfels to every browser that connects; `start` it, and `stop` it.
+    """Shows surfels, or a mesh, to every browser that connects; `start` it, and `stop` it.
 
     Args:
-        surfels: to begin with; `show` replaces them.
+        shown: to begin with; `show` replaces it.
         up: (3,) unit, world.
         host, port: where it listens; another port if that one is taken. Another host than the loopback lets everyone
             who reaches this machine look.
@@ -61,10 +64,10 @@ class Viewer:
     """
 
     def __init__(
-        self, surfels: Surfels, up: np.ndarray, host: str = LOOPBACK, port: int = 8080, fps: float = 15.0
+        self, shown: Surfels | DrawnMesh, up: np.ndarray, host: str = LOOPBACK, port: int = 8080, fps: float = 15.0
     ) -> None:
         viser = found_viser()
-        self._surfels, self._number, self._fps = surfels, 0, fps
+        self._shown, self._number, self._fps = shown, 0, fps
         try:
             self._server = viser.ViserServer(host=host, port=port, label="room2dgs", verbose=False)
         except OSError as error:
@@ -111,7 +114,7 @@ class Viewer:
 
     def show(self, surfels: Surfels) -> None:
         """Other surfels, from the next picture on."""
-        self._surfels, self._number = surfels, self._number + 1
+        self._shown, self._number = surfels, self._number + 1
         self._wake.set()
 
     def say(self, line: str) -> None:
@@ -244,7 +247,7 @@ class Viewer:
         aspect = max(float(camera.aspect), 0.1)
         size = (widest, max(1, round(widest / aspect))) if still else eye.pace.size(aspect, widest)
         start = time.perf_counter()
-        seen = picture(self._surfels, camera_at(camera.wxyz, camera.position, camera.fov, size), kind)
+        seen = picture(self._shown, camera_at(camera.wxyz, camera.position, camera.fov, size), kind)
         eye.pace.took(size, time.perf_counter() - start)
         # what the browser draws is hidden behind surfaces by their depth; it costs more to send than the picture
         depth = np.where(seen.depth > 0, seen.depth + BEHIND_M, FAR_M)[..., None] if still else None
@@ -256,7 +259,7 @@ class Viewer:
         eye = self._eyes.get(event.client_id)
         if eye is None or not self._measure.value:
             return
-        point = hit(self._surfels, np.array(event.ray_origin), np.array(event.ray_direction))
+        point = hit(self._shown, np.array(event.ray_origin), np.array(event.ray_direction))
         if point is None:
             self.say("Nothing was reconstructed there.")
             return

@@ -77,7 +77,7 @@ def test_stereos_share_and_what_is_far_off_stand_beside_the_scores(fake, wall, t
     out = tmp_path / "out"
     assert cli.main(["bench", "tradeoff", str(wall), f"out={out}", "points=stereo", "mesh.source=depth"]) == 0
     table = [line.split("|") for line in (out / "tradeoff.md").read_text().splitlines() if line.startswith("| ")]
-    assert [cell.strip() for cell in table[0]][7:9] == ["over 20cm off (%)", "stereo covers (%)"]
+    assert [cell.strip() for cell in table[0]][7:9] == ["over 20 cm off (%)", "stereo covers (%)"]
     cells = {line[2].strip(): (line[7].strip(), line[8].strip()) for line in table[1:]}
     assert cells["with stereo"] == ("2.0", "45") and cells["without"][0] == "2.0" and "45" not in cells["without"][1]
 

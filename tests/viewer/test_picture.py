@@ -6,9 +6,11 @@ import sys
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from room2dgs.errors import InputError
+from room2dgs.runs.page.mesh_views import DrawnMesh
 from room2dgs.viewer.pace import LEAST, Pace
 from room2dgs.viewer.picture import KINDS, camera_at, hit, picture
 from room2dgs.viewer.server import found_viser
@@ -67,3 +69,17 @@ def test_pictures_become_as_large_as_the_rate_allows():
         pace.took(size, 1.0)  # however slow it gets
     assert size[0] == LEAST
     assert pace.size(4 / 3, 50)[0] <= LEAST
+
+
+def test_a_mesh_is_shown_and_clicked_as_surfels_are():
+    """A run that trained nothing: a wall at z = 2 m whose colour runs from red to blue."""
+    corners = np.array([[-2, -2, 2], [2, -2, 2], [2, 2, 2], [-2, 2, 2]], float)
+    colors = np.array([[255, 0, 0], [0, 0, 255], [0, 0, 255], [255, 0, 0]], np.uint8)
+    wall = DrawnMesh(trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], vertex_colors=colors, process=False))
+    seen = {kind: picture(wall, camera_at(UPRIGHT, np.zeros(3), FOV, (96, 64)), kind) for kind in KINDS}
+    assert all(np.abs(one.depth - 2.0).max() < 1e-5 for one in seen.values())
+    color = seen["colour"].pixels
+    assert color[32, 10].argmax() == 0 and color[32, 85].argmax() == 2
+    assert np.abs(seen["normals"].pixels[32, 30].astype(int) - (128, 128, 255)).max() <= 2
+    assert np.linalg.norm(hit(wall, np.array([0.3, 0, 0]), np.array([0.1, 0, 1.0])) - [0.5, 0, 2]) < 1e-4
+    assert hit(wall, np.zeros(3), np.array([0, 0, -1.0])) is None

@@ -12,10 +12,12 @@ import trimesh
 
 from room2dgs.commands.view import viewer_of
 from room2dgs.config import load_config
+from room2dgs.errors import InputError
 from room2dgs.eval.pictures import error_mesh
 from room2dgs.eval.surface import Surface
 from room2dgs.mesh.io import write_mesh
 from room2dgs.train import save_surfels
+from room2dgs.viewer.picture import hit
 from room2dgs.viewer.server import Viewer, distance_in_words, found_viser, warn_of_host
 
 pytest.importorskip("viser", reason="viser is missing (the extra `view`)")
@@ -136,3 +138,16 @@ def test_a_run_is_shown_with_its_mesh_its_error_and_its_cameras(wall, wall_surfe
         viewer.stop()
         assert len(names) == 16
     assert kinds == [("colour", "depth", "normals", "mesh"), ("colour", "depth", "normals", "mesh", "error")]
+
+
+def test_a_run_that_trained_nothing_is_shown_by_its_mesh(wall, tmp_path):
+    config = load_config([f"scene.path={wall}", f"out={tmp_path}", "mesh.source=depth"])
+    with pytest.raises(InputError, match=r"mesh\.ply is missing"):
+        viewer_of(config, "127.0.0.1", _free_port(), 15)
+    write_mesh(tmp_path / "mesh.ply", trimesh.load(wall / "gt_mesh.ply", process=False))
+    viewer = viewer_of(config, "127.0.0.1", _free_port(), 15)
+    try:
+        assert viewer._kind.options == ("colour", "depth", "normals", "mesh")
+        assert hit(viewer._shown, np.zeros(3), np.array([0, 0, 1.0]))[2] == pytest.approx(2.0)
+    finally:
+        viewer.stop()

@@ -14,33 +14,35 @@ from room2dgs.eval.shading import CLAY
 from room2dgs.eval.surface import Surface
 
 if TYPE_CHECKING:
+    from room2dgs.geometry.camera import Camera
     from room2dgs.splat.types import Rendering
 
 
-def mesh_rendered(
-    mesh: trimesh.Trimesh, frames: Iterable[Frame], background: tuple[float, float, float]
-) -> Iterator[tuple[Frame, Rendering]]:
-    """Each view of the mesh, as surfels would be rendered: its own colours, no light; nothing where no ray hits.
+class DrawnMesh:
+    """A mesh that cameras look at: its own colours, no light."""
 
-    Args:
-        background: RGB, 0..1.
-    """
-    from room2dgs.splat.types import Rendering
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        self._surface = Surface(mesh)
+        self._colors = np.tile(np.asarray(CLAY, np.float64), (len(mesh.vertices), 1))
+        if mesh.visual.kind == "vertex":
+            self._colors = np.asarray(mesh.visual.vertex_colors)[:, :3] / 255
 
-    surface = Surface(mesh)
-    colors = np.tile(np.asarray(CLAY, np.float64), (len(mesh.vertices), 1))
-    if mesh.visual.kind == "vertex":
-        colors = np.asarray(mesh.visual.vertex_colors)[:, :3] / 255
-    for frame in frames:
-        camera = frame.camera
-        hits = surface.seen_by(camera)
+    def rendering(self, camera: Camera, background: tuple[float, float, float]) -> Rendering:
+        """As surfels would be rendered; nothing where no ray hits.
+
+        Args:
+            background: RGB, 0..1.
+        """
+        from room2dgs.splat.types import Rendering
+
+        hits = self._surface.seen_by(camera)
         hit = hits.triangle >= 0
         color = np.tile(np.asarray(background, np.float64), (len(hit), 1))
         second, third = hits.uv[hit].T.astype(np.float64)
         weights = np.stack([1 - second - third, second, third], axis=1)
-        color[hit] = np.einsum("nk,nkc->nc", weights, colors[surface.faces[hits.triangle[hit]]])
+        color[hit] = np.einsum("nk,nkc->nc", weights, self._colors[self._surface.faces[hits.triangle[hit]]])
         normal = np.zeros_like(color)
-        normal[hit] = surface.face_normals[hits.triangle[hit]]
+        normal[hit] = self._surface.face_normals[hits.triangle[hit]]
         behind = np.einsum("nc,nc->n", normal, camera.world_rays().reshape(-1, 3)) > 0
         normal[behind] *= -1  # facing the camera
         maps = (color, hit, np.where(hit, hits.t, 0), normal)
@@ -48,4 +50,13 @@ def mesh_rendered(
         color, alpha, depth, normal = (
             torch.from_numpy(part.astype(np.float32).reshape(*shape, *part.shape[1:])) for part in maps
         )
-        yield frame, Rendering(color, alpha, depth, depth, normal, torch.zeros(shape))
+        return Rendering(color, alpha, depth, depth, normal, torch.zeros(shape))
+
+
+def mesh_rendered(
+    mesh: trimesh.Trimesh, frames: Iterable[Frame], background: tuple[float, float, float]
+) -> Iterator[tuple[Frame, Rendering]]:
+    """Each view of the mesh (`DrawnMesh.rendering`)."""
+    drawn = DrawnMesh(mesh)
+    for frame in frames:
+        yield frame, drawn.rendering(frame.camera, background)
