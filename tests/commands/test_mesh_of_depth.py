@@ -49,6 +49,7 @@ def test_nothing_is_trained_and_the_mesh_is_scored(wall, maps, tmp_path, capsys)
     assert np.quantile(vertices[:, 2], 0.05) > WALL_Z - 0.005 and np.quantile(vertices[:, 2], 0.95) < WALL_Z + 0.035
     metrics = json.loads((out / "metrics.json").read_text())
     assert "primitives" not in metrics and metrics["depth_source"] == "files" and metrics["mesh_faces"] > 100
+    assert metrics["stereo_coverage"] is None  # the photos were not compared
     page = (out / "report.html").read_text()
     assert "nothing was trained" in page and 'data-layer="error"' in page and "How the training went" not in page
     assert 'data-layer="discs"' not in page  # there are none
@@ -62,6 +63,14 @@ def test_nothing_is_trained_and_the_mesh_is_scored(wall, maps, tmp_path, capsys)
     assert cli.main(["eval", f"out={out}"]) == 0
     assert cli.main(["mesh", f"out={out}"]) == 2
     assert "room2dgs run" in capsys.readouterr().err
+
+
+def test_metrics_say_what_share_stereo_covers(wall, maps, tmp_path):
+    out = tmp_path / "run"
+    prior = ["prior=files", "prior.normal.source=none", f"prior.depth.path={maps}", "prior.depth.completion=false"]
+    assert cli.main(["run", *settings(wall, out), *prior, "report.enabled=false", "eval.samples=1000"]) == 0
+    share = json.loads((out / "metrics.json").read_text())["stereo_coverage"]
+    assert share > 0.3 and f"stereo: {share:.0%} of the pixels" in (out / "log.txt").read_text()
 
 
 def test_without_any_depth_it_says_so(wall, tmp_path, capsys):
