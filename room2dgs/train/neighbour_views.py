@@ -112,4 +112,4 @@ class NeighbourViews:
         return GreyPhoto(*map(torch.from_numpy, kept))
 
     def _fraction_of(self, iteration: int) -> float:
-        return image_fraction(iteration, self._config.train.resolutions)
+        return image_fraction(iteration, self._config.train, self.views.widest)

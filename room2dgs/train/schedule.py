@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from room2dgs.config import Config, NormalReweightingConfig, RatesConfig, RenderConfig, ResolutionConfig, TermConfig
+from room2dgs.config import Config, NormalReweightingConfig, RatesConfig, RenderConfig, TermConfig, TrainConfig
 
 REST_SHARE = 1 / 20  # of the colour's rate, for SH above degree 0 (2DGS)
 CORRECTIONS_START = 0.1  # of the run
@@ -59,9 +59,14 @@ def active_sh_degree(iteration: int, render: RenderConfig) -> int:
     return min(render.sh_degree, iteration // render.sh_every)
 
 
-def image_fraction(iteration: int, resolutions: list[ResolutionConfig]) -> float:
-    """Of the full image size: the first level whose `until` is still ahead, 1 after the last."""
-    return next((level.fraction for level in resolutions if iteration < level.until), 1.0)
+def image_fraction(iteration: int, train: TrainConfig, width: int) -> float:
+    """Of the full image size: the first level whose `until` is still ahead, 1 after the last.
+
+    Args:
+        width: of the full photos, pixels; small ones are not made smaller than `train.coarsest_px`.
+    """
+    ahead = (level for level in train.resolutions if iteration < at_iteration(level.until, train.iterations))
+    return next((max(level.fraction, min(1.0, train.coarsest_px / width)) for level in ahead), 1.0)
 
 
 def at_iteration(time: int | float, iterations: int) -> int:
@@ -101,6 +106,7 @@ def has_shares(config: Config) -> bool:
     """Is a time that matters to this run a share of `train.iterations`? Reweighting and corrections use all of them."""
     terms = [term for term in vars(config.loss).values() if isinstance(term, TermConfig) and term.enabled]
     times = [time for term in terms for time in (term.start, term.end, term.ramp)]
+    times += [level.until for level in config.train.resolutions]
     if config.strategy.name != "fixed":
         times += [config.strategy.start, config.strategy.stop, config.strategy.reset_every]
     corrected = config.train.refine_poses or config.train.exposure

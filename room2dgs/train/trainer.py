@@ -203,7 +203,7 @@ class Trainer:
         number, settings = self.model.iteration, self.config.train
         self.clock.start()
         index = view_index(number, len(self.views), settings.seed)
-        view = self.views.at(index, image_fraction(number, settings.resolutions))
+        view = self.views.at(index, image_fraction(number, settings, self.views.widest))
         iteration = Iteration(number, index, view)
         for hook in self.hooks:
             hook.before_iteration(self, iteration)

@@ -64,6 +64,7 @@ class Views:
 
     Attributes:
         frames, cache, on_device: as given.
+        widest: photo's width, pixels.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class Views:
         self.on_device = on_device
         self.cache = Cache() if cache is None else cache
         self.frames = [frame if frame.cache else replace(frame, cache=self.cache) for frame in frames]
+        self.widest = max((frame.camera.width for frame in self.frames), default=1)
         self._priors = priors or {}
         self._mine = object()  # tells its keys from those of others
 

@@ -74,6 +74,7 @@ def configure(capture):
                 "train.test_every=0",
                 "train.checkpoint_every=4",
                 "train.tensorboard=false",
+                "train.resolutions=[]",
                 "loss.normal_consistency.start=3",
                 # their own tests turn them on
                 "loss.multiview_photometric.enabled=false",

@@ -20,6 +20,7 @@ SETTINGS = [
     "loss.multiview.samples=100",
     "loss.multiview.patch=5",
     "train.resolutions=[{fraction: 0.5, until: 5}]",
+    "train.coarsest_px=1",
     "train.iterations=12",
     "seeds.init=sfm+depth",
 ]

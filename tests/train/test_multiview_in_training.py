@@ -55,7 +55,12 @@ def test_they_change_the_result_and_have_a_toggle_each(capture, configure, log, 
     assert all(a != b for i, a in enumerate(results) for b in results[:i])
 
 
-EVENTS = ["train.resolutions=[{fraction: 0.5, until: 7}]", "train.iterations=14", "train.checkpoint_every=1"]
+EVENTS = [
+    "train.resolutions=[{fraction: 0.5, until: 7}]",
+    "train.coarsest_px=1",
+    "train.iterations=14",
+    "train.checkpoint_every=1",
+]
 
 
 @pytest.mark.parametrize("killed_after", [1, 3, 6, 7, 8, 12])
@@ -103,7 +108,7 @@ def test_pairs_come_in_their_iterations_and_are_drawn_by_seed_and_iteration(capt
 
 
 def test_a_neighbour_has_been_rendered_at_this_size(capture, configure):
-    config = configure(*ON, *SMALL, "train.resolutions=[{fraction: 0.5, until: 6}]")
+    config = configure(*ON, *SMALL, "train.resolutions=[{fraction: 0.5, until: 6}]", "train.coarsest_px=1")
     views = NeighbourViews(Views(capture[0].train), config)
     assert views.pair(3, 0) is None
     views.keep(3, 2, torch.full((12, 16), 1.5), torch.ones(12, 16))

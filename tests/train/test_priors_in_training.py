@@ -108,7 +108,12 @@ def test_logged_terms_make_up_the_loss(capture, configure, log, tmp_path):
 def test_normals_turn_towards_the_prior(capture, configure, log, tmp_path, size):
     scene, points = capture
     priors = {frame.name: wall_prior(tilt=0.6)._replace(depth=None) for frame in scene.train}
-    settings = [*START, "loss.normal_prior.weight=100", f"train.resolutions=[{{fraction: {size}, until: 40}}]"]
+    settings = [
+        *START,
+        "loss.normal_prior.weight=100",
+        f"train.resolutions=[{{fraction: {size}, until: 40}}]",
+        "train.coarsest_px=1",
+    ]
     settings += ["train.iterations=40", "train.log_every=4", "train.rates.rotation=0.02"]
     train(scene, points, configure(*settings), tmp_path, log, priors)
     values = [float(line.split("normal_prior ")[1].split(")")[0].rstrip(",")) for line in log.lines if ": loss" in line]

@@ -10,6 +10,7 @@ from room2dgs.train.schedule import (
     active_sh_degree,
     at_iteration,
     center_rate,
+    has_shares,
     image_fraction,
     learning_rates,
     reweighting_deg,
@@ -79,10 +80,22 @@ def test_sh_degree_rises_at_its_iterations_and_stops_at_the_top():
     assert [active_sh_degree(i, render) for i in (0, 9, 10, 19, 20, 1000)] == [0, 0, 1, 1, 2, 2]
 
 
-def test_resolution_changes_exactly_at_until():
-    levels = [ResolutionConfig(0.25, 10), ResolutionConfig(0.5, 20)]
-    assert [image_fraction(i, levels) for i in (0, 9, 10, 19, 20)] == [0.25, 0.25, 0.5, 0.5, 1.0]
-    assert image_fraction(0, []) == 1.0
+def test_resolution_changes_exactly_at_until(configure):
+    train = configure("train.iterations=40", "train.coarsest_px=1").train
+    train = replace(train, resolutions=[ResolutionConfig(0.25, 10), ResolutionConfig(0.5, 0.5)])
+    assert [image_fraction(i, train, 640) for i in (0, 9, 10, 19, 20)] == [0.25, 0.25, 0.5, 0.5, 1.0]
+    assert image_fraction(0, replace(train, resolutions=[]), 640) == 1.0
+
+
+def test_a_run_whose_photo_size_changes_at_a_share_of_it_depends_on_its_length(configure):
+    level = "train.resolutions=[{{fraction: 0.5, until: {}}}]"
+    assert has_shares(configure(level.format(0.5))) and not has_shares(configure(level.format(4)))
+
+
+@pytest.mark.parametrize("width, fraction", [(1280, 0.5), (640, 0.5), (480, 2 / 3), (320, 1.0), (160, 1.0)])
+def test_small_photos_are_hardly_made_smaller_and_none_larger(configure, width, fraction):
+    train = configure("train.resolutions=[{fraction:0.5,until:0.5}]", "train.coarsest_px=320").train
+    assert image_fraction(0, train, width) == pytest.approx(fraction)
 
 
 def term(**changes) -> TermConfig:

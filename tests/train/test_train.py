@@ -73,7 +73,12 @@ def test_any_number_of_threads_gives_the_same_bytes(capture, configure, log, tmp
 
 
 # across a raise of the SH degree, a change of image size, the start of a term and the end of an epoch
-EVENTS = ["render.sh_degree=2", "render.sh_every=3", "train.resolutions=[{fraction: 0.5, until: 5}]"]
+EVENTS = [
+    "render.sh_degree=2",
+    "render.sh_every=3",
+    "train.resolutions=[{fraction: 0.5, until: 5}]",
+    "train.coarsest_px=1",
+]
 
 
 @pytest.mark.parametrize("killed_after", [1, 2, 3, 5, 7])
@@ -120,6 +125,7 @@ def test_resume_goes_back_past_a_damaged_checkpoint_to_the_same_bits(capture, co
         "render.sh_degree=1",
         "train.rates.opacity=0.01",
         "train.resolutions=[{fraction: 0.5, until: 5}]",
+        "train.coarsest_px=1",
     ],
 )
 def test_resume_with_another_setting_names_it(capture, configure, log, tmp_path, change):
@@ -255,7 +261,9 @@ def test_settings_survive_json(capture, configure):
     read = json.loads(json.dumps(now))
     check_same(read, now, folder_of(capture[0].path))
     assert digest(read) == digest(now)
-    later = fingerprint(configure(*EVENTS[:-1], "train.resolutions=[{fraction: 0.5, until: 6}]"), capture[0])
+    later = fingerprint(
+        configure(*EVENTS[:-2], "train.resolutions=[{fraction: 0.5, until: 6}]", *EVENTS[-1:]), capture[0]
+    )
     assert digest(later) != digest(now)
     with pytest.raises(InputError, match=r"train\.resolutions=\[\{.*'until': 5.*'until': 6"):
         check_same(read, later, folder_of(capture[0].path))

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float, Int
+from room2dgs.config.fields import GROUP, Float, Int, Time
 
 Rate = Annotated[Float, Field(ge=0, le=1e3)]
 
@@ -39,10 +39,10 @@ class RatesConfig:
 
 @dataclass(config=GROUP)
 class ResolutionConfig:
-    """Image size during training: `fraction` of the full size until iteration `until`."""
+    """Image size during training: `fraction` of the full size until `until`, an iteration or a share of the run."""
 
     fraction: Float = Field(gt=0, le=1)
-    until: Int = Field(ge=1)
+    until: Time = Field()
 
 
 @dataclass(config=GROUP)
@@ -54,7 +54,8 @@ class TrainConfig:
     rates: RatesConfig = Field()
     refine_poses: bool = Field(description="learn a small correction of each training view's pose")
     exposure: bool = Field(description="learn gains and offsets of each training photo's colours")
-    resolutions: list[ResolutionConfig] = Field(description="coarse to fine; after the last: full size")
+    resolutions: list[ResolutionConfig] = Field(description="coarse to fine; after the last: full size ([]: always)")
+    coarsest_px: Int = Field(ge=1, description="resolutions make no photo narrower than this, and enlarge none")
     log_every: Int = Field(ge=1, description="iterations between two log lines")
     test_every: Int = Field(ge=0, description="iterations between two evaluations of the held-out views (0: none)")
     checkpoint_every: Int = Field(ge=1, description="iterations between two checkpoints")
@@ -66,7 +67,8 @@ class TrainConfig:
     def _resolutions_rise(self) -> TrainConfig:
         previous = 0
         for level in self.resolutions:
-            if level.until <= previous:
+            until = level.until * self.iterations if isinstance(level.until, float) else level.until
+            if until <= previous:
                 raise ValueError(f"train.resolutions needs rising `until`; until={level.until} breaks that")
-            previous = level.until
+            previous = until
         return self
