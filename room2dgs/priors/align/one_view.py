@@ -17,7 +17,6 @@ MAX_DEPTH_M = 100.0
 # Maps in metres are off by a factor rather than by a shift: a free shift would follow their smooth errors.
 METRIC_SHIFT_M = 0.1
 CELLS = 16  # along the photo's longer side
-MOST = 8  # points that a cell counts as: sparse points have fewer in one, stereo hundreds
 
 
 class RawMap(NamedTuple):
@@ -31,17 +30,17 @@ RawMaps = Mapping[str, RawMap]
 
 
 def worth_of_points(raw: RawMap, seen: SeenPoints) -> np.ndarray:
-    """(N,) what the points of `pairs_at_points` count: no cell of the photo counts more than `MOST` of them.
+    """(N,) what the points of `pairs_at_points` count: each cell of the photo that has some counts alike.
 
     Stereo's points crowd on what has texture: on a chair before a plain wall a thousand of them are one thing, of
-    which the map may be wrong alone. A point that is alone in its cell counts no more than others: it is wrong oftener.
+    which the map may be wrong alone.
     """
     column, row = seen.column_row
     known = raw.valid[row, column]
     side = max(raw.values.shape) / CELLS
     cell = (row[known] // side).astype(np.int64) * (CELLS + 1) + (column[known] // side).astype(np.int64)
     _, where, count = np.unique(cell, return_inverse=True, return_counts=True)
-    return np.minimum(1.0, MOST / count[where])
+    return 1.0 / count[where]
 
 
 def pairs_at_points(raw: RawMap, seen: SeenPoints, settings: DepthPriorConfig) -> tuple[np.ndarray, np.ndarray]:
