@@ -15,7 +15,7 @@ from room2dgs.captures.seen_points import likely_points
 from room2dgs.config import DepthPriorConfig
 from room2dgs.logs import Log
 from room2dgs.priors.align.neighbours import FEW_POINTS, align_to_neighbours
-from room2dgs.priors.align.one_view import RawMap, RawMaps, add_aligned, pairs_at_points, shift_sigma, worth_of_points
+from room2dgs.priors.align.one_view import RawMap, RawMaps, add_aligned, pairs_at_points, shift_sigma
 from room2dgs.priors.align.scale_shift import Fit, fit_scale_shift, residual
 from room2dgs.priors.confidence import read_confidence
 from room2dgs.priors.files import read_depth
@@ -71,13 +71,11 @@ def _align_to_points(
     depths: LazyMaps[np.ndarray] = LazyMaps()
     fits: dict[str, Fit] = {}
     for frame in frames:
-        seen = likely_points(points, frame)[0]
-        x, y = pairs_at_points(raw[frame.name], seen, settings)
-        worth = worth_of_points(raw[frame.name], seen)
+        x, y = pairs_at_points(raw[frame.name], likely_points(points, frame)[0], settings)
         if not settings.align:
-            fit = Fit(1.0, 0.0, residual(x, y, 1.0, 0.0, worth), len(x))
+            fit = Fit(1.0, 0.0, residual(x, y, 1.0, 0.0), len(x))
         elif len(x) >= FEW_POINTS:
-            fit = fit_scale_shift(x, y, shift_sigma=shift_sigma(settings), worth=worth)
+            fit = fit_scale_shift(x, y, shift_sigma=shift_sigma(settings))
         else:
             continue
         if fit:

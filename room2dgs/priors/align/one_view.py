@@ -16,7 +16,6 @@ from room2dgs.priors.align.scale_shift import Fit, aligned_depth
 MAX_DEPTH_M = 100.0
 # Maps in metres are off by a factor rather than by a shift: a free shift would follow their smooth errors.
 METRIC_SHIFT_M = 0.1
-CELLS = 16  # along the photo's longer side
 
 
 class RawMap(NamedTuple):
@@ -27,20 +26,6 @@ class RawMap(NamedTuple):
 
 
 RawMaps = Mapping[str, RawMap]
-
-
-def worth_of_points(raw: RawMap, seen: SeenPoints) -> np.ndarray:
-    """(N,) what the points of `pairs_at_points` count: each cell of the photo that has some counts alike.
-
-    Stereo's points crowd on what has texture: on a chair before a plain wall a thousand of them are one thing, of
-    which the map may be wrong alone.
-    """
-    column, row = seen.column_row
-    known = raw.valid[row, column]
-    side = max(raw.values.shape) / CELLS
-    cell = (row[known] // side).astype(np.int64) * (CELLS + 1) + (column[known] // side).astype(np.int64)
-    _, where, count = np.unique(cell, return_inverse=True, return_counts=True)
-    return 1.0 / count[where]
 
 
 def pairs_at_points(raw: RawMap, seen: SeenPoints, settings: DepthPriorConfig) -> tuple[np.ndarray, np.ndarray]:

@@ -37,13 +37,7 @@ class Fit(NamedTuple):
     points: int
 
 
-def fit_scale_shift(
-    x: np.ndarray,
-    y: np.ndarray,
-    seed: int = 0,
-    shift_sigma: float | None = None,
-    worth: np.ndarray | None = None,
-) -> Fit | None:
+def fit_scale_shift(x: np.ndarray, y: np.ndarray, seed: int = 0, shift_sigma: float | None = None) -> Fit | None:
     """Robust fit of y = scale x + shift, scale > 0; shift = 0 where the points do not determine it.
 
     The same points give the same fit.
@@ -52,7 +46,6 @@ def fit_scale_shift(
         x: (N,) the prior's values at the points.
         y: (N,) the points' depths or disparities, > 0.
         shift_sigma: how far from 0 the shift is expected, in y's unit; None: anywhere.
-        worth: (N,) > 0, what each point counts against the others; None: all the same.
 
     Returns:
         None with fewer than `MIN_POINTS`, or if no fit with a positive scale exists.
@@ -60,25 +53,21 @@ def fit_scale_shift(
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if len(x) < MIN_POINTS:
         return None
-    worth = np.ones(len(x)) if worth is None else worth / worth.mean()
-    candidates = np.concatenate([_two_point_fits(x, y, worth, seed), _one_point_fits(x, y, worth)])
+    candidates = np.concatenate([_two_point_fits(x, y, seed), _one_point_fits(x, y)])
     candidates = candidates[(candidates[:, 0] > 0) & np.isfinite(candidates).all(axis=1)]
     if shift_sigma is not None:
         candidates = candidates[np.abs(candidates[:, 1]) <= 3.0 * shift_sigma]
     if not len(candidates):
         return None
     relative = np.abs(candidates[:, :1] * x + candidates[:, 1:] - y) / y
-    best = candidates[(np.minimum(relative, INLIER) @ worth).argmin()]
-    scale, shift = _refined(x, y, worth, best, shift_sigma)
-    return Fit(scale, shift, residual(x, y, scale, shift, worth), len(x))
+    best = candidates[np.minimum(relative, INLIER).sum(axis=1).argmin()]
+    scale, shift = _refined(x, y, best, shift_sigma)
+    return Fit(scale, shift, residual(x, y, scale, shift), len(x))
 
 
-def residual(x: np.ndarray, y: np.ndarray, scale: float, shift: float, worth: np.ndarray | None = None) -> float:
-    """Median of |scale x + shift - y| / y, weighted by (N,) `worth` if given; NaN without points."""
-    off = np.abs(scale * x + shift - y) / y
-    if worth is None or not len(x):
-        return float(np.median(off)) if len(x) else float("nan")
-    return _weighted_median(off, worth)
+def residual(x: np.ndarray, y: np.ndarray, scale: float, shift: float) -> float:
+    """Median of |scale x + shift - y| / y; NaN without points."""
+    return float(np.median(np.abs(scale * x + shift - y) / y)) if len(x) else float("nan")
 
 
 def aligned_depth(values: np.ndarray, valid: np.ndarray, fit: Fit, disparity: bool, max_depth_m: float) -> np.ndarray:
@@ -101,53 +90,40 @@ def aligned_depth(values: np.ndarray, valid: np.ndarray, fit: Fit, disparity: bo
     return np.where(good, depth, 0.0).astype(np.float32)
 
 
-def _two_point_fits(x: np.ndarray, y: np.ndarray, worth: np.ndarray, seed: int) -> np.ndarray:
-    """(TRIALS, 2) scale and shift through random pairs, drawn by worth; not finite where a pair has one x."""
-    first, second = _drawn(worth, np.random.default_rng(seed).random((2, TRIALS)))
+def _two_point_fits(x: np.ndarray, y: np.ndarray, seed: int) -> np.ndarray:
+    """(TRIALS, 2) scale and shift through random pairs; not finite where a pair has one x."""
+    first, second = np.random.default_rng(seed).integers(0, len(x), size=(2, TRIALS))
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = (y[second] - y[first]) / (x[second] - x[first])
         return np.stack([scale, y[first] - scale * x[first]], axis=1)
 
 
-def _one_point_fits(x: np.ndarray, y: np.ndarray, worth: np.ndarray) -> np.ndarray:
+def _one_point_fits(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """(at most TRIALS, 2) pure scales."""
-    some = np.unique(_drawn(worth, np.linspace(0, 1, TRIALS)))
+    some = np.unique(np.linspace(0, len(x) - 1, TRIALS).astype(np.int64))
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = y[some] / x[some]
     return np.stack([scale, np.zeros_like(scale)], axis=1)
 
 
-def _drawn(worth: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Indices of the points at which so much of the worth (0..1) is reached."""
-    whole = np.cumsum(worth)
-    return np.minimum(np.searchsorted(whole, share * whole[-1], side="right"), len(worth) - 1)
-
-
-def _weighted_median(values: np.ndarray, worth: np.ndarray) -> float:
-    order = np.argsort(values, kind="stable")
-    return float(values[order[_drawn(worth[order], np.array(0.5))]])
-
-
-def _refined(
-    x: np.ndarray, y: np.ndarray, worth: np.ndarray, start: np.ndarray, shift_sigma: float | None
-) -> tuple[float, float]:
+def _refined(x: np.ndarray, y: np.ndarray, start: np.ndarray, shift_sigma: float | None) -> tuple[float, float]:
     """Reweighted least squares (Tukey's biweight) of the relative residual, from a fit close to the truth."""
     scale, shift = start
     width = INLIER
     for _ in range(REWEIGHTINGS):
         relative = (scale * x + shift - y) / y
         inliers = np.abs(relative) < width
-        weight = worth * np.where(inliers, (1.0 - (relative / width) ** 2) ** 2, 0.0) / y**2
+        weight = np.where(inliers, (1.0 - (relative / width) ** 2) ** 2, 0.0) / y**2
         solved = _weighted_line(x, y, weight, shift_sigma)
         if solved is None or solved[0] <= 0:
             break
         scale, shift = solved
         relative = np.abs(scale * x + shift - y) / y
-        close = relative < INLIER
-        if not close.any():
+        close = relative[relative < INLIER]
+        if not len(close):
             break
         # 4.685 sigma: the biweight's usual width; never down to rounding
-        width = min(INLIER, max(4.685 * 1.4826 * _weighted_median(relative[close], worth[close]), 1e-4))
+        width = min(INLIER, max(4.685 * 1.4826 * float(np.median(close)), 1e-4))
     return float(scale), float(shift)
 
 

@@ -7,9 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from room2dgs.captures.seen_points import SeenPoints
-from room2dgs.config import load_config
-from room2dgs.priors.align.one_view import RawMap, pairs_at_points, worth_of_points
 from room2dgs.priors.align.scale_shift import MIN_POINTS, Fit, aligned_depth, fit_scale_shift, residual
 
 
@@ -98,40 +95,3 @@ def test_disparity_turns_into_depth_and_what_lies_beyond_is_invalid():
 def test_residual_is_the_median_of_all_points():
     assert residual(np.array([1.0, 1.0, 1.0]), np.array([1.0, 2.0, 4.0]), 1.0, 0.0) == pytest.approx(0.5)
     assert np.isnan(residual(np.zeros(0), np.zeros(0), 1.0, 0.0))
-
-
-def test_many_points_on_one_thing_do_not_outvote_the_photo():
-    """Stereo crowds on a chair, of which the map is wrong by half; the rest of the photo has few points."""
-    rng = np.random.default_rng(4)
-    wall = np.stack([rng.uniform(0, 240, 150), rng.uniform(0, 180, 150)], axis=1)
-    chair = np.stack([rng.uniform(30, 60, 2000), rng.uniform(60, 90, 2000)], axis=1)
-    depth = np.concatenate([rng.uniform(3, 4, 150), rng.uniform(1, 1.5, 2000)])
-    seen = SeenPoints(np.arange(2150), np.concatenate([wall, chair]), depth)
-    values = np.zeros((180, 240), np.float32)
-    column, row = seen.column_row
-    values[row, column] = depth / 0.5
-    values[row[:150], column[:150]] = depth[:150]
-    raw = RawMap(values, values > 0)
-    x, y = pairs_at_points(raw, seen, load_config(["scene.path=x", "out=y"]).prior.depth)
-    fit = fit_scale_shift(x, y, shift_sigma=0.1, worth=worth_of_points(raw, seen))
-    assert fit.scale * 3.5 + fit.shift == pytest.approx(3.5, rel=0.02) and fit.residual < 0.05
-    assert fit_scale_shift(x, y, shift_sigma=0.1).scale < 0.6  # each point alike
-
-
-def test_cells_of_the_photo_count_alike_whatever_number_of_points_they_hold():
-    pixel = np.array([[1, 1], [2, 3], [9, 9], [31, 1], [239.5, 179.5], [3, 2]])
-    seen = SeenPoints(np.arange(6), pixel, np.ones(6))
-    valid = np.ones((180, 240), bool)
-    valid[2, 3] = False  # what the map does not say is no point of it
-    worth = worth_of_points(RawMap(np.ones((180, 240), np.float32), valid), seen)
-    assert worth == pytest.approx([1 / 3, 1 / 3, 1 / 3, 1, 1])
-
-
-def test_worth_counts_as_so_many_points():
-    rng, depth = points(5)
-    prior = depth * rng.normal(1, 0.05, len(depth)) / 1.3
-    twice = rng.random(len(depth)) < 0.3
-    copied = [np.concatenate([part, part[twice]]) for part in (prior, depth)]
-    one, other = fit_scale_shift(prior, depth, worth=1.0 + twice), fit_scale_shift(*copied)
-    assert (one.scale, one.shift) == (pytest.approx(other.scale, rel=5e-3), pytest.approx(other.shift, abs=0.02))
-    assert one.residual == pytest.approx(other.residual, rel=0.05)
