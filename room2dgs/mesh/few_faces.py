@@ -52,7 +52,7 @@ def few_faces(mesh: trimesh.Trimesh, max_error_m: float) -> Simplified:
             refused = max(refused, reached)
         elif reached < done:
             best, done = found, reached
-        if NEAR_ENOUGH < ratio <= 1 or reached > 1.1 * target:  # rims and what is curved allow no fewer
+        if ratio <= 1 and (ratio > NEAR_ENOUGH or reached > 1.1 * target):  # rims and what is curved allow no fewer
             break
         # between what was too few and what is known to do
         target = np.clip(reached * max(ratio, 0.1) ** SLOPE, max(1.05 * refused, SMALL), 0.95 * done)
