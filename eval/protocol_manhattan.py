@@ -46,6 +46,7 @@ def manhattan(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: 
         min_weight=MIN_WEIGHT,
         min_triangles=0,
         keep_clusters=1,
+        smoothing_steps=0,
         fill="none",
         fill_hole_m=0.0,
         max_error_m=None,

@@ -18,11 +18,12 @@ from room2dgs.interrupts import Terminated, signals_raise, sigterm_kept
 SLOWLY = [
     "points.source=file",
     "prior=none",
-    "strategy=fixed",  # and no loss with a share of the run, so that it may be given another length
+    "strategy=fixed",  # and neither loss nor photo size with a share of the run, so that it may be given another length
     "loss.multiview_photometric.enabled=false",
     "seeds.init=sfm",
     "seeds.voxel_m=0.1",
     "train.tensorboard=false",
+    "train.resolutions=[]",
     "train.checkpoint_every=5",
     "train.log_every=5",
     "render.threads=1",
