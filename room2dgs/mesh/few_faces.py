@@ -1,13 +1,13 @@
 """As few faces as a surface needs: flat walls get large ones, rims and pictures keep theirs.
 
 Quadric decimation by fast-simplification (MIT), which is single-threaded and leaves the vertices of open rims where
-they are to the last bit. So nothing shrinks at a hole, and faces that are set aside, for they show an edge of colour,
-fit back without a crack.
+they are to the last bit. So nothing shrinks at a hole, and parts that are decimated one by one, or are set aside, for
+they show an edge of colour, fit together without a crack.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 
 import fast_simplification
 import numpy as np
@@ -18,36 +18,60 @@ from room2dgs.mesh.simplify import Measure, Simplified, colors_at
 
 CONTRAST = 24  # levels between the corners of a face, above which it stays: vertices hold all the colour there is
 FIRST = 0.25  # of the faces, tried first
-TRIES = 3
-NEAR_ENOUGH = 0.85  # of the bound
-SLOPE = 0.8  # faces fall with the error to about this power
+TRIES = 4
+NEAR_ENOUGH = 0.75  # of the bound
+AIM = 0.9  # of the bound
+LEAST = 0.1  # of the bound: what is nearer counts as this far
+SLOPE, SLOPES = 0.3, (0.1, 2.0)  # faces fall with the error to about this power, of a room's smoothed mesh; bounds
 AGGRESSION = 3.0  # of fast-simplification; with more it is sooner done, and coarser where shape is
 SMALL = 500  # faces, which are few enough
+PART = 400_000  # faces that are decimated at a time: some 100 MB for each hundred thousand
+FEWEST_TRIED, MOST_TRIED = 0.02, 0.7  # of a part's faces, whatever its neighbour needed
 
 
 def few_faces(mesh: trimesh.Trimesh, max_error_m: float) -> Simplified:
     """The fewest faces found whose surface is the mesh's within the bound; the same bytes on any number of threads.
 
+    A large mesh is taken in parts: each gets as few faces as its own shape allows, and memory follows the largest part.
+
     Args:
         mesh: cleaned (`clean`); with vertex colours or without.
-        max_error_m: for 99.9 % of both surfaces, as `simplify` measures it.
+        max_error_m: for 99.9 % of both surfaces of each part, as `simplify` measures it.
 
     Returns:
-        The mesh as it is, if it is small or nothing within the bound was found.
+        The mesh as it is, if it is small or nothing within the bound was found. `most_m` is the worst part's.
     """
-    best = Simplified(mesh, 0.0, 0.0, 0.0)
-    faces, aside = np.asarray(mesh.faces), _contrasting(mesh)
-    shown, plain = faces[aside], faces[~aside]
-    if len(plain) <= SMALL:
-        return best
-    whole = Measure(mesh)
-    target, refused, done = FIRST * len(plain), 0.0, float(len(plain))
-    for _ in range(TRIES):
+    vertices, faces, aside = np.asarray(mesh.vertices), np.asarray(mesh.faces), _contrasting(mesh)
+    pieces, share = [_piece(vertices, faces[aside])], FIRST
+    found = []
+    for rows in _parts(vertices, faces, np.flatnonzero(~aside)):
+        whole = trimesh.Trimesh(*_piece(vertices, faces[rows]), process=False)
+        part = _searched(whole, max_error_m, share) if len(rows) > SMALL else Simplified(whole, 0.0, 0.0, 0.0)
+        if part.mesh is not whole:
+            share = float(np.clip(len(part.mesh.faces) / len(rows), FEWEST_TRIED, MOST_TRIED))  # neighbours are alike
+        pieces.append((np.asarray(part.mesh.vertices), np.asarray(part.mesh.faces)))
+        found.append((part.largest_m, part.most_m, part.mean_m, len(rows)))
+    largest, most, mean, counts = np.array(found).reshape(-1, 4).T
+    if sum(len(piece[1]) for piece in pieces) == len(faces):
+        return Simplified(mesh, 0.0, 0.0, 0.0)
+    sewn = _sewn(_together(pieces), mesh)
+    return Simplified(sewn, float(largest.max()), float(most.max()), float(np.average(mean, weights=counts)))
+
+
+def _searched(whole: trimesh.Trimesh, max_error_m: float, share: float) -> Simplified:
+    """A part with the fewest faces found; itself, where nothing within the bound was."""
+    best, measure = Simplified(whole, 0.0, 0.0, 0.0), Measure(whole)
+    vertices, faces = np.asarray(whole.vertices), np.asarray(whole.faces)
+    target, refused, done = share * len(faces), 0.0, float(len(faces))
+    tries: list[tuple[float, float]] = []  # faces, and their error as a share of the bound
+    while len(tries) < TRIES:
         # From the whole each time: a mesh that was decimated once has forgotten where its surface was.
-        tried = _decimated(np.asarray(mesh.vertices), plain, int(target))
-        found = whole(_together(mesh, tried, shown))
-        ratio = round(found.most_m, 6) / max_error_m  # in micrometres: nothing is decided by less
-        reached = float(len(tried[1]))
+        tried = fast_simplification.simplify(
+            vertices, faces.astype(np.int32), target_count=int(target), agg=AGGRESSION, preserve_border=True
+        )
+        found = measure(trimesh.Trimesh(*tried, process=False))
+        reached, ratio = float(len(tried[1])), round(found.most_m, 6) / max_error_m  # in micrometres: no less decides
+        tries.append((reached, max(ratio, LEAST)))
         if ratio > 1:
             refused = max(refused, reached)
         elif reached < done:
@@ -55,10 +79,39 @@ def few_faces(mesh: trimesh.Trimesh, max_error_m: float) -> Simplified:
         if ratio <= 1 and (ratio > NEAR_ENOUGH or reached > 1.1 * target):  # rims and what is curved allow no fewer
             break
         # between what was too few and what is known to do
-        target = np.clip(reached * max(ratio, 0.1) ** SLOPE, max(1.05 * refused, SMALL), 0.95 * done)
+        target = np.clip(_next(tries), max(1.05 * refused, SMALL), 0.95 * done)
         if not refused < target < 0.96 * done:
             break
-    return best if best.mesh is mesh else replace(best, mesh=_sewn(best.mesh, mesh))
+    return best
+
+
+def _next(tries: Sequence[tuple[float, float]]) -> float:
+    """Faces whose error is a little below the bound: a power law through the last two of the tries."""
+    faces, error = tries[-1]
+    slope = SLOPE
+    if len(tries) > 1 and error != tries[-2][1] and faces != tries[-2][0]:
+        slope = float(np.log(faces / tries[-2][0]) / np.log(tries[-2][1] / error))
+    return faces * (error / AIM) ** float(np.clip(slope, *SLOPES))
+
+
+def _parts(vertices: np.ndarray, faces: np.ndarray, rows: np.ndarray) -> Iterator[np.ndarray]:
+    """Rows of faces that lie together, rising, at most `PART` each: halves of halves, across the longest side."""
+    if len(rows) <= PART:
+        yield rows
+        return
+    middles = vertices[faces[rows]].sum(axis=1)
+    along = middles[:, np.ptp(middles, axis=0).argmax()]
+    order = np.argsort(along, kind="stable")
+    for half in (order[: len(order) // 2], order[len(order) // 2 :]):
+        yield from _parts(vertices, faces, rows[np.sort(half)])
+
+
+def _piece(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The faces with the vertices that they use, in their order."""
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces] = True
+    renumbered = np.cumsum(used) - 1
+    return vertices[used], renumbered[faces]
 
 
 def _contrasting(mesh: trimesh.Trimesh) -> np.ndarray:
@@ -69,20 +122,11 @@ def _contrasting(mesh: trimesh.Trimesh) -> np.ndarray:
     return (corners.max(axis=1) - corners.min(axis=1)).max(axis=1) > CONTRAST
 
 
-def _decimated(vertices: np.ndarray, faces: np.ndarray, target: int) -> tuple[np.ndarray, np.ndarray]:
-    used = np.zeros(len(vertices), dtype=bool)
-    used[faces] = True
-    renumbered = (np.cumsum(used) - 1).astype(np.int32)
-    return fast_simplification.simplify(
-        vertices[used], renumbered[faces], target_count=target, agg=AGGRESSION, preserve_border=True
-    )
-
-
-def _together(mesh: trimesh.Trimesh, plain: tuple[np.ndarray, np.ndarray], shown: np.ndarray) -> trimesh.Trimesh:
-    """Both parts as one mesh, each with vertices of its own."""
-    used, numbers = np.unique(shown, return_inverse=True)
-    vertices = np.concatenate([plain[0], np.asarray(mesh.vertices)[used]])
-    return trimesh.Trimesh(vertices, np.concatenate([plain[1], numbers.reshape(-1, 3) + len(plain[0])]), process=False)
+def _together(pieces: Sequence[tuple[np.ndarray, np.ndarray]]) -> trimesh.Trimesh:
+    """All pieces as one mesh, each with vertices of its own."""
+    firsts = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
+    faces = [piece[1] + first for piece, first in zip(pieces, firsts[:-1], strict=True)]
+    return trimesh.Trimesh(np.concatenate([piece[0] for piece in pieces]), np.concatenate(faces), process=False)
 
 
 def _sewn(parts: trimesh.Trimesh, mesh: trimesh.Trimesh) -> trimesh.Trimesh:

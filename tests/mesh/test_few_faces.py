@@ -7,6 +7,7 @@ import pytest
 import trimesh
 from scipy.spatial import KDTree
 
+from room2dgs.mesh import few_faces as module
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.few_faces import few_faces
 
@@ -91,3 +92,21 @@ def test_rims_that_end_the_first_try_early_and_beyond_the_bound_do_not_end_the_s
     rough = clean(trimesh.Trimesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces, process=False))
     found = few_faces(rough, 0.005)
     assert len(found.mesh.faces) < 0.6 * len(rough.faces) and 0 < found.most_m <= 0.005
+
+
+def test_a_mesh_taken_in_parts_is_as_whole_and_as_near_as_one_taken_at_once(sheet, monkeypatch):
+    parts = []
+    searched = module._searched
+    monkeypatch.setattr(module, "PART", 4000)
+    monkeypatch.setattr(
+        module, "_searched", lambda whole, *rest: parts.append(len(whole.faces)) or searched(whole, *rest)
+    )
+    found = few_faces(sheet, 0.001)
+    assert len(parts) == 8 and max(parts) <= 4000
+    np.testing.assert_array_equal(rim(found.mesh), rim(sheet))  # no seam is open
+    assert found.mesh.euler_number == sheet.euler_number
+    assert (found.mesh.face_normals[:, 2] > 0.7).all()
+    assert found.most_m <= 0.001
+    dense, _ = trimesh.sample.sample_surface(found.mesh, 150_000, seed=0)
+    assert np.quantile(KDTree(dense).query(sheet.vertices)[0], 0.999) < np.hypot(0.001, 0.008)
+    assert len(found.mesh.faces) < 0.25 * len(sheet.faces)  # though seams keep theirs
