@@ -12,7 +12,8 @@ import numpy as np
 LEAST_SHARE = 0.01  # of all samples, that a plane has to hold
 MOST = 24  # planes
 DRAWN = 60000  # samples that are looked at
-TRIED, AGAINST = 600, 6000  # candidates in each round, and samples that judge them
+TRIED, FIRST_AGAINST = 600, 1000  # candidates in each round, and samples that judge them all
+FINAL, AGAINST = 40, 6000  # the best of them, and samples that judge these
 WIDTH_M, WIDTH_RELATIVE = 0.02, 0.012  # distance from a plane at which a sample starts to count as off it
 TURN = 0.94  # least cosine between normals of a candidate and of a sample that speaks for it
 REFITS = 8
@@ -88,12 +89,14 @@ def _best_candidate(
     judges = generator.choice(left, min(len(left), AGAINST), replace=False)
     candidates = generator.choice(left, min(len(left), TRIED), replace=False)
     offset = (normal[candidates] * xyz[candidates]).sum(axis=1)
-    most, best = -1, 0
-    for index, candidate in enumerate(candidates):
-        near = np.abs(_along(xyz[judges], normal[candidate]) - offset[index]) < 2 * width[judges]
-        count = int((near & (_along(normal[judges], normal[candidate]) > TURN)).sum())
-        if count > most:
-            most, best = count, index
+
+    def held(index: int, by: np.ndarray) -> int:
+        near = np.abs(_along(xyz[by], normal[candidates[index]]) - offset[index]) < 2 * width[by]
+        return int((near & (_along(normal[by], normal[candidates[index]]) > TURN)).sum())
+
+    first = np.array([held(index, judges[:FIRST_AGAINST]) for index in range(len(candidates))])
+    final = np.argsort(-first, kind="stable")[:FINAL]
+    best = max(final, key=lambda index: held(index, judges))  # the first of equals
     return normal[candidates[best]], float(offset[best])
 
 
