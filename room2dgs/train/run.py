@@ -20,6 +20,7 @@ from room2dgs.train.hooks import Checkpoints, Densification, HeldOut, Neighbours
 from room2dgs.train.report import Report
 from room2dgs.train.strategies.registry import new_strategy
 from room2dgs.train.surfel_file import save_surfels
+from room2dgs.train.thinning import Thinning
 from room2dgs.train.trainer import Hook, Trainer
 
 
@@ -76,7 +77,7 @@ def train(
         RuntimeError: a loss or gradient that is not finite (our fault).
     """
     out, report = Path(out), Report()
-    first = (Neighbours(), Densification(new_strategy(config, scene)), *_corrections(config))
+    first = (Neighbours(), Densification(new_strategy(config, scene)), *_thinning(config), *_corrections(config))
     last = (FiniteCheck(), HeldOut(), report, Checkpoints())
     with on_device(config.render.device) as device:
         trainer = Trainer(scene, points, config, out, log or run_log(out), priors, (*first, *hooks, *last), device)
@@ -102,6 +103,10 @@ def train(
         losses=report.losses,
         test_psnr_db=report.test_psnr_db,
     )
+
+
+def _thinning(config: Config) -> list[Hook]:
+    return [Thinning()] if config.strategy.thin > 0 else []
 
 
 def _corrections(config: Config) -> list[Hook]:

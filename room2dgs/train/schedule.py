@@ -107,7 +107,7 @@ def has_shares(config: Config) -> bool:
     terms = [term for term in vars(config.loss).values() if isinstance(term, TermConfig) and term.enabled]
     times = [time for term in terms for time in (term.start, term.end, term.ramp)]
     times += [level.until for level in config.train.resolutions]
-    if config.strategy.name != "fixed":
+    if config.strategy.name != "fixed" or config.strategy.thin > 0:
         times += [config.strategy.start, config.strategy.stop, config.strategy.reset_every]
     corrected = config.train.refine_poses or config.train.exposure
     return corrected or config.loss.normal_reweighting.enabled or any(isinstance(time, float) for time in times)

@@ -31,6 +31,11 @@ class StrategyConfig:
     )
     random_survival: bool = Field(description="seeds: of new seeds, half of the coarsest level's, 3/4 of the next, ...")
     prune_opacity: Float = Field(ge=0, le=1, description="less opaque ones go (theta_alpha)")
+    thin: Float = Field(
+        ge=0,
+        lt=1,
+        description="at `stop`, surfels that add least to the training views go, with this share of all they add",
+    )
     max_surfels: Int | None = Field(ge=1, description="growth ends there, by falling gradient (null: never)")
     split_size: Float = Field(
         ge=0, description="plain: larger surfels split, others are cloned; a share of the scene's extent"

@@ -1,4 +1,4 @@
-"""Adding and removing seeds, with all that belongs to them: parameters and Adam's moments."""
+"""Adding, removing and splitting seeds, with all that belongs to them: parameters and Adam's moments."""
 
 from __future__ import annotations
 
@@ -42,3 +42,28 @@ def edit_seeds(model: Model, config: SeedsConfig, keep: Tensor, rows: dict[str, 
     model.decoder = restored_decoder(config, fixed, parameters)
     model.adam = make_adam(model.decoder.parameters())
     load_adam_state(model.adam, state)
+
+
+def single_surfels(model: Model, config: SeedsConfig) -> bool:
+    """Each surfel becomes a seed of its own, in place and in their order, so that it can go alone.
+
+    Returns:
+        False, and nothing has changed, where surfels share their seed's features.
+    """
+    per_seed, count = set(model.decoder.per_seed), model.surfel_count // max(model.seeds, 1)
+    parameters = model.decoder.parameters()
+    if "features" in per_seed:
+        return False
+
+    def apart(value: Tensor) -> Tensor:
+        return value.detach().flatten(0, 1)[:, None]
+
+    state = {}
+    for key, value in adam_state(model.adam).items():
+        moment, _, name = key.partition("/")
+        state[key] = apart(value) if moment != "step" and name in per_seed else value
+    fixed = {name: value.repeat_interleave(count, dim=0) for name, value in model.decoder.fixed().items()}
+    model.decoder = restored_decoder(config, fixed, {name: apart(value) for name, value in parameters.items()})
+    model.adam = make_adam(model.decoder.parameters())
+    load_adam_state(model.adam, state)
+    return True

@@ -8,7 +8,7 @@ import torch
 from room2dgs.seeds.decoders.registry import new_decoder
 from room2dgs.seeds.spawn import Spawned
 from room2dgs.train.model import Model, adam_state, make_adam, set_rates
-from room2dgs.train.strategies.edit_seeds import edit_seeds
+from room2dgs.train.strategies.edit_seeds import edit_seeds, single_surfels
 
 SEEDS, PER_SEED, ADDED = 5, 2, 2
 KEEP = torch.tensor([0, 3, 4])
@@ -119,3 +119,19 @@ def test_keeping_all_changes_no_step_that_follows(trained):
         one.adam.step()
     ends = all_tensors(model), all_tensors(twin)
     assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[1])
+
+
+def test_split_into_single_surfels_no_step_that_follows_differs(trained):
+    model, config = trained
+    twin = copy.deepcopy(model)
+    apart = single_surfels(model, config)
+    assert apart == ("features" not in twin.decoder.parameters())
+    assert model.seeds == SEEDS * (PER_SEED if apart else 1) and model.surfel_count == twin.surfel_count
+    for one in (model, twin):
+        set_rates(one.adam, dict.fromkeys(one.decoder.parameters(), 0.01))
+        for name, value in one.decoder.parameters().items():
+            value.grad = torch.linspace(-2, 3, value.numel()).reshape(value.shape) * len(name)
+        one.adam.step()
+    degree = 1 if apart else 0
+    pairs = zip(model.decoder.surfels(degree), twin.decoder.surfels(degree), strict=True)
+    assert all(torch.equal(mine, theirs) for mine, theirs in pairs)

@@ -12,7 +12,7 @@ from room2dgs.train import checkpoint, load_surfels, train
 from room2dgs.train.progress import StageClock
 from room2dgs.train.step import forward_backward
 
-SEEDS = ["strategy=seeds", "seeds.voxel_m=0.05"]
+SEEDS = ["strategy=seeds", "seeds.voxel_m=0.05", "strategy.thin=0"]
 PLAIN = [
     "strategy=plain",
     "seeds.init=points",

@@ -1,0 +1,42 @@
+"""How much each surfel adds to pictures: the weights that it is blended with, summed over a picture's pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import torch
+from torch import Tensor
+
+from room2dgs.geometry.spherical_harmonics import C0
+from room2dgs.splat.api import render
+from room2dgs.splat.types import Surfels
+
+
+def contributions(surfels: Surfels, views: Iterable[tuple[Tensor, Tensor, int, int]], near_m: float) -> Tensor:
+    """(N,) float64, pixels: the sum of alpha times transmittance over the pixels of the view where it is largest.
+
+    What few views see counts as much as what all see. Colour is linear in the surfels' colours, so the weights are its
+    gradient: one rendering forth and back a view.
+
+    Args:
+        views: K (3, 3), cam_from_world (4, 4), width, height of each.
+        near_m: as `render` has it.
+    """
+    most = torch.zeros(len(surfels.centers), dtype=torch.float64, device=surfels.centers.device)
+    grey = torch.zeros_like(surfels.sh[:, :1]).requires_grad_()  # 0.5, far from where colours are cut off
+    painted = surfels._replace(sh=grey)
+    for K, cam_from_world, width, height in views:
+        sized = (K, cam_from_world, width, height)
+        color = render(painted, *sized, near_m=near_m, with_normal=False, with_distortion=False).color
+        (gradient,) = torch.autograd.grad(color[..., 0].sum(), grey)
+        most = torch.maximum(most, gradient[:, 0, 0].double() / C0)
+    return most
+
+
+def least_needed(contributions: Tensor, share: float) -> Tensor:
+    """(N,) bool: those that add least, as many as together hold at most a share of the sum; ties by their order."""
+    order = torch.argsort(contributions, stable=True)
+    held = torch.cumsum(contributions[order], dim=0)
+    least = torch.zeros(len(order), dtype=torch.bool, device=contributions.device)
+    least[order[held <= share * held[-1:]]] = True
+    return least

@@ -1,0 +1,51 @@
+"""No more surfels than the photos need: once growth has ended, those that hardly show in any of them go."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from room2dgs.config import Config
+from room2dgs.splat.contribution import contributions, least_needed
+from room2dgs.train.model import Model
+from room2dgs.train.schedule import at_iteration, image_fraction
+from room2dgs.train.step import current_surfels
+from room2dgs.train.strategies.edit_seeds import edit_seeds, single_surfels
+from room2dgs.train.trainer import Hook, Iteration, Trainer
+
+
+class Thinning(Hook):
+    """At `strategy.stop`, drops the surfels that together hold `strategy.thin` of all that the training views show.
+
+    A surfel is one of several that its seed has; those that are left are a seed each from then on, where the decoder
+    keeps them apart. The shared decoder's go by whole seeds.
+    """
+
+    name = "thinning"
+
+    def after_step(self, trainer: Trainer, iteration: Iteration) -> None:
+        config = trainer.config
+        if iteration.done != at_iteration(config.strategy.stop, config.train.iterations):
+            return
+        before, seeds = trainer.model.surfel_count, trainer.model.seeds
+        needed = _needed(trainer, image_fraction(iteration.number, config.train, trainer.views.widest))
+        _keep(trainer.model, config, needed)
+        trainer.log(
+            f"iteration {iteration.done}: {trainer.model.surfel_count:,} of {before:,} surfels of {seeds:,} seeds "
+            f"hold {1 - config.strategy.thin:.0%} of what the views show; the others go"
+        )
+        trainer.clock.lap("strategy")
+
+
+def _needed(trainer: Trainer, fraction: float) -> Tensor:
+    """(N,) float64: what each surfel adds to the training view that shows most of it."""
+    views = (trainer.views.at(index, fraction) for index in range(len(trainer.views)))
+    sized = ((view.K, view.cam_from_world.detach(), view.width, view.height) for view in views)
+    return contributions(current_surfels(trainer.model, trainer.config.render), sized, trainer.config.render.near_m)
+
+
+def _keep(model: Model, config: Config, needed: Tensor) -> None:
+    apart = single_surfels(model, config.seeds)
+    goes = least_needed(needed if apart else needed.view(model.seeds, -1).sum(dim=1), config.strategy.thin)
+    if not bool(goes.all()):
+        edit_seeds(model, config.seeds, torch.nonzero(~goes)[:, 0])
