@@ -83,7 +83,7 @@ def main(argv: list[str]) -> int:
         if share.any() or any(one.depth is not None for one in maps.values()):
             depths = trusted_views(scene, priors, config) if priors else _fused_views(scene.train, cameras, views)
             with timed(seconds, "mesh"):
-                _write_mesh(depths, config, out, log)
+                _write_mesh(depths, scene, config, out, log)
         part = {
             "stereo_coverage": round(float(share.mean()), 4),
             "dense_points": count,
@@ -94,12 +94,14 @@ def main(argv: list[str]) -> int:
     return 0
 
 
-def _write_mesh(views: Iterable[FusedView], config: Config, out: Path, log: Log) -> None:
+def _write_mesh(views: Iterable[FusedView], scene: Scene, config: Config, out: Path, log: Log) -> None:
     """mesh.ply; a warning where the depth is too little for a surface, which maps, cloud and report still show."""
     from room2dgs.mesh.fuse import NoSurface, fuse
     from room2dgs.mesh.io import write_mesh
+    from room2dgs.mesh.voxel import with_voxel
 
-    settings = replace(config.mesh, source="depth")  # there are no surfels here, whatever a run would mesh
+    settings = with_voxel(config.mesh, [frame.camera for frame in scene.train])
+    settings = replace(settings, source="depth")  # there are no surfels here, whatever a run would mesh
     try:
         mesh = fuse(views, settings, log, config.render.device)
     except NoSurface as error:

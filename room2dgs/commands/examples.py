@@ -13,7 +13,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "run": (
         ("scene.path=room out=runs/room", "a capture with poses, in any layout of docs/captures.md"),
         ("video=walk.mp4 out=runs/room", "a video: its poses first"),
-        ("scene.path=room out=runs/fast experiment=quick mesh.voxel_m=0.02", "a first look"),
+        ("scene.path=room out=runs/fast experiment=quick", "a first look"),
         ("out=runs/room resume=true", "go on with a run that was stopped"),
         ("-m scene.path=room,hall out=runs/both hydra/launcher=joblib", "several captures at a time"),
     ),

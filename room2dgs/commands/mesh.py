@@ -59,14 +59,17 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
     """mesh.ply from the depth of the training views, its figures into metrics.json."""
     from room2dgs.mesh.fuse import fuse
     from room2dgs.mesh.io import write_mesh
+    from room2dgs.mesh.voxel import with_voxel
 
     use_threads(config)
+    settings = with_voxel(config.mesh, [frame.camera for frame in scene.train])
     with timed(seconds, "mesh"):
-        mesh = fuse(_Views(scene, surfels, config), config.mesh, log, config.render.device)
+        mesh = fuse(_Views(scene, surfels, config), settings, log, config.render.device)
         write_mesh(out / MESH, mesh)
     # Scores of a mesh that is no longer there must not stand beside this one.
     faded = stale(out, SCORES)
-    record(out, {**faded, "mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces)}, seconds)
+    made = {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces), "mesh_voxel_m": settings.voxel_m}
+    record(out, {**faded, **made}, seconds)
     log(f"mesh: {out / MESH}")
 
 

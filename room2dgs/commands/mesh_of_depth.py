@@ -27,15 +27,18 @@ def mesh_of_depth(scene: Scene, config: Config, out: Path, log: Log, seconds: di
     """
     from room2dgs.mesh.fuse import fuse
     from room2dgs.mesh.io import write_mesh
+    from room2dgs.mesh.voxel import with_voxel
 
     use_threads(config)
     _, priors = points_and_priors(scene, config, out, log, seconds)
     if not any(maps.depth is not None for maps in priors.by_frame.values()):
         raise InputError("mesh.source=depth has no depth to mesh; give prior=room_prior, or mesh.source=surfels")
+    settings = with_voxel(config.mesh, [frame.camera for frame in scene.train])
     with timed(seconds, "mesh"):
-        mesh = fuse(trusted_views(scene, priors, config), config.mesh, log, config.render.device)
+        mesh = fuse(trusted_views(scene, priors, config), settings, log, config.render.device)
         write_mesh(out / MESH, mesh)
-    record(out, {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces)}, seconds)
+    made = {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces), "mesh_voxel_m": settings.voxel_m}
+    record(out, made, seconds)
     log(f"mesh: {out / MESH}, of depth alone: nothing was trained")
 
 

@@ -24,6 +24,7 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str =
     With mesh.space=contracted they are taken several times, and kept if `views` can be taken only once.
 
     Args:
+        config: `voxel_m` is a number (`voxel.with_voxel`).
         device: `render.device`: what fuses. Marching cubes, cleaning and mesh.space=contracted are the CPU's.
 
     Returns:
@@ -37,13 +38,19 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str =
     raw = _integrated(watched, config, device)
     if not len(raw.faces):
         raise NoSurface(_why_none(config) if watched.any_pixel else _why_no_pixel(config))
-    mesh = clean(raw, config.min_triangles, config.keep_clusters)
+    mesh, before = clean(raw, config.min_triangles, config.keep_clusters), len(raw.faces)
+    del raw  # a room's is hundreds of megabytes, at each of these steps
     if not len(mesh.faces):
         raise NoSurface(
             f"every piece of the mesh has fewer than mesh.min_triangles={config.min_triangles} faces; lower it"
         )
-    log(f"mesh: {len(mesh.faces):,} faces, {len(raw.faces) - len(mesh.faces):,} dropped by cleaning")
-    return _few(_filled(_smooth(mesh, config), config, log), config, log)
+    log(
+        f"mesh: {len(mesh.faces):,} faces, {before - len(mesh.faces):,} dropped by cleaning "
+        f"(voxels of {100 * config.voxel_m:g} cm)"
+    )
+    mesh = _smooth(mesh, config)
+    mesh = _filled(mesh, config, log)
+    return _few(mesh, config, log)
 
 
 def _integrated(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:

@@ -17,7 +17,9 @@ class MeshConfig:
     source: Literal["surfels", "depth"] = Field(
         description="surfels: rendered depth | depth: stereo's, the network's or the sensor's, without any training"
     )
-    voxel_m: Float = Field(ge=1e-3, le=1, description="side of a voxel")
+    voxel_m: Float | None = Field(
+        ge=1e-3, le=1, description="side of a voxel (null: two pixels of the photos at 2.5 m, 1 to 2 cm)"
+    )
     space: Literal["bounded", "contracted"] = Field(
         description="bounded | contracted: outside the room voxels grow with the distance"
     )
