@@ -1,0 +1,19 @@
+"""Defaults that measurements of docs/results.md chose: to change one is to measure again."""
+
+from room2dgs.config import load_config
+
+
+def test_defaults_are_those_that_were_measured():
+    config = load_config(["scene.path=room", "out=run"])
+    mesh, train = config.mesh, config.train
+    assert (mesh.voxel_m, mesh.truncation_voxels, mesh.min_weight) == (None, 2.0, 1.0)
+    assert (mesh.smoothing_steps, mesh.max_error_m) == (5, 0.005)
+    assert [(level.fraction, level.until) for level in train.resolutions] == [(0.5, 0.5)] and train.coarsest_px == 320
+    assert (config.strategy.name, config.strategy.thin, config.seeds.per_seed) == ("seeds", 0.03, 4)
+    depth = config.prior.depth
+    assert depth.completion and depth.planes and depth.free_space and config.stereo.enabled
+
+
+def test_what_is_compared_with_takes_none_of_ours():
+    plain = load_config(["scene.path=room", "out=run", "experiment=plain_2dgs"])
+    assert plain.strategy.thin == 0 and plain.train.resolutions == [] and plain.prior.depth.source == "none"
