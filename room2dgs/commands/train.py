@@ -47,6 +47,7 @@ def train_scene(scene: Scene, config: Config, out: Path, log: Log, seconds: dict
     points, priors = points_and_priors(scene, config, out, log, seconds)
     with timed(seconds, "train"):
         result = train(scene, points, config, out, log, priors.by_frame, watchers)
+        scene.cache.clear()  # nothing after the training wants maps, and photos are read again
     # The loop's own clock also has what an interrupted run took before it was resumed.
     seconds["train"] = max(seconds["train"], round(sum(result.seconds.values()), 3))
     part: dict[str, Any] = {

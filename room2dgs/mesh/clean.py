@@ -7,6 +7,8 @@ import trimesh
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+PART = 200_000  # faces looked at together
+
 
 def clean(mesh: trimesh.Trimesh, min_triangles: int = 0, keep_clusters: int | None = None) -> trimesh.Trimesh:
     """Merge, drop and order, so that equal surfaces give equal bytes.
@@ -59,9 +61,7 @@ def _sorted_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         return faces
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
-    corners = vertices[faces]
-    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    faces = faces[(doubled != 0).any(axis=1)]
+    faces = faces[_with_an_area(vertices, faces)]
     start = faces.argmin(axis=1)
     rows = np.arange(len(faces))
     a, b, c = (faces[rows, (start + k) % 3] for k in range(3))
@@ -71,6 +71,16 @@ def _sorted_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     first = np.ones(len(order), dtype=bool)
     first[1:] = (key[1:] != key[:-1]).any(axis=1)
     return np.stack([a, b, c], axis=1)[order[first]]
+
+
+def _with_an_area(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(F,) bool; a part at a time, since corners and their products are ten times the faces' memory."""
+    found = np.empty(len(faces), dtype=bool)
+    for start in range(0, len(faces), PART):
+        part = slice(start, start + PART)
+        a, b, c = (vertices[faces[part, corner]] for corner in range(3))
+        found[part] = (np.cross(b - a, c - a) != 0).any(axis=1)
+    return found
 
 
 def _large_pieces(faces: np.ndarray, vertices: int, min_triangles: int, keep_clusters: int | None) -> np.ndarray:

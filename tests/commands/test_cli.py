@@ -75,6 +75,25 @@ def refused(capsys, argv: list[str]) -> str:
     return said
 
 
+def test_nothing_of_the_training_is_in_memory_when_the_mesh_is_made(scene, tmp_path, monkeypatch):
+    from room2dgs.commands import run, train
+
+    held = {}
+
+    def watched(name, stage):
+        def staged(scene, *rest):
+            result = stage(scene, *rest)
+            held[name] = scene.cache.in_memory
+            return result
+
+        return staged
+
+    monkeypatch.setattr(train, "points_and_priors", watched("priors", train.points_and_priors))
+    monkeypatch.setattr(run, "train_scene", watched("training", run.train_scene))
+    assert cli.main(["run", *settings(scene, tmp_path / "run"), "report.enabled=false"]) == 0
+    assert held["priors"] > 0 and held["training"] == 0
+
+
 def test_run_leaves_what_the_readme_promises(finished, scene):
     names = {path.name for path in finished.iterdir()}
     assert {"config.yaml", "mesh.ply", "metrics.json", "log.txt", "checkpoints", "renders", "report.html"} <= names
