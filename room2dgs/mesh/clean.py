@@ -74,7 +74,7 @@ def _sorted_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _with_an_area(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(F,) bool; a part at a time, since corners and their products are ten times the faces' memory."""
+    """(F,) bool; a part at a time, since corners and their products take several times the faces' memory."""
     found = np.empty(len(faces), dtype=bool)
     for start in range(0, len(faces), PART):
         part = slice(start, start + PART)

@@ -25,7 +25,7 @@ LEAST = 0.1  # of the bound: what is nearer counts as this far
 SLOPE, SLOPES = 0.3, (0.1, 2.0)  # faces fall with the error to about this power, of a room's smoothed mesh; bounds
 AGGRESSION = 3.0  # of fast-simplification; with more it is sooner done, and coarser where shape is
 SMALL = 500  # faces, which are few enough
-PART = 400_000  # faces that are decimated at a time: some 100 MB for each hundred thousand
+PART = 400_000  # faces that are decimated at a time; memory follows them
 FEWEST_TRIED, MOST_TRIED = 0.02, 0.7  # of a part's faces, whatever its neighbour needed
 
 

@@ -1,8 +1,8 @@
 """The roughness of voxels off a surface, its shape and its rims left.
 
 Taubin 1995: a step moves each vertex half of the way to the mean of its neighbours, then a little more than that back,
-so that what is as rough as the voxels goes and what is larger neither shrinks nor grows. trimesh has it, too, with four
-times the memory.
+so that what is as rough as the voxels goes and what is larger neither shrinks nor grows. trimesh has it, too, but keeps
+tables of a mesh's edges that a room's mesh has no memory for.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ class Thinning(Hook):
         _keep(trainer.model, config, needed)
         trainer.log(
             f"iteration {iteration.done}: {trainer.model.surfel_count:,} of {before:,} surfels of {seeds:,} seeds "
-            f"hold {1 - config.strategy.thin:.0%} of what the views show; the others go"
+            f"hold {100 * (1 - config.strategy.thin):g} % of what the views show; the others go"
         )
         trainer.clock.lap("strategy")
 

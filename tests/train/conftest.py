@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+
 import cv2
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from room2dgs.config import load_config
 from room2dgs.geometry.camera import Camera
 from room2dgs.splat import Surfels
 from room2dgs.splat.reference import render
+from room2dgs.train import checkpoint
 
 WIDTH, HEIGHT = 32, 24
 
@@ -96,3 +99,23 @@ def log():
 
     write.lines = lines
     return write
+
+
+@pytest.fixture
+def dies_after(monkeypatch):
+    """A block in which a run ends, as by Ctrl-C, once its checkpoint after an iteration is on the disk."""
+
+    @contextmanager
+    def block(iteration: int):
+        save = checkpoint.save
+
+        def save_and_die(out, state):
+            save(out, state)
+            if state.iteration == iteration:
+                raise KeyboardInterrupt
+
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(checkpoint, "save", save_and_die)
+            yield
+
+    return block

@@ -8,24 +8,15 @@ KINDS = [("shared", "exp"), ("shared", "softplus"), ("explicit", "softplus")]
 
 @pytest.mark.parametrize(("kind", "activation"), KINDS)
 def test_loss_falls_and_a_killed_run_resumes_to_the_same_bits(
-    capture, configure, log, tmp_path, monkeypatch, kind, activation
+    capture, configure, log, tmp_path, dies_after, kind, activation
 ):
     settings = [f"seeds.decoder={kind}", f"seeds.scale_activation={activation}", "train.iterations=100"]
     settings += ["train.checkpoint_every=25", "train.log_every=10"]
     whole = train(*capture, configure(*settings), tmp_path / "whole", log).surfels_path
     losses = [float(line.split("loss ")[1].split()[0]) for line in log.lines if ": loss" in line]
     assert losses[-1] < 0.6 * losses[0]
-    save = checkpoint.save
-
-    def save_and_die(out, state):
-        save(out, state)
-        if state.iteration == 25:
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(checkpoint, "save", save_and_die)
-        with pytest.raises(KeyboardInterrupt):
-            train(*capture, configure(*settings), tmp_path / "cut", log)
+    with dies_after(25):
+        train(*capture, configure(*settings), tmp_path / "cut", log)
     resumed = train(*capture, configure(*settings, "resume=true"), tmp_path / "cut", log)
     assert resumed.surfels_path.read_bytes() == whole.read_bytes()
     ends = [checkpoint.latest(tmp_path / name, log.lines.append) for name in ("whole", "cut")]

@@ -64,20 +64,11 @@ EVENTS = [
 
 
 @pytest.mark.parametrize("killed_after", [1, 3, 6, 7, 8, 12])
-def test_a_killed_run_resumes_to_the_same_bits(capture, configure, log, tmp_path, monkeypatch, killed_after):
+def test_a_killed_run_resumes_to_the_same_bits(capture, configure, log, tmp_path, dies_after, killed_after):
     settings = [*ON, *SMALL, *EVENTS]
     whole = train(*capture, configure(*settings), tmp_path / "whole", log).surfels_path
-    save = checkpoint.save
-
-    def save_and_die(out, state):
-        save(out, state)
-        if state.iteration == killed_after:
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(checkpoint, "save", save_and_die)
-        with pytest.raises(KeyboardInterrupt):
-            train(*capture, configure(*settings), tmp_path / "cut", log)
+    with dies_after(killed_after):
+        train(*capture, configure(*settings), tmp_path / "cut", log)
     resumed = train(*capture, configure(*settings, "resume=true"), tmp_path / "cut", log)
     assert resumed.surfels_path.read_bytes() == whole.read_bytes()
 

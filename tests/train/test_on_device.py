@@ -19,7 +19,7 @@ from room2dgs.block_code import BUILDS, Build, set_order
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.errors import InputError
 from room2dgs.mesh.views import fused_view
-from room2dgs.train import checkpoint, load_surfels, run, train
+from room2dgs.train import load_surfels, run, train
 from room2dgs.train.corrections import PoseCorrections
 from room2dgs.train.device import DeviceCache
 from room2dgs.train.trainer import Hook
@@ -77,9 +77,7 @@ def test_the_cpus_result_and_the_same_bits_again(capture, configure, log, tmp_pa
     assert first == again
 
 
-def test_a_killed_run_resumes_to_the_same_bits_but_not_on_another_device(
-    capture, configure, log, tmp_path, monkeypatch
-):
+def test_a_killed_run_resumes_to_the_same_bits_but_not_on_another_device(capture, configure, log, tmp_path, dies_after):
     settings = [
         *ALL_TERMS,
         *GROWING,
@@ -89,17 +87,8 @@ def test_a_killed_run_resumes_to_the_same_bits_but_not_on_another_device(
         "train.checkpoint_every=3",
     ]
     whole, _ = trained(capture, configure(*settings), tmp_path / "whole", log)
-    save = checkpoint.save
-
-    def save_and_die(out, state):
-        save(out, state)
-        if state.iteration == 9:
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(checkpoint, "save", save_and_die)
-        with pytest.raises(KeyboardInterrupt):
-            trained(capture, configure(*settings), tmp_path / "cut", log)
+    with dies_after(9):
+        trained(capture, configure(*settings), tmp_path / "cut", log)
     with pytest.raises(InputError, match=r"render\.device"):
         trained(capture, configure(*settings, "render.device=cpu", "resume=true"), tmp_path / "cut", log)
     resumed, _ = trained(capture, configure(*settings, "resume=true"), tmp_path / "cut", log)

@@ -8,7 +8,7 @@ import torch
 from room2dgs import splat
 from room2dgs.geometry.camera_tensors import view_matrices
 from room2dgs.splat.contribution import contributions
-from room2dgs.train import checkpoint, load_surfels, train
+from room2dgs.train import load_surfels, train
 
 SETTINGS = [
     "strategy=seeds",
@@ -53,23 +53,15 @@ def test_what_is_left_is_what_held_the_rest_of_the_pictures(capture, configure, 
 
 @pytest.mark.parametrize("decoder", DECODERS)
 def test_a_run_killed_around_it_resumes_to_the_same_bits_on_any_number_of_threads(
-    capture, configure, log, tmp_path, monkeypatch, decoder
+    capture, configure, log, tmp_path, dies_after, decoder
 ):
     settings = [*SETTINGS, decoder, "render.sh_degree=0", "strategy.thin=0.1"]
     whole = train(*capture, configure(*settings), tmp_path / "whole", log)
-    save, threads = checkpoint.save, torch.get_num_threads()
+    threads = torch.get_num_threads()
     for killed_after in (5, 6, 7):
         out = tmp_path / str(killed_after)
-
-        def save_and_die(folder, state, last=killed_after):
-            save(folder, state)
-            if state.iteration == last:
-                raise KeyboardInterrupt
-
-        with monkeypatch.context() as patch:
-            patch.setattr(checkpoint, "save", save_and_die)
-            with pytest.raises(KeyboardInterrupt):
-                train(*capture, configure(*settings), out, log)
+        with dies_after(killed_after):
+            train(*capture, configure(*settings), out, log)
         try:
             torch.set_num_threads(3)
             splat.set_threads(3)

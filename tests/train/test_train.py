@@ -82,20 +82,11 @@ EVENTS = [
 
 
 @pytest.mark.parametrize("killed_after", [1, 2, 3, 5, 7])
-def test_a_killed_run_resumes_to_the_same_bits(capture, configure, log, tmp_path, monkeypatch, killed_after):
+def test_a_killed_run_resumes_to_the_same_bits(capture, configure, log, tmp_path, dies_after, killed_after):
     settings = [*EVENTS, "train.checkpoint_every=1"]
     whole = train(*capture, configure(*settings), tmp_path / "whole", log).surfels_path
-    save = checkpoint.save
-
-    def save_and_die(out, state):
-        save(out, state)
-        if state.iteration == killed_after:
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(checkpoint, "save", save_and_die)
-        with pytest.raises(KeyboardInterrupt):
-            train(*capture, configure(*settings), tmp_path / "cut", log)
+    with dies_after(killed_after):
+        train(*capture, configure(*settings), tmp_path / "cut", log)
     assert not (tmp_path / "cut" / "surfels.safetensors").exists()
     resumed = train(*capture, configure(*settings, "resume=true"), tmp_path / "cut", log)
     assert resumed.surfels_path.read_bytes() == whole.read_bytes()

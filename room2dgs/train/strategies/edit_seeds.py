@@ -39,9 +39,7 @@ def edit_seeds(model: Model, config: SeedsConfig, keep: Tensor, rows: dict[str, 
         of_seeds = moment != "step" and name in per_seed
         state[key] = moved(value, torch.zeros_like(rows[name]) if name in rows else None) if of_seeds else value
 
-    model.decoder = restored_decoder(config, fixed, parameters)
-    model.adam = make_adam(model.decoder.parameters())
-    load_adam_state(model.adam, state)
+    _replace(model, config, fixed, parameters, state)
 
 
 def single_surfels(model: Model, config: SeedsConfig) -> bool:
@@ -63,7 +61,17 @@ def single_surfels(model: Model, config: SeedsConfig) -> bool:
         moment, _, name = key.partition("/")
         state[key] = apart(value) if moment != "step" and name in per_seed else value
     fixed = {name: value.repeat_interleave(count, dim=0) for name, value in model.decoder.fixed().items()}
-    model.decoder = restored_decoder(config, fixed, {name: apart(value) for name, value in parameters.items()})
+    _replace(model, config, fixed, {name: apart(value) for name, value in parameters.items()}, state)
+    return True
+
+
+def _replace(
+    model: Model,
+    config: SeedsConfig,
+    fixed: dict[str, Tensor],
+    parameters: dict[str, Tensor],
+    state: dict[str, Tensor],
+) -> None:
+    model.decoder = restored_decoder(config, fixed, parameters)
     model.adam = make_adam(model.decoder.parameters())
     load_adam_state(model.adam, state)
-    return True

@@ -37,26 +37,17 @@ def adjustments(log):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_run_killed_between_and_at_adjustments_resumes_to_the_same_bits(
-    capture, configure, log, tmp_path, monkeypatch, kind
+    capture, configure, log, tmp_path, dies_after, kind
 ):
     settings = KINDS[kind]
     whole = train(*capture, configure(*settings), tmp_path / "whole", log)
     found = adjustments(log)
     assert {3, 6, 9} <= set(found) and all(iteration <= 9 for iteration in found)
     assert len({count for _, count in found.values()}) > 1 and whole.seeds == found[9][1]
-    save = checkpoint.save
     for killed_after in (2, 3, 8):
         out = tmp_path / str(killed_after)
-
-        def save_and_die(folder, state, last=killed_after):
-            save(folder, state)
-            if state.iteration == last:
-                raise KeyboardInterrupt
-
-        with monkeypatch.context() as patch:
-            patch.setattr(checkpoint, "save", save_and_die)
-            with pytest.raises(KeyboardInterrupt):
-                train(*capture, configure(*settings), out, log)
+        with dies_after(killed_after):
+            train(*capture, configure(*settings), out, log)
         resumed = train(*capture, configure(*settings, "resume=true"), out, log)
         assert resumed.surfels_path.read_bytes() == whole.surfels_path.read_bytes()
         ends = [checkpoint.latest(folder, log) for folder in (tmp_path / "whole", out)]
