@@ -1,7 +1,8 @@
-"""Seeds where structure from motion is blind: the depth prior's surface, where several views agree on it.
+"""Seeds where structure from motion is blind: the depth prior's surface.
 
-Blank walls have no sparse points and growth cannot reach them. The aligned depth maps cover them, and a depth is used
-where those of other views agree with it and few see a surface behind it.
+Blank walls have no sparse points and growth cannot reach them. The aligned depth maps cover them. A pixel weighs the
+more the smaller its expected error is, and few other views may see a surface behind it. What only one view sees gets
+seeds, too: without them the surfels in front of it grow over it.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from room2dgs.priors.joint.overlap import Overlap, overlap
 from room2dgs.seeds.voxelise import cell_centres, cell_keys
 
 AGREES = 0.03  # relative difference of depth within which two views see the same surface
-LEAST_AGREEING = 2  # other views
+LEAST_AGREEING = 2  # other views, where nobody knows the pixel's expected error
+UNKNOWN = 0.4  # weight of such a pixel
 # Occlusion violations: of the other views with a depth there, this share may have a surface behind the point.
 MAX_VIOLATIONS = 0.34
-# A cell with fewer pixels, over all views, is noise.
-LEAST_PIXELS = 5
+LEAST_WEIGHT = 2.0  # of a cell's pixels, over all views; with less it is noise
 # Means of neighbouring cells nearer than this share of a cell are one piece of surface, cut by the cells' border.
 LEAST_APART = 0.5
 NORMAL_STEP = 4  # pixels to either side
@@ -36,7 +37,7 @@ class Surface(NamedTuple):
 
     Attributes:
         cells: (S, 3) centres of the cells, metres.
-        xyz: (S, 3) mean of what the views saw in the cell, metres.
+        xyz: (S, 3) weighted mean of what the views saw in the cell, metres.
         normals: (S, 3) unit, towards the cameras that saw it.
         rgb: (S, 3) 0..1.
     """
@@ -52,7 +53,7 @@ def agreed_surface(frames: Sequence[Frame], priors: Mapping[str, ViewMaps], voxe
 
     Args:
         frames: training views; those without a depth prior are passed over.
-        priors: by frame name; depth in metres, aligned.
+        priors: by frame name; depth in metres, aligned; confidence as that of `completion.expected_error`, if known.
         voxel_m: edge of a cell.
 
     Returns:
@@ -68,9 +69,9 @@ def agreed_surface(frames: Sequence[Frame], priors: Mapping[str, ViewMaps], voxe
     for frame in frames:
         depths.add(frame.name, lambda name=frame.name: priors[name].depth)
     views = overlap(frames, depths, {})
-    parts = [_agreed_pixels(views, index, frame, depths[frame.name]) for index, frame in enumerate(frames)]
-    xyz, normals, rgb = (np.concatenate(values) for values in zip(*parts, strict=True))
-    return _in_cells(xyz, normals, rgb, voxel_m)
+    parts = [_agreed_pixels(views, index, frame, priors[frame.name]) for index, frame in enumerate(frames)]
+    xyz, normals, rgb, weight = (np.concatenate(values) for values in zip(*parts, strict=True))
+    return _in_cells(xyz, normals, rgb, weight, voxel_m)
 
 
 def away_from(surface: Surface, xyz: np.ndarray, voxel_m: float) -> Surface:
@@ -81,10 +82,12 @@ def away_from(surface: Surface, xyz: np.ndarray, voxel_m: float) -> Surface:
 
 
 def _agreed_pixels(
-    views: Overlap, index: int, frame: Frame, depth: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """World points, normals and colours of those pixels of one view on which other views agree."""
+    views: Overlap, index: int, frame: Frame, maps: ViewMaps[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """World points, normals, colours and weights of those pixels of one view that other views leave standing."""
     grid = (slice(views.step // 2, None, views.step),) * 2
+    depth = maps.depth
+    assert depth is not None
     normal = depth_normals(depth, frame.camera, NORMAL_STEP)[grid]
     good = (depth[grid] > 0) & normal.any(axis=-1)
     mask = frame.mask()
@@ -103,33 +106,41 @@ def _agreed_pixels(
         covering += good
         agreeing += good & ((ratio - 1).abs() < AGREES)
         violating += good & (ratio < 1 - AGREES)
-    agreed = ((agreeing >= LEAST_AGREEING) & (violating <= MAX_VIOLATIONS * covering)).numpy()
+    agreed = (violating <= MAX_VIOLATIONS * covering).numpy()
+    if maps.depth_confidence is None:
+        weight = np.where(agreeing.numpy() >= LEAST_AGREEING, UNKNOWN, 0.0)
+    else:  # about the inverse of the expected error
+        weight = np.sqrt(maps.depth_confidence[grid][row.numpy(), column.numpy()].astype(np.float64))
+    agreed &= weight > 0
     camera = frame.camera
     xyz = camera.to_world(in_cam.numpy()[agreed])
     picked = (row.numpy()[agreed], column.numpy()[agreed])
-    return xyz, camera.turned_to_world(normal[picked]), frame.color()[grid][picked] / 255.0
+    return xyz, camera.turned_to_world(normal[picked]), frame.color()[grid][picked] / 255.0, weight[agreed]
 
 
-def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, voxel_m: float) -> Surface:
-    keys, cell, count = np.unique(cell_keys(xyz, voxel_m), return_inverse=True, return_counts=True)
+def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, weight: np.ndarray, voxel_m: float) -> Surface:
+    keys, cell = np.unique(cell_keys(xyz, voxel_m), return_inverse=True)
     cell = cell.reshape(-1)
+    held = np.bincount(cell, weight, len(keys))
 
     def mean(values: np.ndarray) -> np.ndarray:
-        return np.stack([np.bincount(cell, values[:, axis], len(keys)) for axis in range(3)], axis=1) / count[:, None]
+        sums = [np.bincount(cell, weight * values[:, axis], len(keys)) for axis in range(3)]
+        return np.stack(sums, axis=1) / held[:, None]
 
     place, normal, color = mean(xyz), mean(normals), mean(rgb)
     length = np.linalg.norm(normal, axis=1)
     # normals that cancel are no surface; a slanted one is cut by cells into slivers, of which the fuller stays
-    good = (count >= LEAST_PIXELS) & (length > 0.5)
-    good &= ~_suppressed(place, np.where(good, count, 0), LEAST_APART * voxel_m)
+    # the sum of five weights of 0.4 is not 2 to the last bit
+    good = (held >= LEAST_WEIGHT - 1e-6) & (length > 0.5)
+    good &= ~_suppressed(place, np.where(good, held, 0), LEAST_APART * voxel_m)
     return Surface(cell_centres(keys, voxel_m)[good], place[good], normal[good] / length[good, None], color[good])
 
 
-def _suppressed(place: np.ndarray, count: np.ndarray, radius_m: float) -> np.ndarray:
-    """(S,) bool: has a neighbour within the radius with more pixels (as many and a lower index) that stays."""
-    suppressed = count == 0
+def _suppressed(place: np.ndarray, weight: np.ndarray, radius_m: float) -> np.ndarray:
+    """(S,) bool: has a neighbour within the radius with more weight (as much and a lower index) that stays."""
+    suppressed = weight == 0
     neighbours = cKDTree(place).query_ball_point(place, radius_m) if len(place) else []
-    for index in np.lexsort((np.arange(len(place)), -count)):
+    for index in np.lexsort((np.arange(len(place)), -weight)):
         if not suppressed[index]:
             for other in neighbours[index]:
                 suppressed[other] |= other != index

@@ -17,11 +17,15 @@ class Agreement(NamedTuple):
     Attributes:
         inverse_depth: (H, W) float32, 1/m, mean of the view's own and of those that agree with it.
         count: (H, W) uint8 neighbours that agree.
+        through: (H, W) uint8 neighbours that look through the point at something behind it.
+        hidden: (H, W) uint8 neighbours from which something nearer hides the point.
         spread: (H, W) float32, relative standard deviation of what was averaged; 0 with fewer than two.
     """
 
     inverse_depth: np.ndarray
     count: np.ndarray
+    through: np.ndarray
+    hidden: np.ndarray
     spread: np.ndarray
 
 
@@ -44,7 +48,7 @@ def agreement(
     height, width = inverse_depth.shape
     y, x = np.mgrid[:height, :width].astype(np.float32)
     w = inverse_depth.astype(np.float32)
-    count = np.zeros((height, width), np.uint8)
+    count, through, hidden = (np.zeros((height, width), np.uint8) for _ in range(3))
     total, squares = w.copy(), w * w
     for other, theirs in others:
         there, back = warp(camera, other).astype(np.float32), warp(other, camera).astype(np.float32)
@@ -56,15 +60,18 @@ def agreement(
         back_x, back_y, back_z = _carried(back, u, v, seen)
         with np.errstate(divide="ignore", invalid="ignore"):
             off = np.hypot(back_x - x, back_y - y)
-            agrees = inside & (back_z > 1e-6) & (off < max_px) & (np.abs(w / z / seen - 1) < max_relative)
+            ratio = w / z / seen  # of the depth that the neighbour has there to the point's
+            agrees = inside & (back_z > 1e-6) & (off < max_px) & (np.abs(ratio - 1) < max_relative)
             said = np.where(agrees, seen / back_z, 0)
         count += agrees
+        through += inside & (ratio > 1 + max_relative)
+        hidden += inside & (ratio < 1 - max_relative)
         total += said
         squares += said * said
     mean = total / (count + 1)
     variance = np.maximum(squares / (count + 1) - mean * mean, 0)
     spread = np.divide(np.sqrt(variance), mean, out=np.zeros_like(mean), where=mean > 0)
-    return Agreement(mean, count, spread)
+    return Agreement(mean, count, through, hidden, spread)
 
 
 def _carried(

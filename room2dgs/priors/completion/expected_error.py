@@ -5,6 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from room2dgs.stereo.agreement import Agreement
+
 # Relative errors, metres a metre. Set by hand from the median errors of such pixels on two captures, greywhite (HELD
 # follows it closely) and redkitchen, whose errors are about twice as large; not calibrated on others. Columns: how many
 # of ten other views agree, 0 or 1, 2 or 3, 4 to 6, 7 or more.
@@ -15,7 +17,7 @@ FREE = np.array([0.13, 0.014, 0.009, 0.009], np.float32)
 SHARES = np.array([0.0, 0.1, 0.3, 0.5, 0.7, 1.0])
 HELD = np.array(
     [
-        [0.030, 0.005, 0.004, 0.004],
+        [0.015, 0.005, 0.004, 0.004],
         [0.060, 0.011, 0.007, 0.007],
         [0.085, 0.027, 0.012, 0.010],
         [0.105, 0.048, 0.023, 0.014],
@@ -27,12 +29,13 @@ HELD = np.array(
 REACH = 4.0  # pixels: deviation of the Gaussian with which an anchor speaks for what is around it
 ENOUGH = 0.3  # trust around a pixel, of 1 if every pixel had a trusted anchor, that counts as held
 OFF = 0.03  # relative difference at which a depth contradicts an anchor
+CONTRADICTED = 0.13  # added where views contradict and none agrees
 SEEN_THROUGH = 0.1  # added where all other views look through it
 HALF = 0.025  # relative error at which a depth's confidence is a half
 
 
 def expected_relative_error(
-    completed: np.ndarray, anchor: np.ndarray, trust: np.ndarray, agreeing: np.ndarray, through: np.ndarray
+    completed: np.ndarray, anchor: np.ndarray, trust: np.ndarray, others: Agreement, through: np.ndarray
 ) -> np.ndarray:
     """(h, w) float32.
 
@@ -40,19 +43,22 @@ def expected_relative_error(
         completed: (h, w) metres.
         anchor: (h, w) metres, 0 = none.
         trust: (h, w) of the anchors, 0..1.
-        agreeing: (h, w) how many of ten other views agree.
+        others: what ten other views say of it.
         through: (h, w) share of all other views' word that there is nothing (`free_space.seen_through`).
     """
     off = (np.abs(anchor / np.maximum(completed, 1e-6) - 1) > OFF) & (anchor > 0)
     around = [cv2.GaussianBlur(part.astype(np.float32), (0, 0), REACH) for part in (trust * (anchor > 0), trust * off)]
     share = around[1] / np.maximum(around[0], 1e-6)
     held = np.clip(around[0] / ENOUGH, 0, 1)
-    column = np.digitize(agreeing, COUNTS)
+    column = np.digitize(others.count, COUNTS)
     place = np.clip(np.interp(share, SHARES, np.arange(len(SHARES))), 0, len(SHARES) - 1)
     below = np.minimum(place.astype(np.int64), len(SHARES) - 2)
     part = place - below
     anchored = HELD[below, column] * (1 - part) + HELD[below + 1, column] * part
-    return (FREE[column] * (1 - held) + anchored * held + SEEN_THROUGH * through**2).astype(np.float32)
+    against = others.through + 0.1 * others.hidden
+    contradicted = against / (against + 1.6 * others.count + 0.25)
+    error = FREE[column] * (1 - held) + anchored * held + CONTRADICTED * contradicted + SEEN_THROUGH * through**2
+    return error.astype(np.float32)
 
 
 def confidence(relative_error: np.ndarray) -> np.ndarray:

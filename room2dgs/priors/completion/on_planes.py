@@ -10,17 +10,19 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.priors.completion.planes import Plane
 
 NEAR = 0.1  # relative difference between a pixel's depth and a plane's at which the pixel starts to count as off it
+FLAT = 0.02  # likewise of a completed depth that is to lie on the plane in the end
 TURNED = (0.85, 0.95)  # cosine between the normals of pixel and plane: from none of the trust to all of it
 
 
 def on_planes(
-    depth: np.ndarray, normal: np.ndarray, camera: Camera, planes: Sequence[Plane]
+    depth: np.ndarray, normal: np.ndarray, camera: Camera, planes: Sequence[Plane], near: float = NEAR
 ) -> tuple[np.ndarray, np.ndarray]:
     """Depth of the plane that each pixel most probably shows, and the trust in that.
 
     Args:
         depth: (h, w) metres, 0 = invalid.
         normal: (h, w, 3) unit, world frame, towards the camera; 0 = invalid.
+        near: relative difference that halves the trust.
 
     Returns:
         (h, w) metres, 0 = none, and (h, w) 0..1.
@@ -31,9 +33,27 @@ def on_planes(
         facing = rays @ plane.normal
         z = np.divide(plane.offset - centre @ plane.normal, facing, out=np.zeros(depth.shape), where=facing < -1e-3)
         seen = (z > 0) & (depth > 0)
-        off = np.log(np.where(seen, z, 1) / np.where(seen, depth, 1)) / NEAR
+        off = np.log(np.where(seen, z, 1) / np.where(seen, depth, 1)) / near
         turned = np.clip((normal @ plane.normal - TURNED[0]) / (TURNED[1] - TURNED[0]), 0, 1)
         mine = np.where(seen & (np.abs(off) < 2), turned / (1 + off**2), 0)
         better = mine > trust
         found[better], trust[better] = z[better], mine[better]
     return found, trust
+
+
+def flattened(
+    depth: np.ndarray, normal: np.ndarray, camera: Camera, planes: Sequence[Plane]
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far each pixel has to go to a plane that it almost lies on.
+
+    A solution between anchors and slopes follows the anchors' noise; a wall is flat.
+
+    Args:
+        depth, normal, camera, planes: as `on_planes`.
+
+    Returns:
+        (h, w) to add to ln(depth), and (h, w) the share 0..1 of the way to the plane that this is.
+    """
+    on, share = on_planes(depth, normal, camera, planes, FLAT)
+    known = share > 0
+    return share * np.log(np.where(known, on, 1) / np.where(known, depth, 1)), share

@@ -18,7 +18,7 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
-from room2dgs.priors.completion.on_planes import on_planes
+from room2dgs.priors.completion.on_planes import flattened, on_planes
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
 from room2dgs.priors.completion.solve import System, normal_slopes, prior_slopes, solved, system
 from room2dgs.priors.files import resize_depth
@@ -32,6 +32,7 @@ MAX_PX, MAX_RELATIVE = 2.0, 0.03
 HALF_MISFIT = 0.1  # relative residual at the points, before any optimisation, that halves the weight of the maps
 PLANE_ROUNDS = 2  # planes are found in the completed depth, which then bends to them
 LEAST_SURE = 0.3  # confidence of a pixel that takes part in finding planes
+FINE = 0.01  # relative difference from a plane at which stereo's own pixel starts to count as detail, not as noise
 LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
 
 
@@ -43,6 +44,7 @@ class Completed(NamedTuple):
         anchor, trust: (h, w) metres, 0 = none; and the trust in it, 0..1.
         log_scale: (h, w) float32, ln of completed over joint depth.
         depth: (h, w) float32 metres, 0 = invalid.
+        flat: (h, w) float32, share of the way that the depth was moved to one of the planes, 0..1.
     """
 
     camera: Camera
@@ -50,6 +52,7 @@ class Completed(NamedTuple):
     trust: np.ndarray
     log_scale: np.ndarray
     depth: np.ndarray
+    flat: np.ndarray
 
 
 def complete_views(
@@ -102,16 +105,17 @@ def complete_views(
             found = find_planes(_samples(given, small, _expected_errors(small, near, space), space))
             held = pool.map(partial(_held_by_planes, planes=found, space=space), given, small)
             small = _completed(list(held), pool)
+        small = list(pool.map(partial(_flat, planes=found), given, small))
     all_errors = _expected_errors(small, near, space)
     medians = []
     for frame, part, error in zip(frames, small, all_errors, strict=True):
         medians.append(float(np.median(error[part.depth > 0])) if (part.depth > 0).any() else float("nan"))
         depth = depths[frame.name]
-        sure = cv2.resize(confidence(error), depth.shape[::-1], interpolation=cv2.INTER_LINEAR)
-        scale = np.exp(cv2.resize(part.log_scale, depth.shape[::-1], interpolation=cv2.INTER_LINEAR))
-        full = (depth * scale).astype(np.float32)
+        large = partial(cv2.resize, dsize=depth.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        sure = large(confidence(error))
+        full = (depth * np.exp(large(part.log_scale))).astype(np.float32)
         if frame.name in stereo:
-            full = _with_fine(full, *stereo[frame.name], frame.camera)
+            full = _with_fine(full, *stereo[frame.name], large(part.flat), frame.camera)
         take(frame.name, full, np.where(full > 0, sure, 0).astype(np.float32))
     if frames:
         on = f"; planes: {len(found)}, with {sum(one.share for one in found):.0%} of the surface" if found else ""
@@ -133,9 +137,9 @@ def _expected_errors(
     errors = []
     for part, own, others in zip(small, inverse, near, strict=True):
         beside = [(small[other].camera, inverse[other]) for other in others]
-        count = agreement(part.camera, own, beside, MAX_PX, MAX_RELATIVE).count
+        said = agreement(part.camera, own, beside, MAX_PX, MAX_RELATIVE)
         through = seen_through(space, part.camera.unproject_map(part.depth))
-        errors.append(expected_relative_error(part.depth, part.anchor, part.trust, count, through))
+        errors.append(expected_relative_error(part.depth, part.anchor, part.trust, said, through))
     return errors
 
 
@@ -223,7 +227,14 @@ def _system(maps: _SmallMaps) -> System:
 
 
 def _at_scale(maps: _SmallMaps, scale: np.ndarray) -> Completed:
-    return Completed(maps.camera, maps.anchor, maps.trust, scale, (maps.prior * np.exp(scale)).astype(np.float32))
+    depth = (maps.prior * np.exp(scale)).astype(np.float32)
+    return Completed(maps.camera, maps.anchor, maps.trust, scale, depth, np.zeros_like(depth))
+
+
+def _flat(maps: _SmallMaps, before: Completed, planes: Sequence[Plane]) -> Completed:
+    """What almost lies on a plane lies on it."""
+    shift, share = (part.astype(np.float32) for part in flattened(before.depth, maps.normal, maps.camera, planes))
+    return before._replace(log_scale=before.log_scale + shift, depth=before.depth * np.exp(shift), flat=share)
 
 
 def _anchors(frame: Frame, points: PointCloud, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -239,11 +250,17 @@ def _anchors(frame: Frame, points: PointCloud, camera: Camera) -> tuple[np.ndarr
     return anchor, trust
 
 
-def _with_fine(depth: np.ndarray, stereo: np.ndarray, agreeing: np.ndarray, camera: Camera) -> np.ndarray:
-    """Stereo's own pixels where completion does not contradict them: they have the fine detail."""
+def _with_fine(
+    depth: np.ndarray, stereo: np.ndarray, agreeing: np.ndarray, flat: np.ndarray, camera: Camera
+) -> np.ndarray:
+    """Stereo's own pixels where completion does not contradict them: they have the fine detail. What little they differ
+    from a plane by is noise."""
     kept = np.where(agreeing >= LEAST_STEREO, stereo, 0)
     fine, there = resize_depth(kept, kept > 0, camera)
-    return np.where(there & (np.abs(fine - depth) < MAX_RELATIVE * depth), fine, depth).astype(np.float32)
+    there &= np.abs(fine - depth) < MAX_RELATIVE * depth
+    detail = np.log(np.where(there, fine, 1) / np.where(there, depth, 1))
+    noise = flat / (1 + (detail / FINE) ** 2)
+    return (depth * np.exp((1 - noise) * detail)).astype(np.float32)
 
 
 def _small(values: np.ndarray, camera: Camera) -> np.ndarray:
