@@ -81,6 +81,32 @@ def test_one_view_alone_gives_nothing(frames):
     assert len(agreed_surface(frames, {}, VOXEL_M).xyz) == 0
 
 
+def sure(maps: dict[str, ViewMaps], confidence: float) -> dict[str, ViewMaps]:
+    """Depth whose expected error is known."""
+    known = np.full((HEIGHT, WIDTH), confidence, np.float32)
+    return {name: one._replace(depth_confidence=known) for name, one in maps.items()}
+
+
+def test_one_view_that_knows_its_error_gives_seeds_unless_that_is_large(frames):
+    alone = agreed_surface(frames[:1], sure(wall(frames), 0.9), VOXEL_M)
+    assert len(alone.xyz) > 100
+    np.testing.assert_allclose(alone.xyz[:, 2], WALL_M, atol=1e-6)
+    assert len(agreed_surface(frames[:1], sure(wall(frames), 0.0), VOXEL_M).xyz) == 0
+    # cells on the border of the image have few pixels, which are enough only if they are sure
+    assert len(agreed_surface(frames[:1], sure(wall(frames), 0.002), VOXEL_M).xyz) < 0.7 * len(alone.xyz)
+
+
+def test_seeds_lie_where_the_surer_views_have_the_wall(frames):
+    """Two views 1 % too far and hardly sure, three right and sure: the mean is that of the three."""
+    maps = sure(wall(frames), 0.9)
+    for frame in frames[3:]:
+        maps[frame.name].depth[:] *= 1.01
+        maps[frame.name] = maps[frame.name]._replace(depth_confidence=np.full((HEIGHT, WIDTH), 1e-3, np.float32))
+    xyz = agreed_surface(frames, maps, VOXEL_M).xyz
+    seen_by_all = (xyz[:, 0] > -0.3) & (xyz[:, 0] < 0.7)
+    assert np.abs(xyz[seen_by_all, 2] - WALL_M).max() < 0.002
+
+
 def test_cells_that_hold_a_sparse_point_are_left_to_it(frames):
     surface = agreed_surface(frames, wall(frames), VOXEL_M)
     points = surface.xyz[::7]

@@ -111,11 +111,17 @@ def test_exact_depths_agree_and_a_wrong_one_is_alone(corner):
     exact = agreement(cameras[0], inverse[0], others, 1.0, 0.01)
     assert np.mean(exact.count >= 2) > 0.85
     np.testing.assert_allclose(exact.inverse_depth, inverse[0], rtol=0.01)
-    wrong = inverse[0].copy()
-    wrong[30:40, 40:50] *= 1.2
+    assert np.mean(exact.through == 0) > 0.9
+    wrong, part = inverse[0].copy(), (slice(30, 40), slice(40, 50))
+    wrong[part] *= 1.2
     found = agreement(cameras[0], wrong, others, 1.0, 0.01)
-    assert (found.count[30:40, 40:50] == 0).all()
-    np.testing.assert_array_equal(found.inverse_depth[30:40, 40:50], wrong[30:40, 40:50])
+    assert (found.count[part] == 0).all()
+    np.testing.assert_array_equal(found.inverse_depth[part], wrong[part])
+    # too near: the others look through it; too far: they see what hides it
+    assert (found.through[part] >= 2).all() and (found.hidden[part] == 0).all()
+    wrong[part] /= 1.2**2
+    found = agreement(cameras[0], wrong, others, 1.0, 0.01)
+    assert (found.hidden[part] >= 2).all() and (found.through[part] == 0).all()
 
 
 @pytest.mark.parametrize("value", [0.0, np.float32(1e-9)])

@@ -11,6 +11,7 @@ from room2dgs.priors.completion import solve
 from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
 from room2dgs.priors.completion.solve import normal_slopes, prior_slopes
 from room2dgs.priors.completion.views import complete_views
+from room2dgs.stereo.agreement import Agreement
 
 
 def solved(anchor, trust, prior, weight=0.0, tie=1.0):
@@ -68,19 +69,34 @@ def test_slopes_are_those_of_the_plane():
         np.testing.assert_allclose(0.5 * (down[:-1] + down[1:]), np.diff(np.log(depth), axis=0), atol=1e-4)
 
 
+def said(count: int, through: int = 0, hidden: int = 0) -> Agreement:
+    shape = (20, 20)
+    none = np.zeros(shape)
+    return Agreement(none, *(np.full(shape, number, np.uint8) for number in (count, through, hidden)), none)
+
+
+def sure_of(factor: float, others: Agreement, through: float = 0.0, trust: float = 1.0) -> float:
+    """Confidence in a depth of 2 m whose anchors are at `factor` times that."""
+    depth = np.full((20, 20), 2.0)
+    anchor = factor * depth if trust else np.zeros_like(depth)
+    error = expected_relative_error(depth, anchor, np.full_like(depth, trust), others, np.full_like(depth, through))
+    return float(confidence(error).mean())
+
+
 def test_more_agreeing_views_and_no_contradiction_are_trusted_more():
-    depth, none = np.full((20, 20), 2.0), np.zeros((20, 20))
-    by_count = [
-        confidence(expected_relative_error(depth, none, none, np.full(depth.shape, n), none)).mean() for n in (0, 2, 7)
-    ]
+    by_count = [sure_of(1.0, said(count), trust=0.0) for count in (0, 2, 7)]
     assert all(np.diff(by_count) > 0) and by_count[0] < 0.1 and by_count[-1] > 0.7
-    count, sure = np.full(depth.shape, 5), np.ones(depth.shape)
-    with_anchors = [
-        confidence(expected_relative_error(depth, depth * factor, sure, count, none)).mean() for factor in (1.0, 1.2)
-    ]
-    assert with_anchors[0] > 0.9 and with_anchors[1] < 0.35
-    seen_through = confidence(expected_relative_error(depth, depth, sure, count, np.full(depth.shape, 0.8)))
-    assert seen_through.mean() < 0.2
+    assert sure_of(1.0, said(5)) > 0.9 and sure_of(1.2, said(5)) < 0.35
+    assert sure_of(1.0, said(5), through=0.8) < 0.2
+
+
+def test_views_that_look_through_a_depth_count_against_it_and_views_that_cannot_see_it_hardly():
+    assert sure_of(1.0, said(2)) - sure_of(1.0, said(2, through=2)) > 0.6
+    assert sure_of(1.0, said(7)) > sure_of(1.0, said(7, through=2)) > sure_of(1.0, said(2, through=2)) + 0.1
+    assert sure_of(1.0, said(5, hidden=3)) > 0.9 * sure_of(1.0, said(5))
+    # what nobody else sees is not wrong for that; but where all others see something nearer it is
+    assert sure_of(1.0, said(0)) > 0.7
+    assert sure_of(1.0, said(0, hidden=6)) < 0.2
 
 
 @pytest.fixture

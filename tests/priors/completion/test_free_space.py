@@ -141,7 +141,8 @@ def test_a_mistake_that_many_views_share_is_not_believed_where_others_look_throu
     names = [frame.name for frame in room.frames[::2]]
     points = anchored(room.frames, depths, left_out=names)
     sure = [left_half(room, too_near(depths, names), points, through, names)[1] for through in (False, True)]
-    assert sure[1] < 0.5 * sure[0]
+    # the other half's maps contradict it already, so that little is left to take
+    assert sure[1] < 0.6 * sure[0] < 0.1
 
 
 def test_anchors_that_others_look_through_do_not_bend_the_depth(seen):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from room2dgs.geometry.camera import Camera
-from room2dgs.priors.completion.on_planes import on_planes
+from room2dgs.priors.completion.on_planes import flattened, on_planes
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
-from room2dgs.priors.completion.views import complete_views
+from room2dgs.priors.completion.views import _with_fine, complete_views
 
 NONE = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
 OFF = (1.06, 0.94, 1.09, 0.92)  # of the depth of every third view
@@ -83,6 +83,33 @@ def test_pixels_get_the_plane_that_they_are_near_and_face(camera: Camera):
     np.testing.assert_allclose(found[0, 1:], 3.0)
     assert (trust[2:, 1:] > 0.7).all() and (trust[0, 1:] > trust[2, 5]).all()
     assert (trust[1] == 0).all() and (trust[:, 0] == 0).all() and (found[:, 0] == 0).all()
+
+
+def test_what_almost_lies_on_a_plane_is_moved_onto_it_and_what_stands_before_it_is_not(camera: Camera):
+    towards = -camera.forward
+    plane = Plane(towards, float(towards @ (camera.centre + 2.0 * camera.forward)), 0.5)
+    depth = np.full((camera.height, camera.width), 2.01)
+    depth[0], depth[1] = 1.8, 0
+    normal = np.broadcast_to(towards, (*depth.shape, 3)).copy()
+    normal[:, 0] = camera.rotation[0]
+    shift, share = flattened(depth, normal, camera, [plane])
+    moved = depth * np.exp(shift)
+    assert np.abs(moved[2:, 1:] - 2.0).max() < 0.001
+    assert (np.abs(moved[0] - 1.8) < 0.01).all()  # 20 cm before it: 1 / (1 + 5.3^2) of the way
+    np.testing.assert_array_equal(moved[:, 0], depth[:, 0])
+    assert (share[1] == 0).all() and np.isfinite(shift).all()
+
+
+def test_stereos_noise_stays_off_a_plane_and_its_detail_does_not(camera: Camera):
+    depth, agreeing = (np.full((camera.height, camera.width), value, np.float32) for value in (2.0, 5))
+    stereo, on, off = depth.copy(), np.ones_like(depth), np.zeros_like(depth)
+    stereo[:10] *= 1.004  # noise
+    stereo[10:20] *= 0.975  # a door frame
+    there = (slice(2, 8), slice(2, -2)), (slice(12, 18), slice(2, -2))
+    flat, free = (_with_fine(depth, stereo, agreeing, share, camera) for share in (on, off))
+    assert np.abs(flat[there[0]] - 2.0).max() < 0.0015 and np.abs(flat[there[1]] - 1.95).max() < 0.01
+    for part in there:
+        np.testing.assert_allclose(free[part], stereo[part], rtol=1e-6)
 
 
 def test_a_plane_seen_from_behind_is_nobodys(camera: Camera):

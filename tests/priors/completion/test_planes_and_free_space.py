@@ -35,7 +35,8 @@ def maps_of(camera: Camera, anchor: np.ndarray) -> _SmallMaps:
 
 
 def completed_at_prior(maps: _SmallMaps) -> Completed:
-    return Completed(maps.camera, maps.anchor, maps.trust, np.zeros(SHAPE, np.float32), maps.prior)
+    none = np.zeros(SHAPE, np.float32)
+    return Completed(maps.camera, maps.anchor, maps.trust, none, maps.prior, none)
 
 
 def test_samples_that_others_look_through_are_drawn_less(left_is_seen_through):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from room2dgs import _C
@@ -23,6 +23,7 @@ def drawn_system(rng: np.random.Generator, height: int, width: int) -> System:
     return System(distance, anchor, prior, *ties)
 
 
+@settings(deadline=None)
 @given(height=st.integers(1, 23), width=st.integers(1, 23), count=st.integers(1, 6), seed=st.integers(0, 2**32 - 1))
 def test_kernels_solve_what_scipy_solves(height, width, count, seed):
     rng = np.random.default_rng(seed)
