@@ -29,7 +29,12 @@ HELD = np.array(
 REACH = 4.0  # pixels: deviation of the Gaussian with which an anchor speaks for what is around it
 ENOUGH = 0.3  # trust around a pixel, of 1 if every pixel had a trusted anchor, that counts as held
 OFF = 0.03  # relative difference at which a depth contradicts an anchor
-CONTRADICTED = 0.13  # added where views contradict and none agrees
+# Added where views contradict and none agrees; set by hand, with HELD's first, on the true errors of bathroom,
+# greywhite, redkitchen and two rooms of the suite.
+CONTRADICTED = 0.13
+AGREEING = 1.6  # how many views that look through a depth one that agrees outweighs
+HIDING = 0.1  # what a view from which something nearer hides the depth counts of one that looks through it
+ALONE = 0.25  # how many of these it takes against a depth that nobody confirms, to half of what is added
 SEEN_THROUGH = 0.1  # added where all other views look through it
 HALF = 0.025  # relative error at which a depth's confidence is a half
 
@@ -55,8 +60,8 @@ def expected_relative_error(
     below = np.minimum(place.astype(np.int64), len(SHARES) - 2)
     part = place - below
     anchored = HELD[below, column] * (1 - part) + HELD[below + 1, column] * part
-    against = others.through + 0.1 * others.hidden
-    contradicted = against / (against + 1.6 * others.count + 0.25)
+    against = others.through + HIDING * others.hidden
+    contradicted = against / (against + AGREEING * others.count + ALONE)
     error = FREE[column] * (1 - held) + anchored * held + CONTRADICTED * contradicted + SEEN_THROUGH * through**2
     return error.astype(np.float32)
 
