@@ -48,7 +48,7 @@ class Surface(NamedTuple):
     rgb: np.ndarray
 
 
-def agreed_surface(frames: Sequence[Frame], priors: Mapping[str, ViewMaps], voxel_m: float) -> Surface:
+def prior_surface(frames: Sequence[Frame], priors: Mapping[str, ViewMaps], voxel_m: float) -> Surface:
     """Fuse the depth priors into cells; the same input gives the same bits.
 
     Args:
@@ -69,7 +69,7 @@ def agreed_surface(frames: Sequence[Frame], priors: Mapping[str, ViewMaps], voxe
     for frame in frames:
         depths.add(frame.name, lambda name=frame.name: priors[name].depth)
     views = overlap(frames, depths, {})
-    parts = [_agreed_pixels(views, index, frame, priors[frame.name]) for index, frame in enumerate(frames)]
+    parts = [_standing_pixels(views, index, frame, priors[frame.name]) for index, frame in enumerate(frames)]
     xyz, normals, rgb, weight = (np.concatenate(values) for values in zip(*parts, strict=True))
     return _in_cells(xyz, normals, rgb, weight, voxel_m)
 
@@ -81,7 +81,7 @@ def away_from(surface: Surface, xyz: np.ndarray, voxel_m: float) -> Surface:
     return Surface(*(values[free] for values in surface))
 
 
-def _agreed_pixels(
+def _standing_pixels(
     views: Overlap, index: int, frame: Frame, maps: ViewMaps[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """World points, normals, colours and weights of those pixels of one view that other views leave standing."""
@@ -106,16 +106,16 @@ def _agreed_pixels(
         covering += good
         agreeing += good & ((ratio - 1).abs() < AGREES)
         violating += good & (ratio < 1 - AGREES)
-    agreed = (violating <= MAX_VIOLATIONS * covering).numpy()
+    standing = (violating <= MAX_VIOLATIONS * covering).numpy()
     if maps.depth_confidence is None:
         weight = np.where(agreeing.numpy() >= LEAST_AGREEING, UNKNOWN, 0.0)
     else:  # about the inverse of the expected error
         weight = np.sqrt(maps.depth_confidence[grid][row.numpy(), column.numpy()].astype(np.float64))
-    agreed &= weight > 0
+    standing &= weight > 0
     camera = frame.camera
-    xyz = camera.to_world(in_cam.numpy()[agreed])
-    picked = (row.numpy()[agreed], column.numpy()[agreed])
-    return xyz, camera.turned_to_world(normal[picked]), frame.color()[grid][picked] / 255.0, weight[agreed]
+    xyz = camera.to_world(in_cam.numpy()[standing])
+    picked = (row.numpy()[standing], column.numpy()[standing])
+    return xyz, camera.turned_to_world(normal[picked]), frame.color()[grid][picked] / 255.0, weight[standing]
 
 
 def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, weight: np.ndarray, voxel_m: float) -> Surface:

@@ -78,7 +78,7 @@ def _every_point(xyz: np.ndarray, rgb: np.ndarray, random_seed: int) -> Seeds:
 
 
 def surface_seeds(surface: Surface, config: SeedsConfig) -> Seeds:
-    """A seed for each piece of a surface (`depth_seeds.agreed_surface`)."""
+    """A seed for each piece of a surface (`depth_seeds.prior_surface`)."""
     return Seeds(
         positions=surface.cells,
         surface=surface.xyz,

@@ -17,7 +17,7 @@ from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.seeds.decoders.decoder import Decoder
 from room2dgs.seeds.decoders.registry import new_decoder, restored_decoder
-from room2dgs.seeds.depth_seeds import agreed_surface, away_from
+from room2dgs.seeds.depth_seeds import away_from, prior_surface
 from room2dgs.seeds.seeds import joined, seed_points, surface_seeds
 from room2dgs.seeds.spawn import spawn
 from room2dgs.splat.types import Surfels
@@ -58,7 +58,7 @@ def new_model(scene: Scene, points: PointCloud, config: Config, priors: Mapping[
     centres = np.stack([frame.camera.centre for frame in scene.train])
     surface = None
     if config.seeds.init == "sfm+depth" and priors:
-        surface = agreed_surface(scene.train, priors, config.seeds.depth_voxel_m)
+        surface = prior_surface(scene.train, priors, config.seeds.depth_voxel_m)
     if surface is not None and len(surface.xyz) and not len(points):
         seeds = surface_seeds(surface, config.seeds)  # photos that tell no depth have no points
     else:

@@ -1,4 +1,4 @@
-"""Seeds from depth maps that agree: a wall seen by cameras that step sideways."""
+"""Seeds from depth maps: a wall seen by cameras that step sideways."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from room2dgs.captures.scene import Frame, Scene
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import load_config
 from room2dgs.geometry.camera import Camera
-from room2dgs.seeds.depth_seeds import agreed_surface, away_from
+from room2dgs.seeds.depth_seeds import away_from, prior_surface
 from room2dgs.train.model import new_model
 
 WIDTH, HEIGHT, WALL_M, VOXEL_M = 96, 72, 2.0, 0.1
@@ -40,7 +40,7 @@ def wall(frames: list[Frame], noise_m: float = 0.0) -> dict[str, ViewMaps]:
 
 
 def test_seeds_lie_on_the_wall_and_face_the_cameras(frames):
-    surface = agreed_surface(frames, wall(frames), VOXEL_M)
+    surface = prior_surface(frames, wall(frames), VOXEL_M)
     np.testing.assert_allclose(surface.xyz[:, 2], WALL_M, atol=1e-6)
     np.testing.assert_allclose(surface.normals, np.tile([0.0, 0.0, -1.0], (len(surface.xyz), 1)), atol=1e-6)
     np.testing.assert_allclose(surface.rgb, np.tile(np.array([90, 60, 30]) / 255, (len(surface.xyz), 1)), atol=1e-6)
@@ -51,7 +51,7 @@ def test_seeds_lie_on_the_wall_and_face_the_cameras(frames):
 
 
 def test_a_wall_on_the_border_of_two_layers_of_cells_is_seeded_once(frames):
-    surface = agreed_surface(frames, wall(frames, noise_m=2e-3), VOXEL_M)
+    surface = prior_surface(frames, wall(frames, noise_m=2e-3), VOXEL_M)
     apart, _ = cKDTree(surface.xyz).query(surface.xyz, k=2)
     assert apart[:, 1].min() > 0.5 * VOXEL_M
     assert len(surface.xyz) > 100
@@ -61,7 +61,7 @@ def test_what_one_view_says_against_the_others_is_not_believed(frames):
     priors = wall(frames)
     liar = frames[2].name
     priors[liar].depth[:] = 1.5
-    surface = agreed_surface(frames, priors, VOXEL_M)
+    surface = prior_surface(frames, priors, VOXEL_M)
     assert len(surface.xyz)
     np.testing.assert_allclose(surface.xyz[:, 2], WALL_M, atol=1e-6)
 
@@ -71,14 +71,14 @@ def test_what_others_look_through_is_not_believed_though_some_agree(frames):
     for frame in frames[:2]:
         priors[frame.name].depth[:] = 1.5
     priors[frames[2].name].depth[:] = 1.5  # three agree, two see the wall behind
-    lonely = agreed_surface(frames, priors, VOXEL_M)
+    lonely = prior_surface(frames, priors, VOXEL_M)
     seen_by_all = (lonely.xyz[:, 0] > -0.3) & (lonely.xyz[:, 0] < 0.7)
     assert not (np.abs(lonely.xyz[seen_by_all, 2] - 1.5) < 0.2).any()
 
 
-def test_one_view_alone_gives_nothing(frames):
-    assert len(agreed_surface(frames[:1], wall(frames), VOXEL_M).xyz) == 0
-    assert len(agreed_surface(frames, {}, VOXEL_M).xyz) == 0
+def test_one_view_alone_gives_nothing_if_it_does_not_know_its_error(frames):
+    assert len(prior_surface(frames[:1], wall(frames), VOXEL_M).xyz) == 0
+    assert len(prior_surface(frames, {}, VOXEL_M).xyz) == 0
 
 
 def sure(maps: dict[str, ViewMaps], confidence: float) -> dict[str, ViewMaps]:
@@ -88,12 +88,12 @@ def sure(maps: dict[str, ViewMaps], confidence: float) -> dict[str, ViewMaps]:
 
 
 def test_one_view_that_knows_its_error_gives_seeds_unless_that_is_large(frames):
-    alone = agreed_surface(frames[:1], sure(wall(frames), 0.9), VOXEL_M)
+    alone = prior_surface(frames[:1], sure(wall(frames), 0.9), VOXEL_M)
     assert len(alone.xyz) > 100
     np.testing.assert_allclose(alone.xyz[:, 2], WALL_M, atol=1e-6)
-    assert len(agreed_surface(frames[:1], sure(wall(frames), 0.0), VOXEL_M).xyz) == 0
+    assert len(prior_surface(frames[:1], sure(wall(frames), 0.0), VOXEL_M).xyz) == 0
     # cells on the border of the image have few pixels, which are enough only if they are sure
-    assert len(agreed_surface(frames[:1], sure(wall(frames), 0.002), VOXEL_M).xyz) < 0.7 * len(alone.xyz)
+    assert len(prior_surface(frames[:1], sure(wall(frames), 0.002), VOXEL_M).xyz) < 0.7 * len(alone.xyz)
 
 
 def test_seeds_lie_where_the_surer_views_have_the_wall(frames):
@@ -102,13 +102,13 @@ def test_seeds_lie_where_the_surer_views_have_the_wall(frames):
     for frame in frames[3:]:
         maps[frame.name].depth[:] *= 1.01
         maps[frame.name] = maps[frame.name]._replace(depth_confidence=np.full((HEIGHT, WIDTH), 1e-3, np.float32))
-    xyz = agreed_surface(frames, maps, VOXEL_M).xyz
+    xyz = prior_surface(frames, maps, VOXEL_M).xyz
     seen_by_all = (xyz[:, 0] > -0.3) & (xyz[:, 0] < 0.7)
     assert np.abs(xyz[seen_by_all, 2] - WALL_M).max() < 0.002
 
 
 def test_cells_that_hold_a_sparse_point_are_left_to_it(frames):
-    surface = agreed_surface(frames, wall(frames), VOXEL_M)
+    surface = prior_surface(frames, wall(frames), VOXEL_M)
     points = surface.xyz[::7]
     left = away_from(surface, points, VOXEL_M)
     assert len(left.xyz) == len(surface.xyz) - len(points)
