@@ -16,7 +16,7 @@ from room2dgs.files import whole_file
 from room2dgs.logs import Log
 from room2dgs.prepare.photos import TakenPhoto
 from room2dgs.prepare.stages import Progress
-from room2dgs.sfm.matching import IndexPairs, quiet
+from room2dgs.sfm.matching import MATCHING_THREADS, IndexPairs, quiet
 
 PHOTOS_AT_ONCE = 8
 PAIRS_AT_ONCE = 60
@@ -106,7 +106,7 @@ def matched(
     if missing:
         log(f"matching: {len(missing)} pairs")
     matching, verification = pycolmap.FeatureMatchingOptions(), pycolmap.TwoViewGeometryOptions()
-    matching.num_threads = config.threads or available_cores()
+    matching.num_threads = MATCHING_THREADS
     verification.ransac.random_seed = SEED
     pairing = pycolmap.ImportedPairingOptions(match_list_path=work / "pairs.txt")
     progress = Progress(log, "matching", len(missing), "pairs")

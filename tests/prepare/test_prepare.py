@@ -205,12 +205,22 @@ def test_photos_that_show_something_else_are_left_out_by_name(walk, tmp_path, ca
         assert [image.name for image in opened.read_all_images()] == names
 
 
-def test_a_camera_that_only_turns_is_named(corner_walk, tmp_path, capsys):
+def test_a_camera_that_only_turns_is_named_and_its_photos_are_matched_on_one_thread(
+    corner_walk, tmp_path, capsys, monkeypatch
+):
+    match, threads = pycolmap.match_image_pairs, set()
+
+    def watched(path, options, *given, **named):
+        threads.add(options.num_threads)
+        match(path, options, *given, **named)
+
+    monkeypatch.setattr(pycolmap, "match_image_pairs", watched)
     eyes = [[1.6, 1.5, 1.3]] * 8
     photos = corner_walk(eyes, [[1.2 * a - 0.2, 0.9 - 1.2 * a, 0.4] for a in np.linspace(0, 0.9, 8)])
     video = write_video(tmp_path / "turn.avi", [photo for _, photo in photos])
     assert cli.main(["prepare", f"video={video}", f"out={tmp_path / 'out'}", "prepare.features=400"]) == 2
     assert "taken from one place" in capsys.readouterr().err
+    assert threads == {1}  # on more, pycolmap's matching races
 
 
 def noise(seed: int, size=(120, 160)) -> np.ndarray:

@@ -17,6 +17,7 @@ from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.point_files import load_points, save_points
 from room2dgs.captures.read import read_scene
+from room2dgs.colmap import pycolmap
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.sfm.matching import epipolar_error
@@ -111,6 +112,20 @@ def test_a_second_call_loads_the_first_ones_result(scene_config, points_config, 
     loaded = sparse_points(scene, points_config, tmp_path / "cache", second.append)
     assert equal(made, loaded)
     assert any("matching" in line for line in first) and not any("matching" in line for line in second)
+
+
+def test_photos_are_matched_on_one_thread_because_pycolmaps_matching_races(
+    scene_config, points_config, tmp_path, monkeypatch
+):
+    match, threads = pycolmap.match_image_pairs, []
+
+    def watched(database, *, matching_options, **named):
+        threads.append(matching_options.num_threads)
+        match(database, matching_options=matching_options, **named)
+
+    monkeypatch.setattr(pycolmap, "match_image_pairs", watched)
+    sparse_points(read_scene(scene_config()), points_config, tmp_path / "cache", quiet)
+    assert threads == [1]
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"\xff" * 99])
