@@ -15,8 +15,8 @@ from room2dgs.colmap import pycolmap
 from room2dgs.config import PointsConfig
 from room2dgs.geometry.camera import Camera
 
-# pycolmap's searches for nearest descriptors race: on two threads of a busy machine three of nine runs gave other
-# matches than the rest, by up to two in a thousand.
+# On several threads of a busy machine pycolmap now and then finds other matches; separate calls
+# in separate threads do so, too.
 MATCHING_THREADS = 1
 # Looser than COLMAP's 0.8: the known poses sort out wrong matches. A tenth more points, no less exact.
 MAX_RATIO = 0.9
@@ -55,7 +55,7 @@ class Matches:
 
 
 def match(frames: Sequence[Frame], pairs: IndexPairs, config: PointsConfig, work: Path) -> Matches:
-    """Extract and match, on the CPU. The result does not depend on the number of threads.
+    """Extract and match, on the CPU. The result does not depend on threads, nor on what else the machine does.
 
     Args:
         frames: at their working size.
