@@ -41,4 +41,8 @@ class PrepareConfig:
         max_length=3,
         description="known: [height,METRES] of the cameras, [PHOTO,PHOTO,METRES] between two, [METRES] of their path",
     )
-    threads: Int | None = Field(ge=1, le=1024, description="of pycolmap (null: all cores that this process may use)")
+    threads: Int | None = Field(
+        ge=1,
+        le=1024,
+        description="of pycolmap (null: all cores that this process may use); photos are matched on one",
+    )
