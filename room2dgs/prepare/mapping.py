@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from room2dgs.colmap import pycolmap
+from room2dgs.colmap import ONE_THREAD, pycolmap
 from room2dgs.config import PrepareConfig
 from room2dgs.cores import available_cores
 from room2dgs.files import whole_folder
@@ -16,7 +16,6 @@ from room2dgs.prepare.stages import Progress
 from room2dgs.sfm.matching import quiet
 
 SEED = 0
-ONE_THREAD = 2**31 - 1
 LEAST_MODEL = 5  # photos
 # of the first pair, tried in turn: a video may have no two photos with COLMAP's 16 degrees between them
 FIRST_ANGLES_DEG = (16.0, 6.0)
@@ -58,7 +57,6 @@ def _options(config: PrepareConfig, known_camera: bool, first_angle: float) -> p
     options.mapper.random_seed = SEED
     options.triangulation.random_seed = SEED
     options.num_threads = config.threads or available_cores()
-    # above so many residuals Ceres would sum in an order that depends on threads
     options.ba_min_num_residuals_for_cpu_multi_threading = ONE_THREAD
     options.min_model_size = LEAST_MODEL
     options.mapper.init_min_tri_angle = first_angle

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from room2dgs.colmap import pycolmap
+from room2dgs.colmap import ONE_THREAD, pycolmap
 from room2dgs.files import whole_folder
 from room2dgs.logs import Log
 from room2dgs.prepare.bridge import bridged
-from room2dgs.prepare.mapping import ONE_THREAD, names_of
+from room2dgs.prepare.mapping import names_of
 from room2dgs.sfm.matching import quiet
 
 LEAST_COMMON = 3  # photos in both

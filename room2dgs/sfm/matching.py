@@ -15,8 +15,8 @@ from room2dgs.colmap import pycolmap
 from room2dgs.config import PointsConfig
 from room2dgs.geometry.camera import Camera
 
-# On several threads of a busy machine pycolmap now and then finds other matches; separate calls
-# in separate threads do so, too.
+# On several threads of a busy machine pycolmap now and then finds other matches; separate calls in separate threads do
+# so, too.
 MATCHING_THREADS = 1
 # Looser than COLMAP's 0.8: the known poses sort out wrong matches. A tenth more points, no less exact.
 MAX_RATIO = 0.9

@@ -30,7 +30,7 @@ from room2dgs.sfm.structure import reprojection_errors, triangulated
 from room2dgs.sfm.triangulation import MAX_EPIPOLAR_PX, triangulate_matches
 
 # Raised when the same input gives other poses.
-RECIPE = 1
+RECIPE = 2
 HELD_OUT = 5  # every so manieth track judges and takes no part
 LEAST_TRACKS = 100
 # "auto" takes poses that lower the held-out error to this share of it and by this much

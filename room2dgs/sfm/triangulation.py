@@ -9,7 +9,7 @@ import numpy as np
 
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.scene import Frame
-from room2dgs.colmap import pycolmap
+from room2dgs.colmap import ONE_THREAD, pycolmap
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
@@ -123,6 +123,7 @@ def _triangulate(matches: Matches, frames: Sequence[Frame], model: Path) -> pyco
             )
     options = pycolmap.IncrementalPipelineOptions()
     options.random_seed = 0
+    options.ba_min_num_residuals_for_cpu_multi_threading = ONE_THREAD
     options.min_num_matches = MIN_PAIR_MATCHES
     options.triangulation.min_angle = MIN_ANGLE_DEG
     model.mkdir()

@@ -114,18 +114,23 @@ def test_a_second_call_loads_the_first_ones_result(scene_config, points_config, 
     assert any("matching" in line for line in first) and not any("matching" in line for line in second)
 
 
-def test_photos_are_matched_on_one_thread_because_pycolmaps_matching_races(
+def test_photos_are_matched_and_points_adjusted_on_one_thread_because_pycolmap_races_on_more(
     scene_config, points_config, tmp_path, monkeypatch
 ):
-    match, threads = pycolmap.match_image_pairs, []
+    match, triangulate, threads, residuals = pycolmap.match_image_pairs, pycolmap.triangulate_points, [], []
 
     def watched(database, *, matching_options, **named):
         threads.append(matching_options.num_threads)
         match(database, matching_options=matching_options, **named)
 
+    def watched_too(*given, options):
+        residuals.append(options.ba_min_num_residuals_for_cpu_multi_threading)
+        return triangulate(*given, options=options)
+
+    monkeypatch.setattr(pycolmap, "triangulate_points", watched_too)
     monkeypatch.setattr(pycolmap, "match_image_pairs", watched)
     sparse_points(read_scene(scene_config()), points_config, tmp_path / "cache", quiet)
-    assert threads == [1]
+    assert threads == [1] and residuals == [2**31 - 1]
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"\xff" * 99])
