@@ -133,7 +133,16 @@ def load_priors(
             misfits = {name: fit.residual for name, fit in fits.items()}
             with timed("completion"):
                 planes = complete_views(
-                    frames, *given, points, fine, misfits, log, take, planes=config.depth.planes, space=space
+                    frames,
+                    *given,
+                    points,
+                    fine,
+                    misfits,
+                    log,
+                    take,
+                    planes=config.depth.planes,
+                    right_angles=config.depth.right_angles,
+                    space=space,
                 )
             depths = {}
     for name, depth in depths.items():

@@ -41,6 +41,9 @@ class DepthPriorConfig:
         description="and each is drawn to what stereo found, and trusted by what the views then say of each other"
     )
     planes: bool = Field(description="and pixels that seem to lie on one of the room's large planes are drawn to it")
+    right_angles: bool = Field(
+        description="and planes that are almost parallel or at right angles, as far as is known, are so"
+    )
     free_space: bool = Field(description="and what other views look through, by stereo's word, counts for less")
     sensor: SensorConfig = Field()
     onnx: OnnxConfig = Field()

@@ -5,9 +5,12 @@ One view's depth of a blank wall may be off by decimetres; the plane through wha
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+
+from room2dgs.priors.completion.right_angles import direction_covariance, turned
 
 LEAST_SHARE = 0.01  # of all samples, that a plane has to hold
 MOST = 24  # planes
@@ -50,12 +53,16 @@ class Plane(NamedTuple):
     share: float
 
 
-def find_planes(samples: Samples) -> list[Plane]:
+def find_planes(samples: Samples, *, right_angles: bool) -> list[Plane]:
     """Planes by the samples that they hold, the largest first, each sample on one of them; the same input gives the
     same bits.
 
     Candidates are samples with their own normals. The one that most samples lie on is refitted to them by reweighted
     least squares (Geman and McClure), they are taken out, and the rest is searched again.
+
+    Args:
+        samples: of all views.
+        right_angles: planes that are almost parallel or at right angles, as far as their directions are known, are so.
     """
     generator = np.random.default_rng(0)
     total = samples.weight.sum()
@@ -67,6 +74,7 @@ def find_planes(samples: Samples) -> list[Plane]:
     width = np.maximum(WIDTH_M, WIDTH_RELATIVE * samples.depth[drawn])
     free = np.ones(len(xyz), bool)
     planes: list[Plane] = []
+    held: list[np.ndarray] = []
     for _ in range(MOST):
         left = np.nonzero(free)[0]
         if len(left) < FEWEST:
@@ -80,6 +88,9 @@ def find_planes(samples: Samples) -> list[Plane]:
         free &= ~on
         if share >= LEAST_SHARE:
             planes.append(Plane(direction, offset, share))
+            held.append(np.flatnonzero(on))
+    if right_angles and len(planes) > 1:
+        planes = _squared(planes, [(xyz[on], width[on]) for on in held])
     return sorted(planes, key=lambda plane: -plane.share)
 
 
@@ -117,6 +128,29 @@ def _refitted(
         offset = float(direction @ centre)
         scale = max(1.0, 0.8 * scale)
     return direction, offset
+
+
+def _squared(planes: Sequence[Plane], held: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Plane]:
+    """The same planes, their directions adjusted to each other; of each, the points that it holds and their widths."""
+    covariances = []
+    for plane, (xyz, width) in zip(planes, held, strict=True):
+        off = _along(xyz, plane.normal)
+        off -= off.mean()
+        covariances.append(direction_covariance(xyz, off, 1 / (1 + (off / width) ** 2), plane.normal))
+    normals = turned(np.stack([plane.normal for plane in planes]), np.stack(covariances))
+    return [
+        Plane(normal, _offset(_along(xyz, normal), width), plane.share)
+        for normal, plane, (xyz, width) in zip(normals, planes, held, strict=True)
+    ]
+
+
+def _offset(along: np.ndarray, width: np.ndarray) -> float:
+    """Where on its normal a plane lies best among points."""
+    offset = float(np.median(along))
+    for _ in range(REFITS):
+        weight = (1 + ((along - offset) / width) ** 2) ** -2.0
+        offset = float((weight * along).sum() / weight.sum())
+    return offset
 
 
 def _along(vectors: np.ndarray, direction: np.ndarray) -> np.ndarray:

@@ -68,6 +68,7 @@ def complete_views(
     take: Callable[[str, np.ndarray, np.ndarray], None],
     *,
     planes: bool,
+    right_angles: bool,
     space: FreeSpace | None,
 ) -> list[Plane]:
     """Depth of every view that has a map, and the confidence in each pixel.
@@ -83,6 +84,7 @@ def complete_views(
             unknown: where the network does badly, by the median over the views, its maps bend to the points.
         take: gets each frame's name, its (H, W) depth in metres, 0 = invalid, and (H, W) confidence.
         planes: what looks as if it lay on one of the room's large planes is drawn to it.
+        right_angles: and those that are almost parallel or at right angles are so.
         space: depth that other views look through counts for less; None = not asked.
 
     Returns:
@@ -102,7 +104,8 @@ def complete_views(
         small = _completed(given, pool)
         near = _near_views(frames, points)
         for _ in range(PLANE_ROUNDS if planes and len(normals) else 0):
-            found = find_planes(_samples(given, small, _expected_errors(small, near, space), space))
+            samples = _samples(given, small, _expected_errors(small, near, space), space)
+            found = find_planes(samples, right_angles=right_angles)
             held = pool.map(partial(_held_by_planes, planes=found, space=space), given, small)
             small = _completed(list(held), pool)
         small = list(pool.map(partial(_flat, planes=found), given, small))

@@ -126,6 +126,7 @@ def everything(frames, depths, points, stereo=None, misfits=None, normals=None, 
         lambda line: None,
         lambda *one: found.update({one[0]: one[1:]}),
         planes=planes,
+        right_angles=True,
         space=None,
     )
     return found

@@ -96,6 +96,7 @@ def left_half(room, depths, points, through: bool, names, misfit=0.0) -> tuple[f
         lambda line: None,
         lambda *one: found.update({one[0]: one[1:]}),
         planes=False,
+        right_angles=True,
         space=space,
     )
     inner = (slice(5, -5), slice(5, 35))

@@ -32,12 +32,16 @@ def together(*parts: Samples) -> Samples:
     return Samples(*(np.concatenate(one) for one in zip(*parts, strict=True)))
 
 
+def planes_of(samples: Samples) -> list[Plane]:
+    return find_planes(samples, right_angles=False)
+
+
 def test_planes_are_found_through_noise_and_clutter():
     rng = np.random.default_rng(1)
     wall, floor = ((1.0, 0.1, 0.0), -1.2), ((0.0, 0.05, 1.0), 0.1)
     clutter = Samples(rng.uniform(-1.5, 1.5, (3000, 3)), rng.normal(0, 1, (3000, 3)), np.full(3000, 2.0), np.ones(3000))
     clutter = clutter._replace(normal=clutter.normal / np.linalg.norm(clutter.normal, axis=1, keepdims=True))
-    found = find_planes(together(on_plane(rng, *wall, 9000, 0.015), on_plane(rng, *floor, 5000, 0.015), clutter))
+    found = planes_of(together(on_plane(rng, *wall, 9000, 0.015), on_plane(rng, *floor, 5000, 0.015), clutter))
     for plane, (normal, offset) in zip(found[:2], (wall, floor), strict=True):
         assert plane.normal @ normal / np.linalg.norm(normal) > 0.9999
         assert plane.offset == pytest.approx(offset, abs=0.003)
@@ -47,12 +51,12 @@ def test_planes_are_found_through_noise_and_clutter():
 def test_a_wall_with_some_views_off_is_where_most_have_it():
     rng = np.random.default_rng(2)
     right, off = on_plane(rng, (0, 1, 0), 2.0, 8000, 0.01), on_plane(rng, (0, 1, 0), 2.06, 2500, 0.01)
-    assert find_planes(together(right, off))[0].offset == pytest.approx(2.0, abs=0.005)
+    assert planes_of(together(right, off))[0].offset == pytest.approx(2.0, abs=0.005)
 
 
 def test_both_sides_of_a_thin_wall_are_two_planes():
     rng = np.random.default_rng(3)
-    found = find_planes(
+    found = planes_of(
         together(on_plane(rng, (0, 1, 0), 2.0, 5000, 0.005), on_plane(rng, (0, -1, 0), -2.02, 4000, 0.005))
     )
     assert sorted(round(float(plane.normal[1])) for plane in found[:2]) == [-1, 1]
@@ -60,14 +64,14 @@ def test_both_sides_of_a_thin_wall_are_two_planes():
 
 @pytest.mark.parametrize("count", [0, 100])
 def test_few_samples_have_no_plane(count):
-    assert find_planes(on_plane(np.random.default_rng(0), (0, 1, 0), 1.0, count, 0.0)) == []
-    assert find_planes(Samples(*NONE)) == []
+    assert planes_of(on_plane(np.random.default_rng(0), (0, 1, 0), 1.0, count, 0.0)) == []
+    assert planes_of(Samples(*NONE)) == []
 
 
 def test_samples_of_no_weight_do_not_count():
     samples = on_plane(np.random.default_rng(0), (0, 1, 0), 1.0, 1000, 0.0)
-    assert find_planes(samples._replace(weight=np.zeros(1000))) == []
-    assert find_planes(samples._replace(weight=np.r_[np.ones(300), np.zeros(700)]))[0].share == 1.0
+    assert planes_of(samples._replace(weight=np.zeros(1000))) == []
+    assert planes_of(samples._replace(weight=np.r_[np.ones(300), np.zeros(700)]))[0].share == 1.0
 
 
 def test_pixels_get_the_plane_that_they_are_near_and_face(camera: Camera):
@@ -139,6 +143,7 @@ def off_by_view(room, factors, planes: bool) -> list[float]:
         lambda line: None,
         lambda *one: found.update({one[0]: one[1]}),
         planes=planes,
+        right_angles=True,
         space=None,
     )
     return [
