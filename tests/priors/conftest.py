@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -67,14 +68,15 @@ def cast(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     return distance.min(axis=-1), normal @ camera.cam_from_world[:3, :3].T
 
 
-def room_seen_from(count: int, turn: float) -> Room:
-    """`count` views, each turned by `turn` radians from the one before."""
+def room_seen_from(count: int, turn: float, photos: Path) -> Room:
+    """`count` views, each turned by `turn` radians from the one before; in the folder photos without an edge."""
     frames, depths, normals, xyz = [], [], [], []
     rng = np.random.default_rng(0)
     for i in range(count):
         camera = camera_at(np.array([1.5 + 1.0 / (count - 1) * i, 2.0, 1.4]), yaw=0.4 + turn * i, pitch=-0.25)
         depth, normal = cast(camera)
-        frames.append(Frame(f"{3 * i:06d}", camera, Path(f"color/{3 * i}.jpg")))
+        frames.append(Frame(f"{3 * i:06d}", camera, photos / f"{3 * i}.jpg"))
+        cv2.imwrite(str(frames[-1].color_path), np.full((HEIGHT, WIDTH, 3), 128, np.uint8))
         depths.append(depth)
         normals.append(normal)
         row, column = rng.integers(0, HEIGHT, 60), rng.integers(0, WIDTH, 60)
@@ -88,14 +90,14 @@ def room_seen_from(count: int, turn: float) -> Room:
 
 
 @pytest.fixture(scope="session")
-def room() -> Room:
-    return room_seen_from(6, turn=0.8)
+def room(tmp_path_factory) -> Room:
+    return room_seen_from(6, turn=0.8, photos=tmp_path_factory.mktemp("color"))
 
 
 @pytest.fixture(scope="session")
-def box_room():
+def box_room(tmp_path_factory):
     """`box_room(count, turn)`."""
-    return room_seen_from
+    return partial(room_seen_from, photos=tmp_path_factory.mktemp("color"))
 
 
 @pytest.fixture

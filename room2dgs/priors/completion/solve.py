@@ -52,6 +52,7 @@ def system(
     prior_weight: np.ndarray,
     slopes: tuple[np.ndarray, np.ndarray],
     tie: np.ndarray,
+    edges: tuple[np.ndarray, np.ndarray],
 ) -> System:
     """Of one image.
 
@@ -62,13 +63,14 @@ def system(
         prior_weight: (h, w) confidence in the prior, 0..1.
         slopes: (h, w) each, d ln z / dx and d ln z / dy a pixel, of the normals; NaN where there is none.
         tie: (h, w) confidence in the slopes, 0..1.
+        edges: (h, w - 1) and (h - 1, w) what the photo leaves of the ties along x and y (`ties_across_edges`).
     """
     known = prior > 0
     log_prior = np.log(np.where(known, prior, 1.0))
     anchored = (anchor > 0) & known
     distance = np.where(anchored, np.log(np.where(anchored, anchor, 1.0)) - log_prior, 0.0)
-    right = STIFFNESS * _ties(log_prior, known, slopes[0], tie)
-    down = STIFFNESS * _ties(log_prior.T, known.T, slopes[1].T, tie.T).T
+    right = STIFFNESS * edges[0] * _ties(log_prior, known, slopes[0], tie)
+    down = STIFFNESS * edges[1] * _ties(log_prior.T, known.T, slopes[1].T, tie.T).T
     return System(distance, anchored * trust, PRIOR_WEIGHT * prior_weight * known, right, down)
 
 

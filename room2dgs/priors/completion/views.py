@@ -19,6 +19,7 @@ from room2dgs.logs import Log
 from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.on_planes import flattened, on_planes
+from room2dgs.priors.completion.photo_edges import ties_across_edges
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
 from room2dgs.priors.completion.solve import System, normal_slopes, prior_slopes, solved, system
 from room2dgs.priors.files import resize_depth
@@ -188,6 +189,7 @@ class _SmallMaps(NamedTuple):
     prior_weight: np.ndarray
     slopes: tuple[np.ndarray, np.ndarray]
     tie: np.ndarray
+    edges: tuple[np.ndarray, np.ndarray]
 
 
 def _small_maps(
@@ -213,7 +215,8 @@ def _small_maps(
         in_cam = camera.turned_to_camera(unit)
         slopes = normal_slopes(in_cam, camera.rays(), (camera.K[0, 0], camera.K[1, 1]))
         tie = tie if normal_sure is None else _small(normal_sure, camera)
-    return _SmallMaps(camera, unit, anchor, trust, prior, weight, slopes, tie)
+    edges = ties_across_edges(cv2.resize(frame.color(), camera.size, interpolation=cv2.INTER_AREA))
+    return _SmallMaps(camera, unit, anchor, trust, prior, weight, slopes, tie, edges)
 
 
 def _completed(given: Sequence[_SmallMaps], pool: Executor) -> list[Completed]:

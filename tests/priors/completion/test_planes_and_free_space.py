@@ -31,7 +31,8 @@ def maps_of(camera: Camera, anchor: np.ndarray) -> _SmallMaps:
     prior, ones, tie = np.full(SHAPE, DEPTH_M, np.float32), np.ones(SHAPE), np.ones(SHAPE)
     tie[:, 19:21] = 0
     normal = np.broadcast_to(-camera.forward, (*SHAPE, 3)).astype(np.float32)
-    return _SmallMaps(camera, normal, anchor, ones * (anchor > 0), prior, ones, prior_slopes(prior), tie)
+    edges = (np.ones((40, 39)), np.ones((39, 40)))
+    return _SmallMaps(camera, normal, anchor, ones * (anchor > 0), prior, ones, prior_slopes(prior), tie, edges)
 
 
 def completed_at_prior(maps: _SmallMaps) -> Completed:
