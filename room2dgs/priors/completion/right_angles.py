@@ -53,7 +53,7 @@ def turned(normals: np.ndarray, covariances: np.ndarray) -> np.ndarray:
 
     The planes in order of how well they are known; each takes the direction that is most probable by its own fit and
     by those before it, to which it is held where it is almost parallel or at a right angle with them (Geman and
-    McClure: the less, the more it is off). So a plane that is known well is never turned by one that is not.
+    McClure: the less, the more it is off). So no plane is turned by one that is known less.
 
     Args:
         normals: (P, 3) unit.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 
@@ -11,7 +14,7 @@ from room2dgs.priors.completion import solve
 from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
 from room2dgs.priors.completion.photo_edges import ties_across_edges
 from room2dgs.priors.completion.solve import normal_slopes, prior_slopes
-from room2dgs.priors.completion.views import complete_views
+from room2dgs.priors.completion.views import _small_maps, complete_views
 from room2dgs.stereo.agreement import Agreement
 
 
@@ -72,6 +75,23 @@ def test_edges_go_by_the_difference_of_neighbours_along_either_axis():
     assert right.shape == (6, 8) and down.shape == (5, 9)
     assert np.allclose(right[:, 4], 0.51) and np.allclose(np.delete(right, 4, axis=1), 1)
     assert (down[1] < 0.07).all() and np.allclose(np.delete(down, 1, axis=0), 1)
+
+
+def test_a_views_ties_are_weak_where_its_own_photo_has_an_edge(box_room, tmp_path):
+    room = box_room(count=2, turn=0.1)
+    frame, depth = room.frames[0], room.depths[0].astype(np.float32)
+    photo = np.full((*depth.shape, 3), 50, np.uint8)
+    edges = {}
+    for name, left in (("blank", 50), ("edged", 200)):
+        photo[:, : depth.shape[1] // 2] = left
+        assert cv2.imwrite(str(tmp_path / f"{name}.png"), photo)
+        shown = replace(frame, color_path=tmp_path / f"{name}.png")
+        edges[name] = _small_maps(shown, depth, None, None, None, room.points, 0.0).edges
+    assert all((ties == 1).all() for ties in edges["blank"])
+    right, down = edges["edged"]
+    weak = (right < 0.1).any(axis=0)
+    assert 1 <= weak.sum() <= 2 and (right[:, weak] < 0.1).any(axis=1).all() and (right[:, ~weak] == 1).all()
+    assert (down == 1).all()
 
 
 def test_nothing_is_made_where_the_prior_has_nothing():
