@@ -32,7 +32,7 @@ from room2dgs.priors.normals.convention import camera_normals
 from room2dgs.priors.sensor.maps import sensor_map
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.splat import set_threads
-from room2dgs.stereo.anchors import StereoPoints, with_stereo
+from room2dgs.stereo.anchors import FirstLook, StereoPoints, stereo_points, with_stereo
 from room2dgs.stereo.dense import DenseView
 from room2dgs.stereo.scene import scene_stereo
 
@@ -83,8 +83,13 @@ def _sources(scene: Scene, config: Config, cache: Path, log: Log) -> Iterator[tu
     views = list(found)
     shown = {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
 
-    def compare() -> StereoPoints:
-        return StereoPoints(with_stereo(points, frames, cameras, shown), shown)
+    def compare(first: FirstLook | None) -> StereoPoints:
+        looks = prior.depth.looks
+        if looks == 1:
+            return StereoPoints(with_stereo(points, frames, cameras, shown), shown)
+        found = stereo_points(frames, points, config.stereo, log, config.render.device, first, looks=looks)
+        shown.update(found.maps)
+        return found
 
     priors = load_priors(frames, points, prior, log, compare)
     files = _network_files(frames, prior)
@@ -94,7 +99,8 @@ def _sources(scene: Scene, config: Config, cache: Path, log: Log) -> Iterator[tu
             resized = _at(view, frame.camera)
             yield from _stereo(resized, frame.camera, truth)
             yield from _network(frame, files, priors.fits.get(frame.name), prior, truth)
-            yield from _completed(frame, resized, priors, truth)
+            held = _at(view._replace(agreeing=shown[frame.name][1]), frame.camera)
+            yield from _completed(frame, held, priors, truth)
 
         yield frame, sources
 

@@ -59,8 +59,10 @@ def depth_in_run(config: Config, log: Log) -> dict[str, DepthInRun]:
         cache = config.prior.cache or str(Path(scratch) / "maps")
         for name, depth in _steps(config.prior.depth).items():
             prior = replace(config.prior, cache=cache, depth=depth)
-            compare = partial(stereo_points, scene.train, points, config.stereo, log) if config.stereo.enabled else None
-            found[name] = _score(frames, load_priors(scene.train, points, prior, log, compare).by_frame)
+            given = (scene.train, points, config.stereo, log, config.render.device)
+            compare = partial(stereo_points, *given, looks=depth.looks)
+            compared = compare if config.stereo.enabled else None
+            found[name] = _score(frames, load_priors(scene.train, points, prior, log, compared).by_frame)
     return found
 
 

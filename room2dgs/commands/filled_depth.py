@@ -47,9 +47,11 @@ def filled(
         InputError: as `load_priors`.
     """
     from room2dgs.priors import load_priors
-    from room2dgs.stereo.anchors import StereoPoints, with_stereo
+    from room2dgs.stereo.anchors import FirstLook, StereoPoints, stereo_points, with_stereo
 
-    def compare() -> StereoPoints:
+    def compare(first: FirstLook | None) -> StereoPoints:
+        if first:
+            return stereo_points(scene.train, points, config.stereo, log, config.render.device, first)
         maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(scene.train, views, strict=True)}
         return StereoPoints(with_stereo(points, scene.train, cameras, maps), maps)
 

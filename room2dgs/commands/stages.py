@@ -151,12 +151,14 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     from room2dgs.files import whole_file
     from room2dgs.priors import load_priors
     from room2dgs.runs.page.trust import write_trust
-    from room2dgs.stereo.anchors import StereoPoints, stereo_points
+    from room2dgs.stereo.anchors import FirstLook, StereoPoints, stereo_points
 
     stereo: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
-    def compare() -> StereoPoints:
-        found = stereo_points(scene.train, points, config.stereo, log, config.render.device)
+    def compare(first: FirstLook | None) -> StereoPoints:
+        found = stereo_points(
+            scene.train, points, config.stereo, log, config.render.device, first, looks=config.prior.depth.looks
+        )
         stereo.update(found.maps)
         return found
 

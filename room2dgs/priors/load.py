@@ -35,7 +35,7 @@ from room2dgs.priors.normals.convention import camera_normals
 from room2dgs.priors.normals.samples import sample
 from room2dgs.priors.sensor.depths import sensor_depths
 from room2dgs.priors.simulated import simulated
-from room2dgs.stereo.anchors import StereoPoints
+from room2dgs.stereo.anchors import FirstLook, Maps, StereoPoints
 
 CHECKED_FRAMES = 24
 Timed = Callable[[str], AbstractContextManager[None]]
@@ -67,7 +67,7 @@ def load_priors(
     points: PointCloud,
     config: PriorConfig,
     log: Log = print,
-    compare: Callable[[], StereoPoints] | None = None,
+    compare: Callable[[FirstLook | None], StereoPoints] | None = None,
     timed: Timed = nullcontext,
 ) -> Priors:
     """Read and align the priors of some frames.
@@ -77,7 +77,8 @@ def load_priors(
         points: the scene's sparse points, metres.
         config: sources and conventions.
         log: takes one line at a time.
-        compare: finds stereo's points; called if there are depth maps that they could hold in place.
+        compare: finds stereo's points, at the first look and, with what that came to, at the second; called if there
+            are depth maps that they could hold in place.
         timed: gives, for a stage's name, what to do that stage in: "stereo", "maps" (read or predicted, and aligned),
             "joint" and "completion".
 
@@ -86,69 +87,100 @@ def load_priors(
     """
     depth_settings, sensor = sensor_depths(frames, points, config.depth, log)
     config = replace(config, depth=depth_settings)
+    settings = config.depth
     models = read_models(config)
     label = _label(config)
     if label == "simulated":
         log("simulated priors: made from ground truth, for studies only")
-    fine: Mapping[str, tuple[np.ndarray, np.ndarray]] = {}
+    compare = compare if settings.joint and not sensor and settings.source != "none" else None
     stored = StoredMaps(next((frame.cache for frame in frames if frame.cache), None))
     depths: LazyMaps[np.ndarray] = LazyMaps()
     confidences: LazyMaps[np.ndarray] = LazyMaps()
     fits: dict[str, Fit] = {}
-    space: FreeSpace | None = None
     planes: list[Plane] = []
-    if sensor:
-        depths, confidences, fits = sensor
-    elif config.depth.source != "none":
-        if compare and config.depth.joint:
-            with timed("stereo"):
-                points, fine = compare()
-                if config.depth.free_space:
-                    space = free_space([rays_to(points, frame) for frame in frames])
-                    points = less_where_seen_through(points, space)
-        with timed("maps"):
-            files = _maps(frames, config, "depth", models, log)
-            depths, fits = aligned_depths(frames, files, points, config.depth, log)
-        confidences = _confidences({name: files[name] for name in depths}, config.depth.onnx)
-    if config.normal.source != "none":
-        with timed("maps"):
-            for name, normal, confidence in _normals(frames, depths, points, config, models, log):
-                stored.put(name, ViewMaps(normal=normal, normal_confidence=confidence, source=label))
+    files: Mapping[str, Path] = {}
+    held = Held(points, {}, None)
 
     def take(name: str, depth: np.ndarray, confidence: np.ndarray | None = None) -> None:
         confidence = _where(depth > 0, confidences.get(name) if confidence is None else confidence)
         maps = stored.get(name, ViewMaps(source=label))
         stored.put(name, maps._replace(depth=depth, depth_confidence=confidence))
 
-    joint = config.depth.joint and len(points) > 0
-    if config.depth.joint and depths and not joint:
-        log("depth prior: no point holds it, so it is used as it is, neither optimised jointly nor completed")
-    if joint and depths:
+    for look in range(settings.looks if compare else 1):
+        if compare:
+            with timed("stereo"):
+                found = compare(FirstLook(_stored_depths(stored), held.fine) if look else None)
+                held = _held(found, frames, settings.free_space)
+        with timed("maps"):
+            if sensor:
+                depths, confidences, fits = sensor
+            elif settings.source != "none":
+                files = files or _maps(frames, config, "depth", models, log)
+                depths, fits = aligned_depths(frames, files, held.points, settings, log)
+                confidences = _confidences({name: files[name] for name in depths}, settings.onnx)
+            if config.normal.source != "none" and not look:
+                for name, normal, confidence in _normals(frames, depths, held.points, config, models, log):
+                    stored.put(name, ViewMaps(normal=normal, normal_confidence=confidence, source=label))
+        if not (settings.joint and depths and len(held.points)):
+            break
         normals, normal_confidences = _stored_normals(stored)
         both = (confidences, normal_confidences)
         with timed("joint"):
-            depths = logged_joint_depths(frames, depths, normals, points, config.depth.manhattan, log, both)
-        if config.depth.completion:
-            given = (depths, confidences, normals, normal_confidences)
+            depths = logged_joint_depths(frames, depths, normals, held.points, settings.manhattan, log, both)
+        if settings.completion:
             misfits = {name: fit.residual for name, fit in fits.items()}
             with timed("completion"):
                 planes = complete_views(
                     frames,
-                    *given,
-                    points,
-                    fine,
+                    depths,
+                    confidences,
+                    normals,
+                    normal_confidences,
+                    held.points,
+                    held.fine,
                     misfits,
                     log,
                     take,
-                    planes=config.depth.planes,
-                    right_angles=config.depth.right_angles,
-                    space=space,
+                    planes=settings.planes,
+                    right_angles=settings.right_angles,
+                    space=held.space,
                 )
             depths = {}
+    if settings.joint and depths and not len(held.points):
+        log("depth prior: no point holds it, so it is used as it is, neither optimised jointly nor completed")
     for name, depth in depths.items():
         take(name, depth, _by_fit(depth, confidences.get(name), fits.get(name)))
     networks = {kind: model.digest for kind, model in models.items()}
-    return Priors(stored, fits, label, networks, config.depth.source, tuple(planes))
+    return Priors(stored, fits, label, networks, settings.source, tuple(planes))
+
+
+class Held(NamedTuple):
+    """What holds the depth in place.
+
+    Attributes:
+        points: sparse points and stereo's, those that others look through trusted less.
+        fine: stereo's maps, as in `StereoPoints`.
+        space: what the views look through; None: not asked.
+    """
+
+    points: PointCloud
+    fine: Maps
+    space: FreeSpace | None
+
+
+def _held(found: StereoPoints, frames: Sequence[Frame], ask_space: bool) -> Held:
+    if not ask_space:
+        return Held(found.points, found.maps, None)
+    space = free_space([rays_to(found.points, frame) for frame in frames])
+    return Held(less_where_seen_through(found.points, space), found.maps, space)
+
+
+def _stored_depths(stored: StoredMaps) -> LazyMaps[np.ndarray]:
+    depths: LazyMaps[np.ndarray] = LazyMaps()
+    for name, maps in stored.items():
+        if maps.depth is not None:
+            depths.add(name, partial(_stored_map, stored, name, "depth"))
+    return depths
 
 
 def _label(config: PriorConfig) -> str:

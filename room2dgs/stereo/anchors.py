@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from room2dgs.captures.point_cloud import PointCloud, Tracks
@@ -14,9 +16,12 @@ from room2dgs.captures.seen_points import probably_seen
 from room2dgs.config import StereoConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
+from room2dgs.stereo.planes import planes_of_depth, resized_planes
 from room2dgs.stereo.scene import scene_stereo
 
+Maps = Mapping[str, tuple[np.ndarray, np.ndarray]]  # frame name -> depth, number of agreeing views
 COLUMNS = 160  # of the pixels that are taken: as many as the joint optimisation looks at
+FIRST_WIDTH = 320  # of photos that a first look is at; at 160 its depth is too rough to begin with
 # The more views agree on a depth, the more often it is right: a depth of 2 is wrong as often as right.
 TRUST = np.array([0, 0.05, 0.25, 0.45, 0.6, 0.75, 0.85, 1.0], np.float32)
 
@@ -30,11 +35,30 @@ class StereoPoints(NamedTuple):
     """
 
     points: PointCloud
-    maps: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    maps: Maps
+
+
+class FirstLook(NamedTuple):
+    """What a second look at the photos begins with.
+
+    Attributes:
+        completed: frame name -> (h, w) z-depth, metres, 0 = unknown: the prior's, held to what the first look found.
+        maps: of the first look, as in `StereoPoints`.
+    """
+
+    completed: Mapping[str, np.ndarray]
+    maps: Maps
 
 
 def stereo_points(
-    frames: Sequence[Frame], points: PointCloud, settings: StereoConfig, log: Log = print, device: str = "cpu"
+    frames: Sequence[Frame],
+    points: PointCloud,
+    settings: StereoConfig,
+    log: Log = print,
+    device: str = "cpu",
+    first: FirstLook | None = None,
+    *,
+    looks: int = 1,
 ) -> StereoPoints:
     """Compare the photos of some frames.
 
@@ -42,19 +66,40 @@ def stereo_points(
         frames: training views.
         points: sparse points, metres.
         device: what matches, as `render.device` names it.
+        first: None at the first look; at the second its pixels stay where the second finds nothing.
+        looks: how many there will be. The first of two needs no detail, and finds more of what has little texture in
+            photos of half the width, down to `FIRST_WIDTH`.
 
     Raises:
         InputError: as `scene_stereo`.
     """
     started = time.monotonic()
-    cameras, views = scene_stereo(frames, points, settings, log, device)
+    if looks > 1 and not first:
+        widest = max(frame.camera.width for frame in frames)
+        half = max(FIRST_WIDTH, min(settings.width or widest, widest) // 2)
+        settings = replace(settings, width=min(half, settings.width or half))
+    cameras, views = scene_stereo(frames, points, settings, log, device, first and first.completed)
     maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
+    if first:
+        maps = {name: _filled(*one, *first.maps[name]) if name in first.maps else one for name, one in maps.items()}
     share = np.array([np.mean(depth > 0) for depth, _ in maps.values()])
+    stage = "stereo, from the completed depth" if first else "stereo"
     log(
-        f"stereo: {share.mean():.0%} of the pixels of {len(frames)} views have a depth (least {share.min():.0%}), "
+        f"{stage}: {share.mean():.0%} of the pixels of {len(frames)} views have a depth (least {share.min():.0%}), "
         f"{(time.monotonic() - started) / len(frames):.1f} s a view"
     )
     return StereoPoints(with_stereo(points, frames, cameras, maps), maps)
+
+
+def _filled(
+    depth: np.ndarray, agreeing: np.ndarray, earlier: np.ndarray, agreed: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Depth and number of agreeing views, with the earlier ones where there is no depth."""
+    height, width = depth.shape
+    w = resized_planes(planes_of_depth(earlier), width, height)[0]
+    added = (depth == 0) & (w > 0)
+    agreed = cv2.resize(agreed, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
+    return np.where(added, 1 / np.where(added, w, 1), depth), np.where(added, agreed, agreeing)
 
 
 def trust(agreeing: np.ndarray) -> np.ndarray:
@@ -66,7 +111,7 @@ def with_stereo(
     points: PointCloud,
     frames: Sequence[Frame],
     cameras: Sequence[Camera],
-    maps: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    maps: Maps,
 ) -> PointCloud:
     """The sparse points, and every few pixels with a depth as a point that only its photo sees.
 

@@ -13,8 +13,8 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, Packed, Search, packed
-from room2dgs.stereo.planes import plane_normals, resized_planes
-from room2dgs.stereo.start import depth_range, planes_from_points
+from room2dgs.stereo.planes import plane_normals, planes_of_depth, resized_planes
+from room2dgs.stereo.start import depth_range, planes_from_points, wider_range
 
 Progress = Callable[[str, int, int], None]  # stage, done, of how many
 DISPARITY_ERROR_PX = 0.25  # of a match that is right
@@ -80,6 +80,7 @@ def dense_views(
     options: Options,
     matching: Matching,
     progress: Progress = lambda *_: None,
+    start: Sequence[np.ndarray] | None = None,
 ) -> Iterator[DenseView]:
     """Stereo of posed photos, one view after the other: all of them at once would take most of the memory.
 
@@ -91,6 +92,8 @@ def dense_views(
         sights: V, from the sparse points.
         xyz: (M, 3) sparse points, metres.
         progress: gets the stage, how many views are done, and of how many.
+        start: V (h, w) z-depths in metres, 0 = unknown, of any size: what the planes begin with, instead of the points.
+            Views then believe each other from the first search on, and only full size is searched.
 
     Yields:
         V results; a view without a neighbour has no depth at all.
@@ -104,6 +107,10 @@ def dense_views(
     ranges = [depth_range(sight.depth, everywhere) for sight in sights]
     planes: list[np.ndarray] = []
     coarse: list[DenseView] = []
+    if start is not None:
+        options = options._replace(levels=1, rounds=max(1, options.rounds))
+        planes = [planes_of_depth(depth) for depth in start]
+        ranges = [wider_range(known, depth) for known, depth in zip(ranges, start, strict=True)]
     for level in reversed(range(options.levels)):
         views = [_at_level(photo, camera, level, options.device) for photo, camera in zip(photos, cameras, strict=True)]
         first = not planes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import cv2
 import numpy as np
@@ -18,10 +18,16 @@ from room2dgs.stereo.dense import COARSEST_WIDTH, DenseView, Options, Sight, den
 from room2dgs.stereo.patchmatch import Matching
 
 LOG_SECONDS = 10.0
+UNKNOWN = np.zeros((1, 1), np.float32)  # depth of a view that has none
 
 
 def scene_stereo(
-    frames: Sequence[Frame], points: PointCloud, settings: StereoConfig, log: Log = print, device: str = "cpu"
+    frames: Sequence[Frame],
+    points: PointCloud,
+    settings: StereoConfig,
+    log: Log = print,
+    device: str = "cpu",
+    start: Mapping[str, np.ndarray] | None = None,
 ) -> tuple[list[Camera], Iterator[DenseView]]:
     """Depth and normals of each view where several views agree.
 
@@ -30,6 +36,7 @@ def scene_stereo(
         points: sparse points, metres; their tracks tell which views see the same.
         log: takes one line at a time.
         device: what matches, as `render.device` names it.
+        start: frame name -> z-depth in metres, as in `dense_views`; frames may have none.
 
     Returns:
         The views' cameras at stereo's image size, and what was found in each, in the frames' order; the work is done as
@@ -55,7 +62,8 @@ def scene_stereo(
         device=device,
     )
     matching = Matching(radius=settings.radius, step=settings.step, best=settings.best)
-    views = dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log))
+    known = None if start is None else [start.get(frame.name, UNKNOWN) for frame in frames]
+    views = dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log), known)
     return cameras, (_unmasked(view, frame) for view, frame in zip(views, frames, strict=True))
 
 

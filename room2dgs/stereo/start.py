@@ -39,3 +39,16 @@ def depth_range(depth: np.ndarray, all_depths: np.ndarray) -> tuple[float, float
     known = depth if len(depth) >= FEW_POINTS else all_depths
     near, far = np.percentile(known, (1, 99))
     return NEARER * float(near), FARTHER * float(far)
+
+
+def wider_range(known: tuple[float, float], depth: np.ndarray) -> tuple[float, float]:
+    """A range of depths that holds those of a map, too.
+
+    Args:
+        known: nearest and farthest, metres.
+        depth: metres, 0 = unknown.
+    """
+    there = depth[depth > 0]
+    if not len(there):
+        return known
+    return min(known[0], NEARER * float(there.min())), max(known[1], FARTHER * float(there.max()))

@@ -11,7 +11,8 @@ def test_defaults_are_those_that_were_measured():
     assert [(level.fraction, level.until) for level in train.resolutions] == [(0.5, 0.5)] and train.coarsest_px == 320
     assert (config.strategy.name, config.strategy.thin, config.seeds.per_seed) == ("seeds", 0.03, 4)
     depth = config.prior.depth
-    assert depth.completion and depth.planes and depth.right_angles and depth.free_space and config.stereo.enabled
+    assert depth.completion and depth.planes and depth.right_angles and depth.free_space and depth.second_look
+    assert config.stereo.enabled
 
 
 def test_what_is_compared_with_takes_none_of_ours():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from functools import partial
 
 import cv2
 import numpy as np
@@ -13,7 +12,7 @@ import pytest
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
-from room2dgs.stereo.anchors import StereoPoints
+from room2dgs.stereo.anchors import FirstLook, StereoPoints, with_stereo
 
 
 def load(room, prior_config, folder, points=None, frames=None, **changes):
@@ -202,8 +201,17 @@ def photographed(room, folder):
     return frames
 
 
-@pytest.mark.parametrize(("settings", "times"), [({}, 1), ({"depth__joint": False}, 0), ({"depth__source": "none"}, 0)])
-def test_stereo_is_asked_once_and_only_for_maps_that_it_can_hold(
+@pytest.mark.parametrize(
+    ("settings", "times"),
+    [
+        ({}, 2),
+        ({"depth__second_look": False}, 1),
+        ({"depth__completion": False}, 1),
+        ({"depth__joint": False}, 0),
+        ({"depth__source": "none"}, 0),
+    ],
+)
+def test_stereo_is_asked_twice_at_most_and_only_for_maps_that_it_can_hold(
     room, prior_config, map_files, tmp_path, settings, times
 ):
     frames = photographed(room, tmp_path)
@@ -211,12 +219,37 @@ def test_stereo_is_asked_once_and_only_for_maps_that_it_can_hold(
     paths = {"depth__path": folder / "depth", "normal__path": folder / "normal"}
     asked = []
 
-    def compare() -> StereoPoints:
-        asked.append(1)
+    def compare(first: FirstLook | None) -> StereoPoints:
+        asked.append(first)
         return StereoPoints(room.points, {})
 
     load_priors(frames, room.points, prior_config("prior=files", **paths, **settings), lambda line: None, compare)
-    assert len(asked) == times
+    assert len(asked) == times and asked[:1] == [None][:times]
+
+
+def test_a_second_look_gets_what_the_first_came_to_and_its_word_counts(room, prior_config, map_files, tmp_path):
+    """Maps that are 5 % too far; stereo has them 2 % too far at first and right at the second look."""
+    frames = photographed(room, tmp_path)
+    folder = map_files(depth=lambda depth, i: 1.05 * depth)
+    config = prior_config("prior=files", depth__path=folder / "depth", normal__path=folder / "normal")
+    far = [(1.02 * depth).astype(np.float32) for depth in room.depths]
+    maps = {frame.name: (depth, np.full(depth.shape, 7, np.uint8)) for frame, depth in zip(frames, far, strict=True)}
+    right = {name: ((depth / 1.02).astype(np.float32), agreeing) for name, (depth, agreeing) in maps.items()}
+    nothing = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+    cameras = [frame.camera for frame in frames]
+    said = []
+
+    def compare(first: FirstLook | None) -> StereoPoints:
+        found = maps if first is None else right
+        if first:
+            assert first.maps is maps
+            off = [first.completed[f.name] / d - 1 for f, d in zip(frames, room.depths, strict=True)]
+            said.append(float(np.median(off)))
+        return StereoPoints(with_stereo(nothing, frames, cameras, found), found)
+
+    priors = load_priors(frames, nothing, config, lambda line: None, compare)
+    off = [priors.by_frame[f.name].depth / d - 1 for f, d in zip(frames, room.depths, strict=True)]
+    assert said == [pytest.approx(0.02, abs=0.003)] and abs(float(np.median(off))) < 0.003
 
 
 def test_what_stereo_finds_holds_the_depth(room, prior_config, map_files, tmp_path):
@@ -227,8 +260,8 @@ def test_what_stereo_finds_holds_the_depth(room, prior_config, map_files, tmp_pa
     nothing = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
     found = []
     for points in (nothing, room.points):
-        compare = partial(StereoPoints, points, {})
-        priors = load_priors(frames, nothing, config, lambda line: None, compare)
+        held = StereoPoints(points, {})
+        priors = load_priors(frames, nothing, config, lambda line: None, lambda first, held=held: held)
         off = [priors.by_frame[f.name].depth / d - 1 for f, d in zip(frames, room.depths, strict=True)]
         found.append(float(np.median(np.abs(off))))
     assert found[0] == pytest.approx(0.05, abs=0.01) and found[1] < 0.01

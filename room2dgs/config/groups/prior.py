@@ -45,8 +45,16 @@ class DepthPriorConfig:
         description="and planes that are almost parallel or at right angles, as far as is known, are so"
     )
     free_space: bool = Field(description="and what other views look through, by stereo's word, counts for less")
+    second_look: bool = Field(
+        description="and stereo looks again, from the completed depth; then all of the above anew"
+    )
     sensor: SensorConfig = Field()
     onnx: OnnxConfig = Field()
+
+    @property
+    def looks(self) -> int:
+        """How often stereo looks at the photos, where it does."""
+        return 2 if self.joint and self.completion and self.second_look else 1
 
     @model_validator(mode="after")
     def _fits_together(self) -> DepthPriorConfig:
