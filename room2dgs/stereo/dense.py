@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import cv2
@@ -80,7 +80,7 @@ def dense_views(
     options: Options,
     matching: Matching,
     progress: Progress = lambda *_: None,
-    start: Sequence[np.ndarray] | None = None,
+    start: Iterable[np.ndarray] | None = None,
 ) -> Iterator[DenseView]:
     """Stereo of posed photos, one view after the other: all of them at once would take most of the memory.
 
@@ -109,8 +109,9 @@ def dense_views(
     coarse: list[DenseView] = []
     if start is not None:
         options = options._replace(levels=1, rounds=max(1, options.rounds))
-        planes = [planes_of_depth(depth) for depth in start]
-        ranges = [wider_range(known, depth) for known, depth in zip(ranges, start, strict=True)]
+        for index, depth in enumerate(start):
+            planes.append(resized_planes(planes_of_depth(depth), *cameras[index].size))
+            ranges[index] = wider_range(ranges[index], depth)
     for level in reversed(range(options.levels)):
         views = [_at_level(photo, camera, level, options.device) for photo, camera in zip(photos, cameras, strict=True)]
         first = not planes
@@ -121,7 +122,8 @@ def dense_views(
                 for sight, scale, view in zip(sights, scales, views, strict=True)
             ]
         else:
-            planes = [resized_planes(old, *view.camera.size) for old, view in zip(planes, views, strict=True)]
+            for index, view in enumerate(views):
+                planes[index] = resized_planes(planes[index], *view.camera.size)
         for search in range((0 if first else 1), options.rounds + 1):
             _search(views, planes, near_views, ranges, options, matching, search, level, progress)
         if level == 1:

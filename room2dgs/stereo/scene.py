@@ -62,7 +62,7 @@ def scene_stereo(
         device=device,
     )
     matching = Matching(radius=settings.radius, step=settings.step, best=settings.best)
-    known = None if start is None else [start.get(frame.name, UNKNOWN) for frame in frames]
+    known = None if start is None else (start.get(frame.name, UNKNOWN) for frame in frames)
     views = dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log), known)
     return cameras, (_unmasked(view, frame) for view, frame in zip(views, frames, strict=True))
 
