@@ -195,7 +195,8 @@ def _stored_normals(stored: StoredMaps) -> tuple[LazyMaps[np.ndarray], LazyMaps[
     normals: LazyMaps[np.ndarray] = LazyMaps()
     confidences: LazyMaps[np.ndarray] = LazyMaps()
     for name, maps in stored.items():
-        normals.add(name, partial(_stored_map, stored, name, "normal"))
+        if maps.normal is not None:
+            normals.add(name, partial(_stored_map, stored, name, "normal"))
         if maps.normal_confidence is not None:
             confidences.add(name, partial(_stored_map, stored, name, "normal_confidence"))
     return normals, confidences

@@ -227,11 +227,15 @@ def test_stereo_is_asked_twice_at_most_and_only_for_maps_that_it_can_hold(
     assert len(asked) == times and asked[:1] == [None][:times]
 
 
-def test_a_second_look_gets_what_the_first_came_to_and_its_word_counts(room, prior_config, map_files, tmp_path):
+@pytest.mark.parametrize("normals", [{}, {"normal__source": "none"}])
+def test_a_second_look_gets_what_the_first_came_to_and_its_word_counts(
+    room, prior_config, map_files, tmp_path, normals
+):
     """Maps that are 5 % too far; stereo has them 2 % too far at first and right at the second look."""
     frames = photographed(room, tmp_path)
     folder = map_files(depth=lambda depth, i: 1.05 * depth)
-    config = prior_config("prior=files", depth__path=folder / "depth", normal__path=folder / "normal")
+    paths = {"depth__path": folder / "depth", "normal__path": folder / "normal"}
+    config = prior_config("prior=files", **paths, **normals)
     far = [(1.02 * depth).astype(np.float32) for depth in room.depths]
     maps = {frame.name: (depth, np.full(depth.shape, 7, np.uint8)) for frame, depth in zip(frames, far, strict=True)}
     right = {name: ((depth / 1.02).astype(np.float32), agreeing) for name, (depth, agreeing) in maps.items()}
