@@ -1,9 +1,12 @@
-// Binds the completion of depth between anchors.
+// Binds the completion of depth between anchors, and what other views say of it.
+#include <algorithm>
+#include <memory>
 #include <new>
 #include <vector>
 
 #include "arrays.h"
 #include "completion.h"
+#include "other_views.h"
 #include "parallel.h"
 
 namespace room2dgs {
@@ -46,12 +49,73 @@ void complete(const Input& distance, const Input& anchor, const Input& prior, co
   });
 }
 
+constexpr int64_t kMostVotes = int64_t(1) << 26;  // of a view: a gigabyte of a worker's scratch
+
+// The places of the views in arrays that hold all of them one after the other, and the largest view.
+std::vector<int64_t> first_pixels(const int64_t* size, int64_t views, int64_t total, int64_t& most) {
+  std::vector<int64_t> first;
+  int64_t pixels = most = 0;
+  for (int64_t view = 0; view < views; ++view) {
+    const int64_t height = size[2 * view], width = size[2 * view + 1];
+    require(height >= 1 && width >= 1 && height <= kMostPixels / width, "images are not of 1 to 2^22 pixels");
+    first.push_back(pixels);
+    pixels += height * width;
+    most = std::max(most, height * width);
+  }
+  require(pixels == total, "depth has " + std::to_string(total) + " pixels, the views " + std::to_string(pixels));
+  return first;
+}
+
+void depth_of_other_views(const Input& depth, const Input& sure, const Input& size, const Input& near, const Input& warp,
+                          double least, double same, const Output& result, const Output& trust) {
+  Arguments check;
+  OtherViewsJob job = {};
+  const int64_t total = lengths("depth", depth, 1)[0];
+  const auto shape = lengths("near", near, 2);
+  job.views = shape[0], job.neighbours = shape[1];
+  job.depth = check.input<float>("depth", depth, {total});
+  job.sure = check.input<float>("sure", sure, {total});
+  job.size = check.input<int64_t>("size", size, {job.views, 2});
+  job.near = check.input<int64_t>("near", near, {job.views, job.neighbours});
+  job.warp = check.input<double>("warp", warp, {job.views, job.neighbours, 3, 4});
+  job.result = check.output<float>("result", result, {total});
+  job.trust = check.output<float>("trust", trust, {total});
+  require(least >= 0 && same > 0, "least is below 0 or same not above it");
+  job.least = least, job.same = same;
+  int64_t most = 0;
+  const std::vector<int64_t> first = first_pixels(job.size, job.views, total, most);
+  job.first = first.data();
+  for (int64_t k = 0; k < job.views * job.neighbours; ++k)
+    require(job.near[k] >= -1 && job.near[k] < job.views, "near names a view that is not there");
+  require(job.neighbours <= kMostVotes / std::max<int64_t>(most, 1), "near has too many views for images of this size");
+  nb::gil_scoped_release unlocked;
+  const auto kernel = R2_BEST(depth_of_other_views);
+  struct Buffers {
+    std::unique_ptr<Vote[]> votes;
+    std::vector<int32_t> count, met;
+    std::vector<double> sum, sums;
+  };
+  Region region;
+  std::vector<Buffers> scratch(region.workers());
+  region.parallel_for(job.views, [&](int64_t view, int worker) {
+    Buffers& mine = scratch[worker];
+    if (!mine.votes) {
+      mine.votes.reset(new Vote[most * job.neighbours]);
+      mine.count.resize(most), mine.met.resize(most), mine.sum.resize(most), mine.sums.resize(most);
+    }
+    kernel(job, view, {mine.votes.get(), mine.count.data(), mine.sum.data(), mine.sums.data(), mine.met.data()});
+  });
+}
+
 }  // namespace
 
 void bind_completion(nb::module_& m) {
   m.def("complete", &complete, as_is("distance"), as_is("anchor"), as_is("prior"), as_is("right"), as_is("down"),
         nb::arg("reweightings"), nb::arg("least"), nb::arg("anchor_width"), nb::arg("tie_width"), as_is("result"),
         "Reweighted least squares of images (n, h, w) between anchors; see priors/completion/solve.py.");
+  m.def("depth_of_other_views", &depth_of_other_views, as_is("depth"), as_is("sure"), as_is("size"), as_is("near"),
+        as_is("warp"), nb::arg("least"), nb::arg("same"), as_is("result"), as_is("trust"),
+        "Depth of each view that its neighbours' makes, and the trust in it; see priors/completion/other_views.py.");
 }
 
 }  // namespace room2dgs

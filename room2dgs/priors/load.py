@@ -143,6 +143,7 @@ def load_priors(
                     take,
                     planes=settings.planes,
                     right_angles=settings.right_angles,
+                    other_views=settings.other_views,
                     space=held.space,
                 )
             depths = {}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -19,41 +18,21 @@ from room2dgs.logs import Log
 from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.on_planes import flattened, on_planes
-from room2dgs.priors.completion.photo_edges import ties_across_edges
+from room2dgs.priors.completion.other_views import LENDING, SureView, depth_of_other_views
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
-from room2dgs.priors.completion.solve import System, normal_slopes, prior_slopes, solved, system
+from room2dgs.priors.completion.small_maps import Completed, SmallMaps, small_maps
+from room2dgs.priors.completion.solve import System, solved, system
 from room2dgs.priors.files import resize_depth
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.neighbours import choose_neighbours
 
-COLUMNS = 160  # of the small images that are solved
 AT_ONCE = 64  # images, whose systems are in memory
 ASKED = 10  # views that are asked whether they agree
 MAX_PX, MAX_RELATIVE = 2.0, 0.03
-HALF_MISFIT = 0.1  # relative residual at the points, before any optimisation, that halves the weight of the maps
-PLANE_ROUNDS = 2  # planes are found in the completed depth, which then bends to them
+ROUNDS = 2  # planes are found in the completed depth, which then bends to them and to what other views have
 LEAST_SURE = 0.3  # confidence of a pixel that takes part in finding planes
 FINE = 0.01  # relative difference from a plane at which stereo's own pixel starts to count as detail, not as noise
 LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
-
-
-class Completed(NamedTuple):
-    """One view's small images.
-
-    Attributes:
-        camera: of their size.
-        anchor, trust: (h, w) metres, 0 = none; and the trust in it, 0..1.
-        log_scale: (h, w) float32, ln of completed over joint depth.
-        depth: (h, w) float32 metres, 0 = invalid.
-        flat: (h, w) float32, share of the way that the depth was moved to one of the planes, 0..1.
-    """
-
-    camera: Camera
-    anchor: np.ndarray
-    trust: np.ndarray
-    log_scale: np.ndarray
-    depth: np.ndarray
-    flat: np.ndarray
 
 
 def complete_views(
@@ -70,6 +49,7 @@ def complete_views(
     *,
     planes: bool,
     right_angles: bool,
+    other_views: bool,
     space: FreeSpace | None,
 ) -> list[Plane]:
     """Depth of every view that has a map, and the confidence in each pixel.
@@ -86,6 +66,7 @@ def complete_views(
         take: gets each frame's name, its (H, W) depth in metres, 0 = invalid, and (H, W) confidence.
         planes: what looks as if it lay on one of the room's large planes is drawn to it.
         right_angles: and those that are almost parallel or at right angles are so.
+        other_views: depth is drawn to what is sure in other views.
         space: depth that other views look through counts for less; None = not asked.
 
     Returns:
@@ -100,15 +81,22 @@ def complete_views(
         for frame in frames:
             name = frame.name
             maps = (depths[name], confidences.get(name), normals.get(name), normal_confidences.get(name))
-            reading.append(pool.submit(_small_maps, frame, *maps, points, misfit))
+            reading.append(pool.submit(small_maps, frame, *maps, points, misfit))
         given = [one.result() for one in reading]
         small = _completed(given, pool)
         near = _near_views(frames, points)
-        for _ in range(PLANE_ROUNDS if planes and len(normals) else 0):
-            samples = _samples(given, small, _expected_errors(small, near, space), space)
-            found = find_planes(samples, right_angles=right_angles)
-            held = pool.map(partial(_held_by_planes, planes=found, space=space), given, small)
-            small = _completed(list(held), pool)
+        planes = planes and len(normals) > 0
+        for _ in range(ROUNDS if planes or other_views else 0):
+            errors = _expected_errors(small, near, space)
+            found = find_planes(_samples(given, small, errors, space), right_angles=right_angles) if planes else []
+            held = list(pool.map(partial(_held_by_planes, planes=found, space=space), given, small))
+            if other_views:
+                sure = [
+                    SureView(part.camera, part.depth, confidence(error))
+                    for part, error in zip(small, errors, strict=True)
+                ]
+                held = [_anchored(maps, *one) for maps, one in zip(held, depth_of_other_views(sure, near), strict=True)]
+            small = _completed(held, pool)
         small = list(pool.map(partial(_flat, planes=found), given, small))
     all_errors = _expected_errors(small, near, space)
     medians = []
@@ -130,7 +118,7 @@ def complete_views(
 def _near_views(frames: Sequence[Frame], points: PointCloud) -> list[list[int]]:
     tracked = points if points.tracks is None else points.chosen(points.track_length > 1)
     seen = [seen_points(tracked, frame).index for frame in frames]
-    return choose_neighbours([frame.camera for frame in frames], seen, tracked.xyz, ASKED)
+    return choose_neighbours([frame.camera for frame in frames], seen, tracked.xyz, max(ASKED, LENDING))
 
 
 def _expected_errors(
@@ -140,7 +128,7 @@ def _expected_errors(
     inverse = [np.divide(1, part.depth, out=np.zeros_like(part.depth), where=part.depth > 0) for part in small]
     errors = []
     for part, own, others in zip(small, inverse, near, strict=True):
-        beside = [(small[other].camera, inverse[other]) for other in others]
+        beside = [(small[other].camera, inverse[other]) for other in others[:ASKED]]
         said = agreement(part.camera, own, beside, MAX_PX, MAX_RELATIVE)
         through = seen_through(space, part.camera.unproject_map(part.depth))
         errors.append(expected_relative_error(part.depth, part.anchor, part.trust, said, through))
@@ -148,7 +136,7 @@ def _expected_errors(
 
 
 def _samples(
-    given: Sequence[_SmallMaps], small: Sequence[Completed], errors: Sequence[np.ndarray], space: FreeSpace | None
+    given: Sequence[SmallMaps], small: Sequence[Completed], errors: Sequence[np.ndarray], space: FreeSpace | None
 ) -> Samples:
     """Every other pixel of every other row of the views whose normals are known, where the depth is trusted."""
     parts = []
@@ -163,63 +151,21 @@ def _samples(
     return Samples(*(np.concatenate(one) for one in zip(*parts, strict=True)))
 
 
-def _held_by_planes(
-    maps: _SmallMaps, before: Completed, planes: Sequence[Plane], space: FreeSpace | None
-) -> _SmallMaps:
+def _held_by_planes(maps: SmallMaps, before: Completed, planes: Sequence[Plane], space: FreeSpace | None) -> SmallMaps:
     """What to complete once more: a plane is an anchor wherever it is trusted more than stereo, and where other views
     see through what was found, the prior has no say."""
-    on, trust = on_planes(before.depth, maps.normal, maps.camera, planes)
-    use = trust > maps.trust
     through = seen_through(space, maps.camera.unproject_map(before.depth))
-    return maps._replace(
-        anchor=np.where(use, on, maps.anchor),
-        trust=np.where(use, trust, maps.trust),
-        prior_weight=maps.prior_weight * (1 - through) ** 2,
-    )
+    maps = maps._replace(prior_weight=maps.prior_weight * (1 - through) ** 2)
+    return _anchored(maps, *on_planes(before.depth, maps.normal, maps.camera, planes))
 
 
-class _SmallMaps(NamedTuple):
-    """What a `system` is made of, and the camera of that size."""
-
-    camera: Camera
-    normal: np.ndarray  # (h, w, 3) unit, world frame; 0 = none
-    anchor: np.ndarray  # from here on as `system` takes them
-    trust: np.ndarray
-    prior: np.ndarray
-    prior_weight: np.ndarray
-    slopes: tuple[np.ndarray, np.ndarray]
-    tie: np.ndarray
-    edges: tuple[np.ndarray, np.ndarray]
+def _anchored(maps: SmallMaps, depth: np.ndarray, trust: np.ndarray) -> SmallMaps:
+    """With these anchors wherever they are trusted more than what there is."""
+    use = trust > maps.trust
+    return maps._replace(anchor=np.where(use, depth, maps.anchor), trust=np.where(use, trust, maps.trust))
 
 
-def _small_maps(
-    frame: Frame,
-    depth: np.ndarray,
-    sure: np.ndarray | None,
-    normal: np.ndarray | None,
-    normal_sure: np.ndarray | None,
-    points: PointCloud,
-    misfit: float,
-) -> _SmallMaps:
-    camera = frame.camera.resized_to_width(min(COLUMNS, frame.camera.width))
-    anchor, trust = _anchors(frame, points, camera)
-    prior = cv2.resize(depth, camera.size, interpolation=cv2.INTER_NEAREST_EXACT)
-    weight = np.ones(prior.shape, np.float32) if sure is None else _small(sure, camera)
-    weight = weight / np.float32(1 + (misfit / HALF_MISFIT) ** 4)
-    slopes, tie = prior_slopes(prior), np.ones(prior.shape)
-    unit = np.zeros((*prior.shape, 3), np.float32)
-    if normal is not None:
-        unit = _small(normal, camera)
-        length = np.linalg.norm(unit, axis=-1, keepdims=True)
-        unit = np.where(length > 0.5, unit / np.maximum(length, 1e-6), 0)
-        in_cam = camera.turned_to_camera(unit)
-        slopes = normal_slopes(in_cam, camera.rays(), (camera.K[0, 0], camera.K[1, 1]))
-        tie = tie if normal_sure is None else _small(normal_sure, camera)
-    edges = ties_across_edges(cv2.resize(frame.color(), camera.size, interpolation=cv2.INTER_AREA))
-    return _SmallMaps(camera, unit, anchor, trust, prior, weight, slopes, tie, edges)
-
-
-def _completed(given: Sequence[_SmallMaps], pool: Executor) -> list[Completed]:
+def _completed(given: Sequence[SmallMaps], pool: Executor) -> list[Completed]:
     found = []
     for start in range(0, len(given), AT_ONCE):
         some = given[start : start + AT_ONCE]
@@ -228,32 +174,19 @@ def _completed(given: Sequence[_SmallMaps], pool: Executor) -> list[Completed]:
     return found
 
 
-def _system(maps: _SmallMaps) -> System:
+def _system(maps: SmallMaps) -> System:
     return system(*maps[2:])
 
 
-def _at_scale(maps: _SmallMaps, scale: np.ndarray) -> Completed:
+def _at_scale(maps: SmallMaps, scale: np.ndarray) -> Completed:
     depth = (maps.prior * np.exp(scale)).astype(np.float32)
     return Completed(maps.camera, maps.anchor, maps.trust, scale, depth, np.zeros_like(depth))
 
 
-def _flat(maps: _SmallMaps, before: Completed, planes: Sequence[Plane]) -> Completed:
+def _flat(maps: SmallMaps, before: Completed, planes: Sequence[Plane]) -> Completed:
     """What almost lies on a plane lies on it."""
     shift, share = (part.astype(np.float32) for part in flattened(before.depth, maps.normal, maps.camera, planes))
     return before._replace(log_scale=before.log_scale + shift, depth=before.depth * np.exp(shift), flat=share)
-
-
-def _anchors(frame: Frame, points: PointCloud, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """(h, w) depth of the most trusted point in each pixel, of several the nearest, and (h, w) the trust."""
-    seen = seen_points(points, frame)
-    weight = points.weight_of(seen.index)
-    anchor, trust = np.zeros((camera.height, camera.width)), np.zeros((camera.height, camera.width))
-    column, row = np.floor(seen.pixel * (np.array(camera.size) / frame.camera.size)).astype(np.int64).T
-    row, column = row.clip(0, camera.height - 1), column.clip(0, camera.width - 1)
-    order = np.lexsort((-seen.depth, weight))  # the last one stays
-    anchor[row[order], column[order]] = seen.depth[order]
-    trust[row[order], column[order]] = weight[order]
-    return anchor, trust
 
 
 def _with_fine(
@@ -267,7 +200,3 @@ def _with_fine(
     detail = np.log(np.where(there, fine, 1) / np.where(there, depth, 1))
     noise = flat / (1 + (detail / FINE) ** 2)
     return (depth * np.exp((1 - noise) * detail)).astype(np.float32)
-
-
-def _small(values: np.ndarray, camera: Camera) -> np.ndarray:
-    return cv2.resize(values, camera.size, interpolation=cv2.INTER_AREA)

@@ -13,8 +13,9 @@ from room2dgs.captures.scene import Frame
 from room2dgs.priors.completion import solve
 from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
 from room2dgs.priors.completion.photo_edges import ties_across_edges
+from room2dgs.priors.completion.small_maps import small_maps
 from room2dgs.priors.completion.solve import normal_slopes, prior_slopes
-from room2dgs.priors.completion.views import _small_maps, complete_views
+from room2dgs.priors.completion.views import complete_views
 from room2dgs.stereo.agreement import Agreement
 
 
@@ -86,7 +87,7 @@ def test_a_views_ties_are_weak_where_its_own_photo_has_an_edge(box_room, tmp_pat
         photo[:, : depth.shape[1] // 2] = left
         assert cv2.imwrite(str(tmp_path / f"{name}.png"), photo)
         shown = replace(frame, color_path=tmp_path / f"{name}.png")
-        edges[name] = _small_maps(shown, depth, None, None, None, room.points, 0.0).edges
+        edges[name] = small_maps(shown, depth, None, None, None, room.points, 0.0).edges
     assert all((ties == 1).all() for ties in edges["blank"])
     right, down = edges["edged"]
     weak = (right < 0.1).any(axis=0)
@@ -175,6 +176,7 @@ def everything(frames, depths, points, stereo=None, misfits=None, normals=None, 
         lambda *one: found.update({one[0]: one[1:]}),
         planes=planes,
         right_angles=True,
+        other_views=True,
         space=None,
     )
     return found

@@ -79,7 +79,7 @@ def test_a_vast_room_has_larger_cells(facing_a_wall, monkeypatch: pytest.MonkeyP
     assert seen_through(space, np.array([[1.0, 0.1, 0.0]]))[0] > 0.5
 
 
-def left_half(room, depths, points, through: bool, names, misfit=0.0) -> tuple[float, float]:
+def left_half(room, depths, points, through: bool, names, misfit=0.0, others=False) -> tuple[float, float]:
     """Mean relative error and mean confidence of the completed depth there."""
     found = {}
     space = free_space([rays_to(points, frame) for frame in room.frames]) if through else None
@@ -97,6 +97,7 @@ def left_half(room, depths, points, through: bool, names, misfit=0.0) -> tuple[f
         lambda *one: found.update({one[0]: one[1:]}),
         planes=False,
         right_angles=True,
+        other_views=others,
         space=space,
     )
     inner = (slice(5, -5), slice(5, 35))
@@ -144,6 +145,17 @@ def test_a_mistake_that_many_views_share_is_not_believed_where_others_look_throu
     sure = [left_half(room, too_near(depths, names), points, through, names)[1] for through in (False, True)]
     # the other half's maps contradict it already, so that little is left to take
     assert sure[1] < 0.6 * sure[0] < 0.1
+
+
+def test_a_mistake_of_half_the_views_is_mended_by_the_others(seen):
+    """Nothing holds them there but what the others have, which have points."""
+    room, depths = seen
+    names = [frame.name for frame in room.frames[::2]]
+    points = anchored(room.frames, depths, left_out=names)
+    wrong = too_near(depths, names)
+    off, sure = zip(*(left_half(room, wrong, points, False, names, others=others) for others in (False, True)))
+    assert off[0] > 0.15 and off[1] < 0.02
+    assert sure[0] < 0.1 and sure[1] > 0.8
 
 
 def test_anchors_that_others_look_through_do_not_bend_the_depth(seen):

@@ -144,6 +144,7 @@ def off_by_view(room, factors, planes: bool) -> list[float]:
         lambda *one: found.update({one[0]: one[1]}),
         planes=planes,
         right_angles=True,
+        other_views=True,
         space=None,
     )
     return [

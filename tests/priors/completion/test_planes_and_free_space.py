@@ -9,8 +9,9 @@ import pytest
 
 from room2dgs.geometry.camera import Camera
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
+from room2dgs.priors.completion.small_maps import Completed, SmallMaps
 from room2dgs.priors.completion.solve import prior_slopes
-from room2dgs.priors.completion.views import Completed, _completed, _held_by_planes, _samples, _SmallMaps
+from room2dgs.priors.completion.views import _completed, _held_by_planes, _samples
 
 SHAPE = (40, 40)
 DEPTH_M = 2.0
@@ -26,16 +27,16 @@ def left_is_seen_through(make) -> tuple[Camera, FreeSpace]:
     return camera, FreeSpace(np.array([-10.0, -20.0, -10.0]), 20.0, through, np.zeros_like(through))
 
 
-def maps_of(camera: Camera, anchor: np.ndarray) -> _SmallMaps:
+def maps_of(camera: Camera, anchor: np.ndarray) -> SmallMaps:
     """Two halves that nothing ties together."""
     prior, ones, tie = np.full(SHAPE, DEPTH_M, np.float32), np.ones(SHAPE), np.ones(SHAPE)
     tie[:, 19:21] = 0
     normal = np.broadcast_to(-camera.forward, (*SHAPE, 3)).astype(np.float32)
     edges = (np.ones((40, 39)), np.ones((39, 40)))
-    return _SmallMaps(camera, normal, anchor, ones * (anchor > 0), prior, ones, prior_slopes(prior), tie, edges)
+    return SmallMaps(camera, normal, anchor, ones * (anchor > 0), prior, ones, prior_slopes(prior), tie, edges)
 
 
-def completed_at_prior(maps: _SmallMaps) -> Completed:
+def completed_at_prior(maps: SmallMaps) -> Completed:
     none = np.zeros(SHAPE, np.float32)
     return Completed(maps.camera, maps.anchor, maps.trust, none, maps.prior, none)
 

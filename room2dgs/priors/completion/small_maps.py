@@ -1,0 +1,95 @@
+"""One view's small images: what its depth is completed from, and what comes of it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
+from room2dgs.captures.seen_points import seen_points
+from room2dgs.geometry.camera import Camera
+from room2dgs.priors.completion.photo_edges import ties_across_edges
+from room2dgs.priors.completion.solve import normal_slopes, prior_slopes
+
+COLUMNS = 160  # of the small images that are solved
+HALF_MISFIT = 0.1  # relative residual at the points, before any optimisation, that halves the weight of the maps
+
+
+class Completed(NamedTuple):
+    """One view's small images.
+
+    Attributes:
+        camera: of their size.
+        anchor, trust: (h, w) metres, 0 = none; and the trust in it, 0..1.
+        log_scale: (h, w) float32, ln of completed over joint depth.
+        depth: (h, w) float32 metres, 0 = invalid.
+        flat: (h, w) float32, share of the way that the depth was moved to one of the planes, 0..1.
+    """
+
+    camera: Camera
+    anchor: np.ndarray
+    trust: np.ndarray
+    log_scale: np.ndarray
+    depth: np.ndarray
+    flat: np.ndarray
+
+
+class SmallMaps(NamedTuple):
+    """What a `system` is made of, and the camera of that size."""
+
+    camera: Camera
+    normal: np.ndarray  # (h, w, 3) unit, world frame; 0 = none
+    anchor: np.ndarray  # from here on as `system` takes them
+    trust: np.ndarray
+    prior: np.ndarray
+    prior_weight: np.ndarray
+    slopes: tuple[np.ndarray, np.ndarray]
+    tie: np.ndarray
+    edges: tuple[np.ndarray, np.ndarray]
+
+
+def small_maps(
+    frame: Frame,
+    depth: np.ndarray,
+    sure: np.ndarray | None,
+    normal: np.ndarray | None,
+    normal_sure: np.ndarray | None,
+    points: PointCloud,
+    misfit: float,
+) -> SmallMaps:
+    camera = frame.camera.resized_to_width(min(COLUMNS, frame.camera.width))
+    anchor, trust = _anchors(frame, points, camera)
+    prior = cv2.resize(depth, camera.size, interpolation=cv2.INTER_NEAREST_EXACT)
+    weight = np.ones(prior.shape, np.float32) if sure is None else _small(sure, camera)
+    weight = weight / np.float32(1 + (misfit / HALF_MISFIT) ** 4)
+    slopes, tie = prior_slopes(prior), np.ones(prior.shape)
+    unit = np.zeros((*prior.shape, 3), np.float32)
+    if normal is not None:
+        unit = _small(normal, camera)
+        length = np.linalg.norm(unit, axis=-1, keepdims=True)
+        unit = np.where(length > 0.5, unit / np.maximum(length, 1e-6), 0)
+        in_cam = camera.turned_to_camera(unit)
+        slopes = normal_slopes(in_cam, camera.rays(), (camera.K[0, 0], camera.K[1, 1]))
+        tie = tie if normal_sure is None else _small(normal_sure, camera)
+    edges = ties_across_edges(cv2.resize(frame.color(), camera.size, interpolation=cv2.INTER_AREA))
+    return SmallMaps(camera, unit, anchor, trust, prior, weight, slopes, tie, edges)
+
+
+def _anchors(frame: Frame, points: PointCloud, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """(h, w) depth of the most trusted point in each pixel, of several the nearest, and (h, w) the trust."""
+    seen = seen_points(points, frame)
+    weight = points.weight_of(seen.index)
+    anchor, trust = np.zeros((camera.height, camera.width)), np.zeros((camera.height, camera.width))
+    column, row = np.floor(seen.pixel * (np.array(camera.size) / frame.camera.size)).astype(np.int64).T
+    row, column = row.clip(0, camera.height - 1), column.clip(0, camera.width - 1)
+    order = np.lexsort((-seen.depth, weight))  # the last one stays
+    anchor[row[order], column[order]] = seen.depth[order]
+    trust[row[order], column[order]] = weight[order]
+    return anchor, trust
+
+
+def _small(values: np.ndarray, camera: Camera) -> np.ndarray:
+    return cv2.resize(values, camera.size, interpolation=cv2.INTER_AREA)
