@@ -92,5 +92,10 @@ def complete(distance: Annotated[NDArray, dict(writable=False)], anchor: Annotat
     Reweighted least squares of images (n, h, w) between anchors; see priors/completion/solve.py.
     """
 
+def depth_of_other_views(depth: Annotated[NDArray, dict(writable=False)], sure: Annotated[NDArray, dict(writable=False)], size: Annotated[NDArray, dict(writable=False)], near: Annotated[NDArray, dict(writable=False)], warp: Annotated[NDArray, dict(writable=False)], least: float, same: float, result: NDArray, trust: NDArray) -> None:
+    """
+    Depth of each view that its neighbours' makes, and the trust in it; see priors/completion/other_views.py.
+    """
+
 def fuse_depth(block: Annotated[NDArray, dict(writable=False)], row: Annotated[NDArray, dict(writable=False)], distance: NDArray, weight: NDArray, views: NDArray, color: NDArray, depth: Annotated[NDArray, dict(writable=False)], trust: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], pixel_from_voxel: Annotated[NDArray, dict(writable=False)], truncation: float) -> None:
     """Takes one depth map into the blocks of a signed distance volume."""

@@ -14,7 +14,8 @@ from room2dgs import _C
 @dataclass(frozen=True)
 class Array:
     """An array argument; `shape`: digits and names of sizes (h, w, n surfels, k coefficients, t tiles, c columns), and
-    for joint depth k views, y x x samples of their maps, r x r knots, s draws, d and p rows of tables."""
+    for joint depth k views, y x x samples of their maps, r x r knots, s draws, d and p rows of tables; f pixels of all
+    k views."""
 
     name: str
     shape: str
@@ -25,7 +26,7 @@ class Array:
     def lengths(self, sizes: dict[str, int]) -> tuple[int, ...]:
         sizes = {**sizes, "t": -(-sizes["h"] // 16) * -(-sizes["w"] // 16), "c": 11}
         sizes |= {"y": sizes["h"] + 1, "x": sizes["w"] + 1, "r": sizes["k"] + 1, "s": sizes["h"] * sizes["w"]}
-        sizes |= {"d": 19, "p": 18}
+        sizes |= {"d": 19, "p": 18, "f": sizes["k"] * sizes["h"] * sizes["w"]}
         return tuple(int(axis) if axis.isdigit() else sizes[axis] for axis in self.shape)
 
 
@@ -169,6 +170,20 @@ CALLS = {
                 Array("result", "kyx", np.float64, True),
             ),
         ),
+        Call(
+            "depth_of_other_views",
+            (
+                Array("depth", "f"),
+                Array("sure", "f"),
+                Array("size", "k2", np.int64),
+                Array("near", "kn", np.int64),
+                Array("warp", "kn34", np.float64),
+                "least",
+                "same",
+                Array("result", "f", written=True),
+                Array("trust", "f", written=True),
+            ),
+        ),
         Call("time_stages", (*SURFELS, *FIVE_MAPS), bench=True),
         Call(
             "bare_loop",
@@ -187,6 +202,7 @@ def numbers(sizes: dict[str, int]) -> dict[str, float]:
         "dssim": 0.2, "fx": 30.0, "fy": 32.0, "cx": sizes["w"] / 2, "cy": sizes["h"] / 2,
         "width": sizes["w"], "height": sizes["h"], "near": 0.05, "every": 2, "repeats": 1, "step": 2,
         "smoothness": 8.0, "magnitude": 0.3, "reweightings": 2, "least": 1e-7, "anchor_width": 0.03, "tie_width": 0.01,
+        "same": 0.02,
     }  # fmt: skip
 
 
@@ -205,13 +221,17 @@ def filled(array: Array, sizes: dict[str, int], random: np.random.Generator) -> 
         y, x, k, n = sizes["h"] + 1, sizes["w"] + 1, sizes["k"], sizes["n"]
         region = (k, y, x, 5, 5)
         values *= np.array([k, n, n, y, x, k, max(y - 4, 0), max(x - 4, 0), 2, *region, *region])[:, None]
+    if array.name == "size":
+        values = np.broadcast_to([sizes["h"], sizes["w"]], shape)
+    if array.name == "near":
+        values = np.floor(values * (sizes["k"] + 1)) - 1
     if array.name == "region":
         values += 1
     if array.name == "centers":
         values = values * 2 + [-1, -1, 0.5]
     elif array.name in ("rotations", "sh"):
         values = values - 0.5
-    return values.astype(array.dtype)
+    return values.astype(array.dtype, order="C")
 
 
 def arguments(call: Call, sizes: dict[str, int], seed: int = 0) -> dict[str, object]:
