@@ -91,11 +91,7 @@ def complete_views(
             found = find_planes(_samples(given, small, errors, space), right_angles=right_angles) if planes else []
             held = list(pool.map(partial(_held_by_planes, planes=found, space=space), given, small))
             if other_views:
-                sure = [
-                    SureView(part.camera, part.depth, confidence(error))
-                    for part, error in zip(small, errors, strict=True)
-                ]
-                held = [_anchored(maps, *one) for maps, one in zip(held, depth_of_other_views(sure, near), strict=True)]
+                held = _held_by_other_views(held, small, errors, near)
             small = _completed(held, pool)
         small = list(pool.map(partial(_flat, planes=found), given, small))
     all_errors = _expected_errors(small, near, space)
@@ -157,6 +153,14 @@ def _held_by_planes(maps: SmallMaps, before: Completed, planes: Sequence[Plane],
     through = seen_through(space, maps.camera.unproject_map(before.depth))
     maps = maps._replace(prior_weight=maps.prior_weight * (1 - through) ** 2)
     return _anchored(maps, *on_planes(before.depth, maps.normal, maps.camera, planes))
+
+
+def _held_by_other_views(
+    held: Sequence[SmallMaps], before: Sequence[Completed], errors: Sequence[np.ndarray], near: Sequence[Sequence[int]]
+) -> list[SmallMaps]:
+    """Likewise what is sure in a view's neighbours."""
+    sure = [SureView(part.camera, part.depth, confidence(error)) for part, error in zip(before, errors, strict=True)]
+    return [_anchored(maps, *seen) for maps, seen in zip(held, depth_of_other_views(sure, near), strict=True)]
 
 
 def _anchored(maps: SmallMaps, depth: np.ndarray, trust: np.ndarray) -> SmallMaps:
