@@ -90,9 +90,12 @@ def complete_views(
             errors = _expected_errors(small, near, space)
             found = find_planes(_samples(given, small, errors, space), right_angles=right_angles) if planes else []
             held = list(pool.map(partial(_held_by_planes, planes=found, space=space), given, small))
-            if other_views:
-                held = _held_by_other_views(held, small, errors, near)
-            small = _completed(held, pool)
+            drawn = _held_by_other_views(held, small, errors, near) if other_views else held
+            # what views have told each other is no evidence: they are judged by what else holds them
+            small = [
+                part._replace(anchor=maps.anchor, trust=maps.trust)
+                for part, maps in zip(_completed(drawn, pool), held, strict=True)
+            ]
         small = list(pool.map(partial(_flat, planes=found), given, small))
     all_errors = _expected_errors(small, near, space)
     medians = []
