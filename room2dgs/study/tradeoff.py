@@ -77,17 +77,21 @@ def sets() -> list[str]:
 
 
 def points_of(argv: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Name -> settings, of every point='NAME: KEY=VALUE ...', else of points=SET, else of the presets.
+    """Name -> settings, of points=SET, then of every point='NAME: KEY=VALUE ...'; of the presets if neither is given.
 
     Raises:
         InputError: as `named_points`, or no such set.
     """
-    given = named_points(argv)
-    if given:
-        return given
-    name = next((text.partition("=")[2] for text in reversed(argv) if text.startswith("points=")), "presets")
+    name = next((text.partition("=")[2] for text in reversed(argv) if text.startswith("points=")), None)
+    if name is None:
+        return named_points(argv) or _set("presets")
     if name not in sets():
         raise InputError(f"points={name} is not known; choose from {', '.join(sets())}, or give point='NAME: ...'")
+    listed = _set(name)
+    return listed | named_points(argv, reserved=listed)
+
+
+def _set(name: str) -> dict[str, tuple[str, ...]]:
     listed = yaml.safe_load((conf_dir() / FOLDER / f"{name}.yaml").read_text(encoding="utf-8"))
     return {str(point): tuple(shlex.split(settings)) for point, settings in listed.items()}
 

@@ -103,9 +103,23 @@ def test_the_sets_that_come_with_the_package_are_settings_that_exist(wall, tmp_p
     assert points_of([]) == points_of(["points=presets"])
 
 
+def test_points_of_ones_own_come_after_a_set_that_is_named_and_instead_of_one_that_is_not():
+    own = "point=mine: train.iterations=5"
+    assert list(points_of([own])) == ["mine"]
+    both = points_of([own, "points=steps"])
+    assert list(both) == [*points_of(["points=steps"]), "mine"] and both["mine"] == ("train.iterations=5",)
+
+
 @pytest.mark.parametrize(
-    "more, words", [("points=nothing", "presets, steps"), ("point=one", "not understood"), ("point=a: x", "point=")]
+    "more, words",
+    [
+        (["points=nothing"], "presets, steps"),
+        (["points=nothing", POINTS[0]], "presets, steps"),
+        (["points=presets", "point=quick: train.iterations=5"], "that name is taken"),
+        (["point=one"], "not understood"),
+        (["point=a: x"], "point="),
+    ],
 )
 def test_what_is_not_understood_is_refused(more, words, wall, tmp_path, capsys):
-    assert cli.main(["bench", "tradeoff", str(wall), f"out={tmp_path / 'o'}", more]) == 2
+    assert cli.main(["bench", "tradeoff", str(wall), f"out={tmp_path / 'o'}", *more]) == 2
     assert words in capsys.readouterr().err
