@@ -29,6 +29,7 @@ from room2dgs.stereo.neighbours import choose_neighbours
 AT_ONCE = 64  # images, whose systems are in memory
 ASKED = 10  # views that are asked whether they agree
 MAX_PX, MAX_RELATIVE = 2.0, 0.03
+MOVED = 0.5  # of what other views moved a depth by, relatively, it is expected to be off
 ROUNDS = 2  # planes are found in the completed depth, which then bends to them and to what other views have
 LEAST_SURE = 0.3  # confidence of a pixel that takes part in finding planes
 FINE = 0.01  # relative difference from a plane at which stereo's own pixel starts to count as detail, not as noise
@@ -83,21 +84,19 @@ def complete_views(
             maps = (depths[name], confidences.get(name), normals.get(name), normal_confidences.get(name))
             reading.append(pool.submit(small_maps, frame, *maps, points, misfit))
         given = [one.result() for one in reading]
-        small = _completed(given, pool)
+        small = alone = _completed(given, pool)
         near = _near_views(frames, points)
         planes = planes and len(normals) > 0
         for _ in range(ROUNDS if planes or other_views else 0):
-            errors = _expected_errors(small, near, space)
+            errors = _expected_errors(small, alone, near, space)
             found = find_planes(_samples(given, small, errors, space), right_angles=right_angles) if planes else []
             held = list(pool.map(partial(_held_by_planes, planes=found, space=space), given, small))
-            drawn = _held_by_other_views(held, small, errors, near) if other_views else held
-            # what views have told each other is no evidence: they are judged by what else holds them
-            small = [
-                part._replace(anchor=maps.anchor, trust=maps.trust)
-                for part, maps in zip(_completed(drawn, pool), held, strict=True)
-            ]
-        small = list(pool.map(partial(_flat, planes=found), given, small))
-    all_errors = _expected_errors(small, near, space)
+            drawn = _held_by_other_views(held, small, errors, near) if other_views else None
+            alone = _completed(held, pool)  # what views have told each other is no evidence
+            small = _completed(drawn, pool) if drawn else alone
+        flat = partial(_flat, planes=found)
+        small, alone = list(pool.map(flat, given, small)), list(pool.map(flat, given, alone))
+    all_errors = _expected_errors(small, alone, near, space)
     medians = []
     for frame, part, error in zip(frames, small, all_errors, strict=True):
         medians.append(float(np.median(error[part.depth > 0])) if (part.depth > 0).any() else float("nan"))
@@ -121,16 +120,20 @@ def _near_views(frames: Sequence[Frame], points: PointCloud) -> list[list[int]]:
 
 
 def _expected_errors(
-    small: Sequence[Completed], near: Sequence[Sequence[int]], space: FreeSpace | None
+    small: Sequence[Completed],
+    alone: Sequence[Completed],
+    near: Sequence[Sequence[int]],
+    space: FreeSpace | None,
 ) -> list[np.ndarray]:
-    """(h, w) relative, of each view."""
-    inverse = [np.divide(1, part.depth, out=np.zeros_like(part.depth), where=part.depth > 0) for part in small]
+    """(h, w) relative, of each view: that of the depth that it finds alone, and more where others moved it."""
+    inverse = [np.divide(1, part.depth, out=np.zeros_like(part.depth), where=part.depth > 0) for part in alone]
     errors = []
-    for part, own, others in zip(small, inverse, near, strict=True):
-        beside = [(small[other].camera, inverse[other]) for other in others[:ASKED]]
+    for part, drawn, own, others in zip(alone, small, inverse, near, strict=True):
+        beside = [(alone[other].camera, inverse[other]) for other in others[:ASKED]]
         said = agreement(part.camera, own, beside, MAX_PX, MAX_RELATIVE)
         through = seen_through(space, part.camera.unproject_map(part.depth))
-        errors.append(expected_relative_error(part.depth, part.anchor, part.trust, said, through))
+        error = expected_relative_error(part.depth, part.anchor, part.trust, said, through)
+        errors.append(error + MOVED * np.abs(drawn.log_scale - part.log_scale))
     return errors
 
 

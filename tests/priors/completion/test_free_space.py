@@ -148,14 +148,19 @@ def test_a_mistake_that_many_views_share_is_not_believed_where_others_look_throu
 
 
 def test_a_mistake_of_half_the_views_is_mended_by_the_others(seen):
-    """Of maps that fitted the points badly. Nothing holds them there but what the others have, which have points."""
+    """Of maps that fitted the points badly. Nothing holds them there but what the others have, which have points.
+
+    That is no evidence: they count for as little as what they would have found alone.
+    """
     room, depths = seen
     names = [frame.name for frame in room.frames[::2]]
     points = anchored(room.frames, depths, left_out=names)
     wrong = too_near(depths, names)
     alone, helped = (left_half(room, wrong, points, False, names, 0.15, others) for others in (False, True))
     assert alone[0] > 0.19 and helped[0] < 0.02
-    assert alone[1] < 0.1 and helped[1] > 0.8
+    assert helped[1] < alone[1] < 0.1
+    right = [frame.name for frame in room.frames[1::2]]
+    assert left_half(room, wrong, points, False, right, 0.15, True)[1] > 0.5
 
 
 def test_anchors_that_others_look_through_do_not_bend_the_depth(seen):
