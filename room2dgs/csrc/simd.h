@@ -44,6 +44,12 @@ R2_INLINE i8 gather(const int32_t* p, i8 index) {
   return r;
 #endif
 }
+// The lanes of two vectors that constants name, 0 to 15.
+#if defined(__clang__)
+#define R2_PICKED(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#define R2_PICKED(a, b, ...) __builtin_shuffle(a, b, i8{__VA_ARGS__})
+#endif
 R2_INLINE f8 iota() { return f8{0, 1, 2, 3, 4, 5, 6, 7}; }
 
 R2_INLINE f8 fma(f8 a, f8 b, f8 c) {

@@ -84,7 +84,7 @@ inline float shortened(float x) {  // to the 11 bits of a half's mantissa
   return x;
 }
 """
-_PROJECT, _BLEND, _SIMD = f"{SPLAT}/stages.h", f"{SPLAT}/blend_kernels.cpp", "room2dgs/csrc/simd.h"
+_PROJECT, _SIMD = f"{SPLAT}/stages.h", "room2dgs/csrc/simd.h"
 _FIRST = "R2_HD Surfel<double> load_surfel("  # of the functions there
 _WITH_SHORT = Edit(_PROJECT, _FIRST, _SHORT + _FIRST)
 _REACH = "d.rho = 2.0 * ::log(static_cast<double>(s.opacities[i]) / kAlphaMin);"
@@ -108,8 +108,7 @@ VARIANTS = (
     Variant("early stop", "1e-2", _stop("1e-2")),
     Variant("filter", "half as wide", _filter(8.0)),
     Variant("bounds", "no masks inside tiles", (
-        Edit(_BLEND, "const uint32_t reach = reach_of(r, x, y) & alive;", "const uint32_t reach = alive;"),
-        Edit(_BLEND, "for_groups(reach_of(r, x, y) & alive,", "for_groups(alive,"),
+        Edit(f"{SPLAT}/tile_hits.h", "reach_of(r, x, y) & alive}", "alive}"),
     )),
     Variant("bounds", "3 deviations whatever the opacity", (Edit(_PROJECT, _REACH, "d.rho = 9.0;"),)),
     Variant("16 bits", "normals", (

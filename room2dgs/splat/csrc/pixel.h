@@ -20,22 +20,39 @@ struct Hit {
   Mask<F> plane;                 // the disc itself is hit; elsewhere its screen-space filter
 };
 
-// A record (x, y) = (dx, dy) from its projected centre.
+// What a hit of a record takes from its row of pixels alone, dy from the projected centre.
 template <class F>
-R2_HD Hit<F> intersect(const room2dgs::Record& r, F dx, float dy) {
+struct RowTerms {
+  F den, u, v, filter;
+};
+template <class F>
+R2_HD RowTerms<F> row_terms(const room2dgs::Record& r, F dy) {
+  return {r.by * dy + 1.0f, r.auy * dy, r.avy * dy, kFilterInverseVariance * dy * dy};
+}
+
+// A record dx columns from its projected centre, in a row.
+template <class F>
+R2_HD Hit<F> intersect(const room2dgs::Record& r, F dx, const RowTerms<F>& row) {
   const auto all = [](float x) { return Lanes<F>::all(x); };
   Hit<F> h;
-  const F den = fma(all(r.bx), dx, all(r.by * dy + 1.0f));
+  const F den = fma(all(r.bx), dx, row.den);
   h.inverse = 1.0f / den;
-  h.u = fma(all(r.aux), dx, all(r.auy * dy)) * h.inverse;
-  h.v = fma(all(r.avx), dx, all(r.avy * dy)) * h.inverse;
+  h.u = fma(all(r.aux), dx, row.u) * h.inverse;
+  h.v = fma(all(r.avx), dx, row.v) * h.inverse;
   const F rho_plane = fma(h.u, h.u, h.v * h.v);
-  const F rho_filter = fma(dx * kFilterInverseVariance, dx, all(kFilterInverseVariance * dy * dy));
+  const F rho_filter = fma(dx * kFilterInverseVariance, dx, row.filter);
   h.plane = (den > kDenMin) & (den <= r.den_max) & (rho_plane <= rho_filter);
   h.rho = select(h.plane, rho_plane, rho_filter);
   h.z = select(h.plane, r.z * h.inverse, all(r.z));
   h.raw = exp2_from(fma(h.rho, all(-0.72134752044f), all(r.log2_opacity)));
   return h;
+}
+
+template <class F>
+R2_HD Hit<F> intersect(const room2dgs::Record& r, F dx, float dy) {
+  const auto all = [](float x) { return Lanes<F>::all(x); };
+  const RowTerms<float> row = row_terms(r, dy);
+  return intersect(r, dx, RowTerms<F>{all(row.den), all(row.u), all(row.v), all(row.filter)});
 }
 
 // A record's offset from a tile's first pixel; the centre's rounding is made good here.

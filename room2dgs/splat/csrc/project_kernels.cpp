@@ -85,10 +85,12 @@ void project_backward(const View& view, const SurfelArrays& s, const Extent* ext
 
 }  // namespace
 
-room2dgs::Kernels blend_kernels();
+void set_blend(room2dgs::Kernels& k);
+void set_blend_backward(room2dgs::Kernels& k);
 
 room2dgs::Kernels raster_kernels() {
-  room2dgs::Kernels k = blend_kernels();
+  room2dgs::Kernels k{};
+  set_blend(k), set_blend_backward(k);
   k.project = &project;
   k.project_backward = &project_backward;
   return k;
