@@ -79,6 +79,11 @@ class PatchMatch:
 
     def planes(self, out: Annotated[NDArray[numpy.float32], dict(shape=(3, None, None), order='C', device='cpu')]) -> None: ...
 
+def agree(own: Annotated[NDArray, dict(writable=False)], theirs: Annotated[NDArray, dict(writable=False)], there: Annotated[NDArray, dict(writable=False)], back: Annotated[NDArray, dict(writable=False)], max_px: float, max_relative: float, count: NDArray, through: NDArray, hidden: NDArray, total: NDArray, squares: NDArray) -> None:
+    """
+    Adds what one neighbour says of a view's inverse depths; see stereo/agreement.py.
+    """
+
 def joint_gradient(depth: Annotated[NDArray, dict(writable=False)], depth_confidence: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)], normal_confidence: Annotated[NDArray, dict(writable=False)], region: Annotated[NDArray, dict(writable=False)], region_normal: Annotated[NDArray, dict(writable=False)], view_table: Annotated[NDArray, dict(writable=False)], pair_views: Annotated[NDArray, dict(writable=False)], pair_table: Annotated[NDArray, dict(writable=False)], point_place: Annotated[NDArray, dict(writable=False)], point_off: Annotated[NDArray, dict(writable=False)], axes: Annotated[NDArray, dict(writable=False)] | None, grid: Annotated[NDArray, dict(writable=False)], stiffness: Annotated[NDArray, dict(writable=False)], draws: Annotated[NDArray, dict(writable=False)], weights: Annotated[NDArray, dict(writable=False)], widths: Annotated[NDArray, dict(writable=False)], step: int, smoothness: float, magnitude: float, gradient: NDArray) -> float:
     """
     The energy of the joint depth optimisation at these draws; its gradient is written.

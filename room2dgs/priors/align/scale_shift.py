@@ -13,6 +13,7 @@ import numpy as np
 
 MIN_POINTS = 10
 TRIALS = 400
+JUDGES = 1000  # points by which candidates are judged; all of them take part in the refinement
 # A relative residual beyond this is an outlier's, whatever its size.
 INLIER = 0.15
 # With a scale less certain than this the points lie too nearly at one depth to tell a shift from a scale.
@@ -59,7 +60,9 @@ def fit_scale_shift(x: np.ndarray, y: np.ndarray, seed: int = 0, shift_sigma: fl
         candidates = candidates[np.abs(candidates[:, 1]) <= 3.0 * shift_sigma]
     if not len(candidates):
         return None
-    relative = np.abs(candidates[:, :1] * x + candidates[:, 1:] - y) / y
+    judges = np.random.default_rng(seed + 1).permutation(len(x))[:JUDGES]
+    some_x, some_y = x[judges], y[judges]
+    relative = np.abs(candidates[:, :1] * some_x + candidates[:, 1:] - some_y) / some_y
     best = candidates[np.minimum(relative, INLIER).sum(axis=1).argmin()]
     scale, shift = _refined(x, y, best, shift_sigma)
     return Fit(scale, shift, residual(x, y, scale, shift), len(x))

@@ -1,0 +1,80 @@
+// See agreement.h.
+#include "agreement.h"
+
+#include <algorithm>
+
+#include "simd.h"
+
+namespace R2_ISA {
+
+using room2dgs::AgreementJob;
+
+namespace {
+
+struct Carried {
+  f8 x, y, z;
+};
+// Pixels in the other view, and z relative to the first view's.
+R2_INLINE Carried carried(const float* m, f8 x, f8 y, f8 w) {
+  const auto along = [&](const float* r) { return fma(splat(r[0]), x, fma(splat(r[1]), y, fma(splat(r[3]), w, splat(r[2])))); };
+  const f8 z = along(m + 8);
+  return {along(m) / z, along(m + 4) / z, z};
+}
+
+// To the nearest whole number, of |x| < 2^22.
+R2_INLINE i8 nearest(f8 x) { return as_int(x + 12582912.0f) - as_int(splat(12582912.0f)); }
+
+// Eight counters, one more where a mask is set.
+R2_INLINE void count_up(uint8_t* counts, i8 mask) {
+  for (uint32_t left = bits(mask); left; left &= left - 1) ++counts[__builtin_ctz(left)];
+}
+
+// Comparisons are written so that NaN fails them.
+R2_INLINE void agree8(const AgreementJob& job, f8 x, f8 y, f8 w, uint8_t* count, uint8_t* through, uint8_t* hidden,
+                      float* total, float* squares) {
+  const Carried to = carried(job.there, x, y, w);
+  i8 inside = (w > 0.0f) & (to.z > 1e-6f) & (to.x > -0.5f) & (to.x < static_cast<float>(job.columns) - 0.5f) &
+              (to.y > -0.5f) & (to.y < static_cast<float>(job.rows) - 0.5f);
+  if (!any(inside)) return;
+  // rounding may leave the last pixel
+  const f8 column = vmin(vmax(masked(inside, to.x), splat(0)), splat(static_cast<float>(job.columns - 1)));
+  const f8 row = vmin(vmax(masked(inside, to.y), splat(0)), splat(static_cast<float>(job.rows - 1)));
+  const f8 seen = gather(job.theirs, nearest(row) * static_cast<int32_t>(job.columns) + nearest(column));
+  inside &= seen > 0.0f;
+  const Carried back = carried(job.back, to.x, to.y, seen);
+  const f8 dx = back.x - x, dy = back.y - y, ratio = w / to.z / seen;  // of the neighbour's depth there to the point's
+  const i8 same = (ratio - 1.0f < job.max_relative) & (1.0f - ratio < job.max_relative);
+  const i8 agrees = inside & same & (back.z > 1e-6f) & (dx * dx + dy * dy < job.max_px * job.max_px);
+  const f8 said = masked(agrees, seen / back.z);
+  count_up(count, agrees);
+  count_up(through, inside & (ratio > 1.0f + job.max_relative));
+  count_up(hidden, inside & (ratio < 1.0f - job.max_relative));
+  store(total, load(total) + said);
+  store(squares, fma(said, said, load(squares)));
+}
+
+}  // namespace
+
+void agree_row(const AgreementJob& job, int64_t row) {
+  const f8 y = splat(static_cast<float>(row));
+  const int64_t first = row * job.width;
+  int64_t column = 0;
+  for (; column + kLanes <= job.width; column += kLanes) {
+    const int64_t p = first + column;
+    agree8(job, iota() + static_cast<float>(column), y, load(job.own + p), job.count + p, job.through + p,
+           job.hidden + p, job.total + p, job.squares + p);
+  }
+  if (column == job.width) return;
+  const int64_t p = first + column, left = job.width - column;
+  float own[kLanes] = {}, total[kLanes] = {}, squares[kLanes] = {};
+  uint8_t count[kLanes] = {}, through[kLanes] = {}, hidden[kLanes] = {};
+  std::copy_n(job.own + p, left, own);
+  std::copy_n(job.total + p, left, total), std::copy_n(job.squares + p, left, squares);
+  agree8(job, iota() + static_cast<float>(column), y, load(own), count, through, hidden, total, squares);
+  std::copy_n(total, left, job.total + p), std::copy_n(squares, left, job.squares + p);
+  for (int64_t k = 0; k < left; ++k) {
+    job.count[p + k] += count[k], job.through[p + k] += through[k], job.hidden[p + k] += hidden[k];
+  }
+}
+
+}  // namespace R2_ISA
