@@ -61,7 +61,7 @@ def main(argv: list[str]) -> int:
 
         log = run_log(out)
         use_threads(config)
-        scene = refined(scene, config, out, log, seconds)
+        scene = refined(scene, config, out, log, seconds, with_priors=fills)
         with timed(seconds, "points"):
             cache = Path(config.points.cache or out / POINTS)
             may_lack = MayLack.WITH_METRES if fills and knows_metres(config) else MayLack.IN_ONE_PLACE

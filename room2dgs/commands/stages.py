@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -39,19 +39,26 @@ def read(config: Config, keep: bool = False) -> Scene:
     return read_scene(config.scene, Cache(config.memory.cache_mb) if keep else None)
 
 
-def refined(scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str, float]) -> Scene:
+def refined(
+    scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str, float], *, with_priors: bool = True
+) -> Scene:
     """The capture with the poses that a new or resumed run works with; out/poses.json keeps them.
+
+    Args:
+        with_priors: networks make their maps meanwhile, since matching of photos leaves cores free.
 
     Raises:
         InputError: as `refined_poses` and `read_poses`.
     """
     from room2dgs.captures.poses_file import write_poses
+    from room2dgs.priors.network.ahead import maps_ahead
     from room2dgs.sfm.refinement import refined_poses
 
     told(scene, out, log)
     if (out / POSES).exists() or any((out / CHECKPOINTS).glob("*")):
         return with_poses_of_run(scene, out)
-    with timed(seconds, "poses"):
+    ahead = maps_ahead(scene.train, with_map_cache(config, out).prior, log) if with_priors else nullcontext()
+    with timed(seconds, "poses"), ahead:
         found, report = refined_poses(scene, config.sfm, config.points, Path(config.points.cache or out / POINTS), log)
     write_poses(out / POSES, scene, found, report)
     record(out, {"poses": report}, seconds)
@@ -141,6 +148,11 @@ def points_may_lack(config: Config) -> MayLack:
     return MayLack.WITH_METRES if knows_metres(config) else MayLack.NEVER
 
 
+def with_map_cache(config: Config, out: Path) -> Config:
+    """The networks' maps lie in the run's folder unless the settings say where."""
+    return replace(config, prior=replace(config.prior, cache=config.prior.cache or str(out / PRIOR_MAPS)))
+
+
 def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log: Log) -> Priors:
     """Priors of the training views; how each depth map was aligned goes to out/priors.csv, how far it is trusted to
     out/trust.npz.
@@ -162,7 +174,7 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
         stereo.update(found.maps)
         return found
 
-    settings = replace(config.prior, cache=config.prior.cache or str(out / PRIOR_MAPS))
+    settings = with_map_cache(config, out).prior
     seconds = Stages()
     compared = compare if config.stereo.enabled else None
     priors = load_priors(scene.train, points, settings, log, compared, partial(timed, seconds))

@@ -7,14 +7,17 @@ import hashlib
 import json
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import cv2
 import numpy as np
 
 from room2dgs.captures.scene import Frame
 from room2dgs.config import NETWORK_SOURCES, OnnxConfig, PriorConfig
+from room2dgs.cores import available_cores
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
@@ -23,7 +26,7 @@ from room2dgs.priors.network.flip import Prediction
 from room2dgs.priors.network.map_cache import SUFFIX, is_cached, is_empty, write_map
 from room2dgs.priors.network.model_file import ModelFile, read_model
 from room2dgs.priors.network.network import predictions, same_input
-from room2dgs.priors.network.session import Network, open_network
+from room2dgs.priors.network.session import Network, open_network, runs_on_gpu
 from room2dgs.priors.network.shipped import model_path
 
 KINDS = ("depth", "normal")
@@ -32,6 +35,8 @@ FORMAT = 2
 # Settings that change no map.
 _OUTSIDE = ("model", "get", "sha256", "error_scale", "max_error")
 _REPORT_SECONDS = 30.0
+LARGE_MB = 100.0  # of the file of a network that looks at one photo at a time
+MOST_AT_ONCE = 4
 
 
 def read_models(config: PriorConfig) -> dict[str, ModelFile]:
@@ -49,7 +54,12 @@ def read_models(config: PriorConfig) -> dict[str, ModelFile]:
 
 
 def predicted_maps(
-    frames: Sequence[Frame], kind: str, config: PriorConfig, models: Mapping[str, ModelFile], log: Log
+    frames: Sequence[Frame],
+    kind: str,
+    config: PriorConfig,
+    models: Mapping[str, ModelFile],
+    log: Log,
+    stop: Event | None = None,
 ) -> dict[str, Path]:
     """Depth or normal maps of some photos by the configured network.
 
@@ -63,6 +73,7 @@ def predicted_maps(
         config: `cache` is the folder of the map cache.
         models: what `read_models` gives.
         log: takes one line at a time.
+        stop: once it is set, photos that are not begun are left out.
 
     Returns:
         Frame name -> file; without the photos for which the network has no valid pixel, which are logged.
@@ -81,7 +92,7 @@ def predicted_maps(
             f"{kind} prior: {model.path.name} on {len(missing)} photos; {len(frames) - len(missing)} of its maps "
             f"are in {folder}"
         )
-        _fill(missing, _same_inference(kind, config, models), config, model, log)
+        _fill(missing, _same_inference(kind, config, models), config, model, log, stop or Event())
     else:
         log(f"{kind} prior: all {len(frames)} maps of {model.path.name} are in {folder}")
     empty = [name for name, path in paths.items() if is_empty(path)]
@@ -106,19 +117,22 @@ def _same_inference(kind: str, config: PriorConfig, models: Mapping[str, ModelFi
     ]
 
 
-def _fill(frames: Sequence[Frame], kinds: Sequence[str], config: PriorConfig, model: ModelFile, log: Log) -> None:
+def _fill(
+    frames: Sequence[Frame], kinds: Sequence[str], config: PriorConfig, model: ModelFile, log: Log, stop: Event
+) -> None:
     """Make the maps of some photos; the first kind is missing for all of them."""
+    at_once, threads = photos_at_once(model.path, config)
     networks: list[Network] = []
     for kind in kinds:
         session = networks[0].session if networks else None
         settings = getattr(config, kind).onnx
-        networks.append(open_network(model.path, kind, settings, config.threads, config.provider, session))
+        networks.append(open_network(model.path, kind, settings, threads, config.provider, session))
     paths = {kind: _paths(frames, kind, config, model) for kind in kinds}
     start = reported = time.monotonic()
-    for count, frame in enumerate(frames):
-        if time.monotonic() - reported > _REPORT_SECONDS:
-            reported = time.monotonic()
-            log(f"{kinds[0]} prior: {count} of {len(frames)} photos, {(reported - start) / count:.1f} s each")
+
+    def make(frame: Frame) -> None:
+        if stop.is_set():
+            return
         for kind, found in zip(kinds, predictions(networks, *_photo(frame)), strict=True):
             path = paths[kind][frame.name]
             if is_cached(path, _shape(frame, kind)):
@@ -129,11 +143,32 @@ def _fill(frames: Sequence[Frame], kinds: Sequence[str], config: PriorConfig, mo
                 raise InputError(
                     f"{path.parent} cannot be written ({error.strerror}); choose another prior.cache=DIR"
                 ) from error
+
+    with ThreadPoolExecutor(at_once) as pool:
+        try:
+            for count, _ in enumerate(pool.map(make, frames), start=1):
+                if time.monotonic() - reported > _REPORT_SECONDS:
+                    reported = time.monotonic()
+                    log(f"{kinds[0]} prior: {count} of {len(frames)} photos, {(reported - start) / count:.1f} s each")
+        except BaseException:
+            stop.set()
+            raise
     seconds = time.monotonic() - start
     log(
         f"{' and '.join(kinds)} prior: {len(frames)} photos in {seconds:.1f} s, "
         f"{1000 * seconds / len(frames):.0f} ms each"
     )
+
+
+def photos_at_once(model: Path, config: PriorConfig) -> tuple[int, int]:
+    """How many photos a network looks at side by side on the CPU, and with how many threads each.
+
+    Small networks gain little from a second thread, large ones need their memory for one photo.
+    """
+    threads = config.threads or available_cores()
+    small = model.stat().st_size < LARGE_MB * 1e6 and not runs_on_gpu(config.provider)
+    at_once = min(threads, MOST_AT_ONCE) if small else 1
+    return at_once, threads // at_once
 
 
 def at_camera(found: Prediction, camera: Camera) -> Prediction:

@@ -82,6 +82,15 @@ def open_network(
     return network._replace(outputs=(output.name, *beside))
 
 
+def runs_on_gpu(provider: str) -> bool:
+    """Whether "cpu", "cuda" or "auto" comes to a GPU here."""
+    if provider != "auto":
+        return provider == "cuda"
+    import onnxruntime as ort
+
+    return PROVIDERS["cuda"] in ort.get_available_providers() and cuda_state.driver().there
+
+
 def described(session: Any) -> str:
     """Its inputs and outputs with their types and shapes, in words."""
 
@@ -96,7 +105,7 @@ def _session(path: Path, threads: int | None, provider: str) -> Any:
 
     present = ort.get_available_providers()
     if provider == "auto":
-        provider = "cuda" if PROVIDERS["cuda"] in present and cuda_state.driver().there else "cpu"
+        provider = "cuda" if runs_on_gpu(provider) else "cpu"
     wanted = PROVIDERS[provider]
     if wanted not in present:
         raise InputError(

@@ -1,0 +1,47 @@
+"""A network's maps made while something else that needs no maps is at work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from threading import Event
+
+from room2dgs.captures.scene import Frame
+from room2dgs.config import NETWORK_SOURCES, PriorConfig
+from room2dgs.logs import Log
+from room2dgs.priors.network.maps import predicted_maps, read_models
+
+
+@contextmanager
+def maps_ahead(frames: Sequence[Frame], config: PriorConfig, log: Log) -> Iterator[None]:
+    """Fills the map cache while the block runs, and to the end after it; stops with the photo at hand if it fails.
+
+    Only what `load_priors` will ask for whatever it finds: a network's depth, with normals if the same inference gives
+    them, or the normals of the network that comes with the package. Others' normals are checked on a few photos first.
+
+    Raises:
+        InputError: as `predicted_maps`.
+    """
+    kind, settings = _wanted(frames, config)
+    if kind is None:
+        yield
+        return
+    stop = Event()
+    with ThreadPoolExecutor(1) as pool:
+        making = pool.submit(predicted_maps, frames, kind, settings, read_models(settings), log, stop)
+        try:
+            yield
+            making.result()
+        finally:
+            stop.set()
+
+
+def _wanted(frames: Sequence[Frame], config: PriorConfig) -> tuple[str | None, PriorConfig]:
+    """The kind to begin with, if any, and settings in which every source that is a network's will be asked."""
+    if config.depth.source == "auto" and not any(frame.depth_path for frame in frames):
+        config = replace(config, depth=replace(config.depth, source="room_prior"))
+    if config.depth.source in NETWORK_SOURCES:
+        return "depth", config
+    return ("normal" if config.normal.source == "room_prior" else None), config
