@@ -17,7 +17,7 @@ from room2dgs.config import StereoConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.stereo.planes import planes_of_depth, resized_planes
-from room2dgs.stereo.scene import scene_stereo
+from room2dgs.stereo.scene import scene_second_look, scene_stereo
 
 Maps = Mapping[str, tuple[np.ndarray, np.ndarray]]  # frame name -> depth, number of agreeing views
 COLUMNS = 160  # of the pixels that are taken: as many as the joint optimisation looks at
@@ -78,10 +78,15 @@ def stereo_points(
         widest = max(frame.camera.width for frame in frames)
         half = max(FIRST_WIDTH, min(settings.width or widest, widest) // 2)
         settings = replace(settings, width=min(half, settings.width or half))
-    cameras, views = scene_stereo(frames, points, settings, log, device, first and first.completed)
-    maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
+    maps: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     if first:
-        maps = {name: _filled(*one, *first.maps[name]) if name in first.maps else one for name, one in maps.items()}
+        cameras, found = scene_second_look(frames, points, settings, log, device, first.completed)
+        for frame, one in zip(frames, found, strict=True):
+            earlier = first.maps.get(frame.name)
+            maps[frame.name] = _filled(*one, *earlier) if earlier else one
+    else:
+        cameras, views = scene_stereo(frames, points, settings, log, device)
+        maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
     share = np.array([np.mean(depth > 0) for depth, _ in maps.values()])
     stage = "stereo, from the completed depth" if first else "stereo"
     log(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import cv2
@@ -13,8 +13,8 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, Packed, Search, packed
-from room2dgs.stereo.planes import plane_normals, planes_of_depth, resized_planes
-from room2dgs.stereo.start import depth_range, planes_from_points, wider_range
+from room2dgs.stereo.planes import plane_normals, resized_planes
+from room2dgs.stereo.start import depth_range, planes_from_points
 
 Progress = Callable[[str, int, int], None]  # stage, done, of how many
 DISPARITY_ERROR_PX = 0.25  # of a match that is right
@@ -80,7 +80,6 @@ def dense_views(
     options: Options,
     matching: Matching,
     progress: Progress = lambda *_: None,
-    start: Iterable[np.ndarray] | None = None,
 ) -> Iterator[DenseView]:
     """Stereo of posed photos, one view after the other: all of them at once would take most of the memory.
 
@@ -92,26 +91,13 @@ def dense_views(
         sights: V, from the sparse points.
         xyz: (M, 3) sparse points, metres.
         progress: gets the stage, how many views are done, and of how many.
-        start: V (h, w) z-depths in metres, 0 = unknown, of any size: what the planes begin with, instead of the points.
-            Views then believe each other from the first search on, and only full size is searched.
 
     Yields:
         V results; a view without a neighbour has no depth at all.
     """
-    near_views = choose_neighbours(
-        cameras, [sight.points for sight in sights], xyz, max(options.neighbours, options.asked)
-    )
-    everywhere = np.concatenate([sight.depth for sight in sights])
-    if not len(everywhere):
-        everywhere = np.array([0.5, 5.0])  # a room, if no point says otherwise
-    ranges = [depth_range(sight.depth, everywhere) for sight in sights]
+    near_views, ranges = near_and_ranges(cameras, sights, xyz, options)
     planes: list[np.ndarray] = []
     coarse: list[DenseView] = []
-    if start is not None:
-        options = options._replace(levels=1, rounds=max(1, options.rounds))
-        for index, depth in enumerate(start):
-            planes.append(resized_planes(planes_of_depth(depth), *cameras[index].size))
-            ranges[index] = wider_range(ranges[index], depth)
     for level in reversed(range(options.levels)):
         views = [_at_level(photo, camera, level, options.device) for photo, camera in zip(photos, cameras, strict=True)]
         first = not planes
@@ -130,6 +116,18 @@ def dense_views(
             coarse = list(_filtered(views, planes, near_views, options, matching, progress))
     for index, view in enumerate(_filtered(views, planes, near_views, options, matching, progress)):
         yield _completed(view, coarse[index]) if coarse else view
+
+
+def near_and_ranges(
+    cameras: Sequence[Camera], sights: Sequence[Sight], xyz: np.ndarray, options: Options
+) -> tuple[list[np.ndarray], list[tuple[float, float]]]:
+    """Each view's neighbours, best first, and the nearest and farthest depth to look at, metres."""
+    count = max(options.neighbours, options.asked)
+    near_views = choose_neighbours(cameras, [sight.points for sight in sights], xyz, count)
+    everywhere = np.concatenate([sight.depth for sight in sights])
+    if not len(everywhere):
+        everywhere = np.array([0.5, 5.0])  # a room, if no point says otherwise
+    return near_views, [depth_range(sight.depth, everywhere) for sight in sights]
 
 
 def _completed(fine: DenseView, coarse: DenseView) -> DenseView:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
+from room2dgs.block_code import build_of
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
@@ -15,10 +18,26 @@ from room2dgs.config import StereoConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.stereo.dense import COARSEST_WIDTH, DenseView, Options, Sight, dense_views
-from room2dgs.stereo.patchmatch import Matching
+from room2dgs.stereo.patchmatch import Matching, packed
+from room2dgs.stereo.second_look import second_look
 
 LOG_SECONDS = 10.0
 UNKNOWN = np.zeros((1, 1), np.float32)  # depth of a view that has none
+
+
+class Prepared(NamedTuple):
+    """What stereo of some frames begins with.
+
+    Attributes:
+        cameras, photos, sights: of the frames, at stereo's image size; photos grey.
+        options, matching: the settings.
+    """
+
+    cameras: list[Camera]
+    photos: list[np.ndarray]
+    sights: list[Sight]
+    options: Options
+    matching: Matching
 
 
 def scene_stereo(
@@ -27,7 +46,6 @@ def scene_stereo(
     settings: StereoConfig,
     log: Log = print,
     device: str = "cpu",
-    start: Mapping[str, np.ndarray] | None = None,
 ) -> tuple[list[Camera], Iterator[DenseView]]:
     """Depth and normals of each view where several views agree.
 
@@ -36,7 +54,6 @@ def scene_stereo(
         points: sparse points, metres; their tracks tell which views see the same.
         log: takes one line at a time.
         device: what matches, as `render.device` names it.
-        start: frame name -> z-depth in metres, as in `dense_views`; frames may have none.
 
     Returns:
         The views' cameras at stereo's image size, and what was found in each, in the frames' order; the work is done as
@@ -45,6 +62,37 @@ def scene_stereo(
     Raises:
         InputError: a photo cannot be decoded.
     """
+    cameras, photos, sights, options, matching = _prepared(frames, points, settings, device)
+    views = dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log))
+    return cameras, (_unmasked(view, frame) for view, frame in zip(views, frames, strict=True))
+
+
+def scene_second_look(
+    frames: Sequence[Frame],
+    points: PointCloud,
+    settings: StereoConfig,
+    log: Log,
+    device: str,
+    start: Mapping[str, np.ndarray],
+) -> tuple[list[Camera], Iterator[tuple[np.ndarray, np.ndarray]]]:
+    """Depth, metres, 0 = none, and agreeing views of each view, begun with a depth that is nearly right.
+
+    Args:
+        start: frame name -> z-depth in metres, 0 = unknown; frames may have none. Others: as in `scene_stereo`.
+
+    Raises:
+        InputError: a photo cannot be decoded.
+    """
+    cameras, photos, sights, options, matching = _prepared(frames, points, settings, device)
+    kernels = build_of(device)
+    views = [packed(photo, camera, kernels) for photo, camera in zip(photos, cameras, strict=True)]
+    known = [partial(start.get, frame.name, UNKNOWN) for frame in frames]
+    found = second_look(views, sights, points.xyz, known, options, matching, _progress(log))
+    usable = ((_usable(frame, depth.shape), depth, count) for frame, (depth, count) in zip(frames, found, strict=True))
+    return cameras, ((depth * where, count * where) for where, depth, count in usable)
+
+
+def _prepared(frames: Sequence[Frame], points: PointCloud, settings: StereoConfig, device: str) -> Prepared:
     cameras = [_camera(frame.camera, settings.width) for frame in frames]
     photos = [grey(frame, camera) for frame, camera in zip(frames, cameras, strict=True)]
     sights = [_sight(frame, camera, points) for frame, camera in zip(frames, cameras, strict=True)]
@@ -61,10 +109,9 @@ def scene_stereo(
         max_cost=settings.max_cost,
         device=device,
     )
-    matching = Matching(radius=settings.radius, step=settings.step, best=settings.best)
-    known = None if start is None else (start.get(frame.name, UNKNOWN) for frame in frames)
-    views = dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log), known)
-    return cameras, (_unmasked(view, frame) for view, frame in zip(views, frames, strict=True))
+    return Prepared(
+        cameras, photos, sights, options, Matching(radius=settings.radius, step=settings.step, best=settings.best)
+    )
 
 
 def coverage(views: Sequence[DenseView]) -> np.ndarray:
@@ -83,16 +130,23 @@ def _camera(camera: Camera, width: int | None) -> Camera:
 
 def _unmasked(view: DenseView, frame: Frame) -> DenseView:
     """Without what the photo's mask hides."""
+    usable = _usable(frame, view.depth.shape)
+    if usable is True:
+        return view
+    return view._replace(
+        depth=view.depth * usable,
+        normal=view.normal * usable[..., None],
+        agreeing=view.agreeing * usable,
+        error=view.error * usable,
+    )
+
+
+def _usable(frame: Frame, shape: tuple[int, ...]) -> np.ndarray | bool:
+    """(h, w) bool: pixels of which the photo's mask hides no part; True without a mask."""
     mask = frame.mask()
     if mask is None:
-        return view
-    usable = cv2.resize(mask.astype(np.float32), view.depth.shape[::-1], interpolation=cv2.INTER_AREA) >= 1
-    return view._replace(
-        depth=np.where(usable, view.depth, np.float32(0)),
-        normal=np.where(usable[..., None], view.normal, np.float32(0)),
-        agreeing=np.where(usable, view.agreeing, np.uint8(0)),
-        error=np.where(usable, view.error, np.float32(0)),
-    )
+        return True
+    return cv2.resize(mask.astype(np.float32), shape[::-1], interpolation=cv2.INTER_AREA) >= 1
 
 
 def grey(frame: Frame, camera: Camera) -> np.ndarray:

@@ -80,9 +80,9 @@ def test_a_second_look_begins_with_the_completed_depth_and_keeps_what_only_the_f
 
     def stage(frames, points, settings, log, device, start):
         begun.append((settings.width, start))
-        return [camera], iter([dense])
+        return [camera], iter([(dense.depth, dense.agreeing)])
 
-    monkeypatch.setattr(anchors, "scene_stereo", stage)
+    monkeypatch.setattr(anchors, "scene_second_look", stage)
     nothing = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
     settings = load_config(["scene.path=a", "out=b", "stereo.width=70"]).stereo
     depth, agreeing = stereo_points([frame()], nothing, settings, lines.append, first=first, looks=2).maps["a"]
@@ -109,8 +109,7 @@ def test_the_first_of_two_looks_is_at_half_the_width_down_to_320(monkeypatch, ph
     camera, dense = view()
     widths = []
 
-    def stage(frames, points, settings, log, device, start):
-        assert start is None
+    def stage(frames, points, settings, log, device):
         widths.append(settings.width)
         return [camera], iter([dense])
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,8 @@ from room2dgs.splat import set_threads
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.dense import Options, Sight, dense_views
 from room2dgs.stereo.neighbours import choose_neighbours
-from room2dgs.stereo.patchmatch import Matching
+from room2dgs.stereo.patchmatch import Matching, packed
+from room2dgs.stereo.second_look import second_look
 
 
 def sparse(corner, count=60):
@@ -67,10 +70,12 @@ def test_a_second_look_mends_depth_that_is_all_but_right(corner):
     xyz, sights = sparse(corner)
     nearer = [sight._replace(depth=0.1 * sight.depth) for sight in sights]
     options = Options(levels=2, rounds=1, refinements=1)
-    views = dense_views(photos, cameras, nearer, xyz, options, Matching(), start=start)
-    view, depth = next(views), corner[0][2]
-    kept = view.depth > 0
-    off = np.abs(view.depth - depth)[kept] / depth[kept]
+    views = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
+    known = [partial(np.copy, depth) for depth in start]
+    found, agreeing = next(second_look(views, nearer, xyz, known, options, Matching()))
+    depth, kept = corner[0][2], found > 0
+    off = np.abs(found - depth)[kept] / depth[kept]
+    assert (agreeing[kept] >= 2).all() and not agreeing[~kept].any()
     assert kept.mean() > 0.6 and np.median(off) < 0.006 and np.mean(off < 0.02) > 0.97
 
 

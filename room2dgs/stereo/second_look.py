@@ -1,0 +1,81 @@
+"""Dense depth once more, begun with a depth of every pixel: one search at full size, in little memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from room2dgs.geometry.camera import Camera
+from room2dgs.stereo.agreement import agreement
+from room2dgs.stereo.dense import Options, Progress, Sight, near_and_ranges
+from room2dgs.stereo.patchmatch import Matching, Packed, Search
+from room2dgs.stereo.planes import planes_of_depth, resized_planes
+from room2dgs.stereo.start import wider_range
+
+PERTURBATION = 0.5  # of the planes that it begins with, as in the first look's second search
+FIRST_DRAW = 100
+
+
+def second_look(
+    views: Sequence[Packed],
+    sights: Sequence[Sight],
+    xyz: np.ndarray,
+    start: Sequence[Callable[[], np.ndarray]],
+    options: Options,
+    matching: Matching,
+    progress: Progress = lambda *_: None,
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Depth of posed photos that is nearly known, one view after the other.
+
+    Views believe each other from the first search on. A view's slopes are forgotten when its cost is known: of all
+    views only inverse depths are in memory. The same photos give the same bits on any number of threads.
+
+    Args:
+        views: V.
+        sights: V, from the sparse points.
+        xyz: (M, 3) sparse points, metres.
+        start: V functions that give (h, w) z-depth in metres, 0 = unknown, of any size; each is called twice.
+        progress: gets the stage, how many views are done, and of how many.
+
+    Yields:
+        (H, W) float32 z-depth, metres, 0 where the views do not agree, and (H, W) uint8, how many neighbours agree.
+    """
+    cameras = [view.camera for view in views]
+    near_views, ranges = near_and_ranges(cameras, sights, xyz, options)
+    before = []
+    for index, depth in enumerate(made() for made in start):
+        ranges[index] = wider_range(ranges[index], depth)
+        before.append(_planes(depth, cameras[index])[0].copy())
+    found, alike = [], []
+    for index, view in enumerate(views):
+        near = near_views[index][: options.neighbours]
+        if not len(near):
+            found.append(np.zeros_like(before[index]))
+            alike.append(np.zeros(before[index].shape, bool))
+            continue
+        others = [views[other] for other in near]
+        inverse = [before[other] for other in near]
+        search = Search(view, others, matching, ranges[index], index + 1, inverse)
+        planes = search.run(
+            _planes(start[index](), view.camera),
+            options.refinements,
+            perturbation=PERTURBATION,
+            first_draw=FIRST_DRAW,
+            thrifty=True,
+        )
+        cost, _ = Search(view, others, matching, (0.1, 100.0), 0).costs(planes)
+        found.append(planes[0].copy())
+        alike.append(cost < options.max_cost)
+        progress(f"stereo at {view.camera.width} pixels, from the completed depth", index + 1, len(views))
+    del before
+    for index, view in enumerate(views):
+        asked = [(cameras[other], found[other]) for other in near_views[index][: options.asked]]
+        agreed = agreement(view.camera, found[index], asked, options.max_px, options.max_relative)
+        kept = alike[index] & (agreed.count >= options.min_agreeing)
+        depth = np.divide(1, agreed.inverse_depth, out=np.zeros_like(agreed.inverse_depth), where=kept)
+        yield depth, np.where(kept, agreed.count, np.uint8(0))
+
+
+def _planes(depth: np.ndarray, camera: Camera) -> np.ndarray:
+    return resized_planes(planes_of_depth(depth), *camera.size)
