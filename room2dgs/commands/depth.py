@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,11 +16,12 @@ from room2dgs.commands.filled_depth import filled, with_prior
 from room2dgs.commands.mesh_of_depth import trusted_views
 from room2dgs.commands.own_arguments import choices, own_arguments
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import cached, knows_metres, read, refined, use_threads
+from room2dgs.commands.stages import cached, knows_metres, points_of_run, read, refined, use_threads
+from room2dgs.commands.stereo_views import colors, fused_views, stereo_views
 from room2dgs.config import Config
 from room2dgs.files import whole_file
 from room2dgs.logs import Log, run_log
-from room2dgs.runs.folder import MESH, POINTS, claimed, new_run
+from room2dgs.runs.folder import MESH, claimed, new_run
 from room2dgs.runs.metrics import Stages, record, timed
 
 if TYPE_CHECKING:
@@ -56,36 +57,26 @@ def main(argv: list[str]) -> int:
     with timed(seconds, "read"):
         scene = read(config, keep=True)
     with claimed(config) as out, cached(scene, out):
-        from room2dgs.sfm.sparse import MayLack, sparse_points
-        from room2dgs.stereo.scene import coverage, scene_stereo
+        from room2dgs.sfm.sparse import MayLack
 
         log = run_log(out)
         use_threads(config)
         scene = refined(scene, config, out, log, seconds, with_priors=fills)
-        with timed(seconds, "points"):
-            cache = Path(config.points.cache or out / POINTS)
-            may_lack = MayLack.WITH_METRES if fills and knows_metres(config) else MayLack.IN_ONE_PLACE
-            points = sparse_points(scene, config.points, cache, log, may_lack)
-        with timed(seconds, "stereo"):
-            cameras, found = scene_stereo(scene.train, points, config.stereo, log, config.render.device)
-            views = list(found)
-        share = coverage(views)
-        log(
-            f"stereo: {share.mean():.0%} of the pixels of {len(views)} views have a depth (least {share.min():.0%}), "
-            f"{seconds['stereo'] / len(views):.1f} s a view"
-        )
+        may_lack = MayLack.WITH_METRES if fills and knows_metres(config) else MayLack.IN_ONE_PLACE
+        points = points_of_run(scene, config, out, log, seconds, may_lack=may_lack)
+        cameras, views, share = stereo_views(scene, points, config, log, seconds)
         priors = filled(scene, points, cameras, views, config, out, log, seconds) if fills else None
         maps = priors.by_frame if priors else {}
         with timed(seconds, "write"):
             _write_maps(out, scene.train, views, maps)
             count = _write_cloud(out, scene.train, cameras, views, config.stereo.cell_m)
         log(f"points: {out / CLOUD}, {count:,}")
-        if share.any() or any(one.depth is not None for one in maps.values()):
-            depths = trusted_views(scene, priors, config) if priors else _fused_views(scene.train, cameras, views)
+        if share or any(one.depth is not None for one in maps.values()):
+            depths = trusted_views(scene, priors, config) if priors else fused_views(scene.train, cameras, views)
             with timed(seconds, "mesh"):
                 _write_mesh(depths, scene, config, out, log)
         part = {
-            "stereo_coverage": round(float(share.mean()), 4),
+            "stereo_coverage": round(share, 4),
             "dense_points": count,
             "depth_source": priors.depth_source if priors else "none",
         }
@@ -141,7 +132,7 @@ def _write_cloud(
 
     pixels = (
         (camera, view.depth, view.normal, color)
-        for camera, view, color in zip(cameras, views, _colors(frames, cameras), strict=True)
+        for camera, view, color in zip(cameras, views, colors(frames, cameras), strict=True)
     )
     cloud = fused_cloud(pixels, cell_m)
     with whole_file(out / CLOUD) as temporary:
@@ -168,17 +159,3 @@ def _save(path: Path, values: np.ndarray) -> None:
     np.save(buffer, values)
     with whole_file(path) as temporary:
         temporary.write_bytes(buffer.getvalue())
-
-
-def _colors(frames: Sequence[Frame], cameras: Sequence[Camera]) -> Iterator[np.ndarray]:
-    import cv2
-
-    for frame, camera in zip(frames, cameras, strict=True):
-        yield cv2.resize(frame.color(), camera.size, interpolation=cv2.INTER_AREA)
-
-
-def _fused_views(frames: Sequence[Frame], cameras: Sequence[Camera], views: Sequence[DenseView]) -> Iterator[FusedView]:
-    from room2dgs.mesh.views import FusedView
-
-    for camera, view, color in zip(cameras, views, _colors(frames, cameras), strict=True):
-        yield FusedView(camera, view.depth, color)

@@ -44,7 +44,7 @@ def main(argv: list[str]) -> int:
         config = earlier_run(overrides)
         ground_truth(config)
         scene = with_poses_of_run(read(config), Path(config.out))
-        surfels = None if config.mesh.source == "depth" else trained_surfels(Path(config.out))
+        surfels = trained_surfels(Path(config.out)) if config.mesh.of_surfels else None
         score_run(scene, surfels, config, Path(config.out), {})
     else:
         score_mesh(overrides, out)

@@ -43,8 +43,9 @@ def main(argv: list[str]) -> int:
     if asked_for_help(argv):
         return show(USAGE, main.__doc__, ("mesh",))
     config = earlier_run(argv)
-    if config.mesh.source == "depth":
-        raise InputError("mesh.source=depth is a run of its own; type room2dgs run scene.path=DIR mesh.source=depth")
+    if not config.mesh.of_surfels:
+        source = f"mesh.source={config.mesh.source}"
+        raise InputError(f"{source} is a run of its own; type room2dgs run scene.path=DIR {source}")
     out = Path(config.out)
     surfels = trained_surfels(out)
     scene = with_poses_of_run(read(config), out)

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.stages import points_and_priors, use_threads
-from room2dgs.config import Config
+from room2dgs.commands.untrained import untrained_mesh
+from room2dgs.config import Config, MeshConfig
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
-from room2dgs.runs.folder import MESH
-from room2dgs.runs.metrics import record, timed
 
 if TYPE_CHECKING:
+    import trimesh
+
     from room2dgs.mesh.views import FusedView
     from room2dgs.priors import Priors
 
@@ -26,20 +27,16 @@ def mesh_of_depth(scene: Scene, config: Config, out: Path, log: Log, seconds: di
         InputError: no depth at all, no surface, or as `points_and_priors`.
     """
     from room2dgs.mesh.fuse import fuse
-    from room2dgs.mesh.io import write_mesh
-    from room2dgs.mesh.voxel import with_voxel
 
     use_threads(config)
     _, priors = points_and_priors(scene, config, out, log, seconds)
     if not any(maps.depth is not None for maps in priors.by_frame.values()):
         raise InputError("mesh.source=depth has no depth to mesh; give prior=room_prior, or mesh.source=surfels")
-    settings = with_voxel(config.mesh, [frame.camera for frame in scene.train])
-    with timed(seconds, "mesh"):
-        mesh = fuse(trusted_views(scene, priors, config), settings, log, config.render.device)
-        write_mesh(out / MESH, mesh)
-    made = {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces), "mesh_voxel_m": settings.voxel_m}
-    record(out, made, seconds)
-    log(f"mesh: {out / MESH}, of depth alone: nothing was trained")
+
+    def fused(settings: MeshConfig) -> trimesh.Trimesh:
+        return fuse(trusted_views(scene, priors, config), settings, log, config.render.device)
+
+    untrained_mesh(fused, "depth", scene, config, out, log, seconds)
 
 
 def trusted_views(scene: Scene, priors: Priors, config: Config) -> Iterator[FusedView]:

@@ -28,7 +28,7 @@ def main(argv: list[str]) -> int:
         return show(USAGE, main.__doc__, ("report",))
     config = earlier_run(argv)
     out = Path(config.out)
-    surfels = None if config.mesh.source == "depth" else trained_surfels(out)
+    surfels = trained_surfels(out) if config.mesh.of_surfels else None
     report_scene(with_poses_of_run(read(config), out), surfels, config, out, run_log(out), {})
     return 0
 

@@ -10,6 +10,8 @@ from room2dgs.commands.eval import ground_truth, score_run
 from room2dgs.commands.export import export_after_run
 from room2dgs.commands.mesh import mesh_scene
 from room2dgs.commands.mesh_of_depth import mesh_of_depth
+from room2dgs.commands.mesh_of_points import mesh_of_points
+from room2dgs.commands.mesh_of_stereo import mesh_of_stereo
 from room2dgs.commands.prepare import SHORT, with_capture
 from room2dgs.commands.render import render_scene
 from room2dgs.commands.report import report_scene
@@ -29,12 +31,15 @@ USAGE = (
     "room2dgs run -m scene.path=DIR,DIR out=DIR [hydra/launcher=joblib] [KEY=VALUE,VALUE ...]"
 )
 MULTIRUN = ("-m", "--multirun")
+# mesh.source -> what makes mesh.ply without training
+UNTRAINED = {"depth": mesh_of_depth, "stereo": mesh_of_stereo, "points": mesh_of_points}
 
 
 def main(argv: list[str]) -> int:
     """Points, training, mesh, renders of the held-out views, scores if there is a ground truth, and a report.
 
-    mesh.source=depth trains nothing: a first mesh of the depth that stereo, the network or the sensor gives.
+    mesh.source=depth trains nothing: a first mesh of the depth that stereo, the network or the sensor gives. Nor do
+    mesh.source=stereo, of stereo's depth alone, and mesh.source=points, of the sparse points alone; both read no prior.
 
     With -m every combination of settings that are lists is a run of its own, in out/0, out/1, ...: Hydra's multirun,
     with Hydra's sweepers and launchers. A path with a comma in its name then stands in quotes.
@@ -52,9 +57,9 @@ def main(argv: list[str]) -> int:
         scene = read(config, keep=True)
     with claimed(config) as out, cached(scene, out):
         log = run_log(out)
-        scene = refined(scene, config, out, log, seconds)
-        if config.mesh.source == "depth":
-            mesh_of_depth(scene, config, out, log, seconds)
+        scene = refined(scene, config, out, log, seconds, with_priors=config.mesh.with_priors)
+        if not config.mesh.of_surfels:
+            UNTRAINED[config.mesh.source](scene, config, out, log, seconds)
             score_run(scene, None, config, out, seconds)
             if config.report.enabled:
                 report_scene(scene, None, config, out, log, seconds)

@@ -7,7 +7,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame, Scene
@@ -110,6 +110,23 @@ def use_threads(config: Config) -> None:
     set_threads(config.render.threads)
 
 
+def points_of_run(
+    scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str, float], **options: Any
+) -> PointCloud:
+    """The sparse points; those that are triangulated lie in the run's folder unless the settings say where.
+
+    Args:
+        options: `may_lack` and `instead` of `sparse_points`.
+
+    Raises:
+        InputError: as `sparse_points`.
+    """
+    from room2dgs.sfm.sparse import sparse_points
+
+    with timed(seconds, "points"):
+        return sparse_points(scene, config.points, Path(config.points.cache or out / POINTS), log, **options)
+
+
 def points_and_priors(
     scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str, float]
 ) -> tuple[PointCloud, Priors]:
@@ -118,12 +135,8 @@ def points_and_priors(
     Raises:
         InputError: as `sparse_points` and `read_priors`.
     """
-    from room2dgs.sfm.sparse import sparse_points
-
     log(f"{len(scene.train)} training views, {len(scene.test)} held out")
-    with timed(seconds, "points"):
-        cache = Path(config.points.cache or out / POINTS)
-        points = sparse_points(scene, config.points, cache, log, may_lack=points_may_lack(config))
+    points = points_of_run(scene, config, out, log, seconds, may_lack=points_may_lack(config))
     with timed(seconds, "priors"):
         priors = read_priors(scene, points, config, out, log)
     part = {

@@ -34,7 +34,7 @@ def main(argv: list[str]) -> int:
     """Serve an earlier run to a browser on this machine until Ctrl-C: walk through it; switch between colour, depth,
     normals, mesh and error; show seeds, cameras and their photos; measure between two clicked points.
 
-    A run that trained nothing (mesh.source=depth) shows its mesh instead of surfels.
+    A run that trained nothing (mesh.source=depth, stereo or points) shows its mesh instead of surfels.
 
     host= lets others look: without it nobody but this machine can. Needs viser: pip install 'room2dgs[view]'.
     """
@@ -68,7 +68,7 @@ def viewer_of(config: Config, host: str, port: int, fps: float) -> Viewer:
     from room2dgs.viewer.server import Viewer
 
     out = Path(config.out)
-    shown = _mesh_of(out) if config.mesh.source == "depth" else trained_surfels(out)
+    shown = trained_surfels(out) if config.mesh.of_surfels else _mesh_of(out)
     scene = with_poses_of_run(read(config), out)
     use_threads(config)
     up = up_axis([frame.camera for frame in scene.frames], np.zeros((0, 3)))

@@ -54,6 +54,10 @@ class Config:
                 f"render.sh_degree={self.render.sh_degree} needs seeds.decoder=explicit; "
                 "seeds.decoder=shared has colours of degree 0 alone"
             )
+        if self.mesh.source == "stereo" and not self.stereo.enabled:
+            raise ValueError(
+                "mesh.source=stereo is nothing without stereo; give stereo.enabled=true, or mesh.source=depth or points"
+            )
         if self.strategy.name == "plain" and (self.seeds.per_seed, self.seeds.decoder) != (1, "explicit"):
             raise ValueError(
                 "strategy=plain is densification of single surfels; give seeds.per_seed=1 and seeds.decoder=explicit"

@@ -114,7 +114,7 @@ class Source:
 
     def _normals(self) -> np.ndarray:
         """(N, 3) unit, of surfels; of the mesh where nothing was trained."""
-        if self.config.mesh.source == "depth":
+        if not self.config.mesh.of_surfels:
             return np.asarray(self.mesh.face_normals)
         from room2dgs.geometry.rotations import normals
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import open3d as o3d
 import trimesh
 from scipy.spatial import KDTree
 
-DEEPEST = 10  # of the octree: 1024 cells along the room
+from room2dgs.mesh.poisson import screened_poisson
+
 MARGIN = 2.0  # of the octree's side to the room's: what bulges out where nothing was seen is cut by its box
 
 
@@ -38,10 +37,8 @@ def watertight(mesh: trimesh.Trimesh, voxel_m: float) -> trimesh.Trimesh:
     normals = -np.asarray(mesh.vertex_normals)
     points.normals = o3d.utility.Vector3dVector(normals)
     points = points.select_by_index(np.flatnonzero(np.linalg.norm(normals, axis=1) > 0.5))
-    extent = float(np.ptp(np.asarray(mesh.vertices), axis=0).max()) * MARGIN
-    depth = min(DEEPEST, max(5, math.ceil(math.log2(extent / voxel_m))))
-    # one thread: with more, the order of sums and with it the vertices would differ from run to run
-    solid, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(points, depth=depth, scale=MARGIN, n_threads=1)
+    extent = float(np.ptp(np.asarray(mesh.vertices), axis=0).max())
+    solid, _ = screened_poisson(points, extent, voxel_m, MARGIN)
     solid.triangles = o3d.utility.Vector3iVector(np.asarray(solid.triangles)[:, ::-1])
     solid = _largest(solid)
     low, high = np.asarray(mesh.vertices).min(axis=0), np.asarray(mesh.vertices).max(axis=0)

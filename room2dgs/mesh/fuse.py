@@ -7,15 +7,10 @@ from collections.abc import Iterable, Iterator
 import trimesh
 
 from room2dgs.config import MeshConfig
-from room2dgs.errors import InputError
 from room2dgs.logs import Log
-from room2dgs.mesh.clean import clean
+from room2dgs.mesh.finish import NoSurface, cleaned, finished
 from room2dgs.mesh.tsdf import integrate
 from room2dgs.mesh.views import FusedView
-
-
-class NoSurface(InputError):
-    """The depth maps make no surface under these settings."""
 
 
 def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str = "cpu") -> trimesh.Trimesh:
@@ -34,23 +29,16 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str =
         NoSurface: no surface is left; names the settings to relax.
         InputError: no GPU where one is asked for.
     """
+    # no mesh has a name here: a room's is hundreds of megabytes, at each of these steps
+    return finished(cleaned(_raw(views, config, device), config, log), config, log)
+
+
+def _raw(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:
     watched = _Watched(views, config)
     raw = _integrated(watched, config, device)
     if not len(raw.faces):
         raise NoSurface(_why_none(config) if watched.any_pixel else _why_no_pixel(config))
-    mesh, before = clean(raw, config.min_triangles, config.keep_clusters), len(raw.faces)
-    del raw  # a room's is hundreds of megabytes, at each of these steps
-    if not len(mesh.faces):
-        raise NoSurface(
-            f"every piece of the mesh has fewer than mesh.min_triangles={config.min_triangles} faces; lower it"
-        )
-    log(
-        f"mesh: {len(mesh.faces):,} faces, {before - len(mesh.faces):,} dropped by cleaning "
-        f"(voxels of {100 * config.voxel_m:g} cm)"
-    )
-    mesh = _smooth(mesh, config)
-    mesh = _filled(mesh, config, log)
-    return _few(mesh, config, log)
+    return raw
 
 
 def _integrated(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:
@@ -96,7 +84,7 @@ def _why_no_pixel(config: MeshConfig) -> str:
             helps.append(f"raise mesh.max_angle_deg={config.max_angle_deg:g}")
     else:
         helps = ["add photos that overlap", *helps]
-        if config.min_confidence > 0:
+        if config.source == "depth" and config.min_confidence > 0:
             helps.append(f"lower mesh.min_confidence={config.min_confidence:g}")
     return f"no pixel of the depth maps may be fused; {_either(helps)}"
 
@@ -121,35 +109,3 @@ class _OnCpu:
 
     def __iter__(self) -> Iterator[FusedView]:
         return (view.on_cpu() for view in self._views)
-
-
-def _smooth(mesh: trimesh.Trimesh, config: MeshConfig) -> trimesh.Trimesh:
-    from room2dgs.mesh.smooth import smoothed
-
-    return clean(smoothed(mesh, config.smoothing_steps)) if config.smoothing_steps else mesh
-
-
-def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:
-    from room2dgs.mesh.fill import holes_filled, watertight
-
-    if config.fill == "none":
-        return mesh
-    if config.fill == "holes":
-        filled = clean(holes_filled(mesh, config.fill_hole_m))
-    else:
-        filled = watertight(mesh, config.voxel_m)  # cleaning would tear it open where it was pressed flat
-    added = filled.area - mesh.area
-    closed = ", closed" if filled.is_watertight else ", not closed everywhere" if config.fill == "watertight" else ""
-    log(f"mesh: mesh.fill={config.fill} added {added:.2f} m2, {len(filled.faces):,} faces{closed}")
-    return filled
-
-
-def _few(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:
-    from room2dgs.mesh.few_faces import few_faces
-
-    if config.max_error_m is None:
-        return mesh
-    found = few_faces(mesh, config.max_error_m)
-    if found.mesh is not mesh:
-        log(f"mesh: {len(found.mesh.faces):,} faces are enough (mesh.max_error_m): {found.sentence}")
-    return found.mesh

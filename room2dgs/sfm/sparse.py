@@ -37,7 +37,12 @@ class MayLack(Enum):
 
 
 def sparse_points(
-    scene: Scene, config: PointsConfig, cache: Path, log: Log = print, may_lack: MayLack = MayLack.NEVER
+    scene: Scene,
+    config: PointsConfig,
+    cache: Path,
+    log: Log = print,
+    may_lack: MayLack = MayLack.NEVER,
+    instead: str = "prior=room_prior",
 ) -> PointCloud:
     """The scene's sparse points.
 
@@ -50,6 +55,7 @@ def sparse_points(
         cache: folder for the result, made if needed.
         log: takes one line at a time.
         may_lack: whether too few points are only a warning.
+        instead: settings that take a network's depth where there are no points, for the message.
 
     Returns:
         At least `MIN_POINTS`; metres, world frame; none at all if they `may_lack` and photos give fewer.
@@ -81,7 +87,7 @@ def sparse_points(
         points = triangulate(scene.train, config, Path(work), log)
         if len(points) < MIN_POINTS:
             if may_lack is MayLack.NEVER or (may_lack is MayLack.IN_ONE_PLACE and not _in_one_place(scene)):
-                raise InputError(_too_few(scene, len(points)))
+                raise InputError(_too_few(scene, len(points), instead))
             (Path(work) / "again").mkdir()
             _stop_if_contradicted(scene, config, Path(work) / "again")
             log(f"WARNING: {_too_few_to_use(scene, len(points), may_lack)}")
@@ -91,8 +97,8 @@ def sparse_points(
     return points
 
 
-def _too_few(scene: Scene, count: int) -> str:
-    elsewhere = "give points.source=file points.file=PATH, or prior=room_prior for the network's depth"
+def _too_few(scene: Scene, count: int, instead: str) -> str:
+    elsewhere = f"give points.source=file points.file=PATH, or {instead} for the network's depth"
     if _in_one_place(scene):
         return f"{_why(scene, count)}, so photos tell no depth; walk while filming, do not only turn, {elsewhere}"
     return (

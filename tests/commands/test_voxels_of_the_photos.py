@@ -13,6 +13,8 @@ from room2dgs import cli
 COMMANDS = {
     "depth": ["depth"],
     "mesh of depth": ["run", "mesh.source=depth", "report.enabled=false"],
+    "mesh of stereo": ["run", "mesh.source=stereo", "report.enabled=false"],
+    "mesh of points": ["run", "mesh.source=points", "report.enabled=false"],
     "run": ["run", "train.iterations=2", "report.enabled=false", "mesh.min_alpha=0", "mesh.max_angle_deg=90"],
 }
 

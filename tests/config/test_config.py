@@ -77,6 +77,7 @@ def test_override_reaches_its_field():
         ("eval.protocols=[]", "choose from area, neuris, manhattan"),
         ("eval.protocols=[chamfer]", "choose from area, neuris, manhattan"),
         ("mesh.depth=mean", "choose from median, expected"),
+        ("mesh.source=network", "choose from surfels, depth, stereo, points"),
         ("mesh.voxel_m=nan", "mesh.voxel_m=nan is impossible"),
         ("eval.threshold_m=inf", "eval.threshold_m=inf is impossible"),
         ("render.background=[0,0]", "three numbers from 0 to 1"),
@@ -110,6 +111,11 @@ def test_wrong_override_is_one_sentence_that_names_it(override, said):
         load_config([*GIVEN, override])
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_mesh_of_stereo_without_stereo_is_refused():
+    with pytest.raises(InputError, match=r"mesh\.source=stereo is nothing without stereo; give stereo\.enabled=true"):
+        load_config([*GIVEN, "mesh.source=stereo", "stereo.enabled=false"])
 
 
 @pytest.mark.parametrize("key", ["loss.distortion.end", "loss.normal_reweighting.start", "strategy.stop"])

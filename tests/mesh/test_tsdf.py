@@ -216,6 +216,7 @@ def test_a_view_with_hardly_any_depth_is_passed_over():
         ({"max_depth_m": 1.0, "min_alpha": 0.0}, ["mesh.max_depth_m=1"], ["min_alpha"]),
         ({"max_depth_m": 1.0, "source": "depth"}, ["add photos", "mesh.max_depth_m=1"], ["alpha", "confidence"]),
         ({"max_depth_m": 1.0, "source": "depth", "min_confidence": 0.2}, ["mesh.min_confidence=0.2"], ["train"]),
+        ({"max_depth_m": 1.0, "source": "stereo", "min_confidence": 0.2}, ["add photos"], ["train", "confidence"]),
     ],
 )
 @pytest.mark.parametrize("space", ["bounded", "contracted"])

@@ -101,6 +101,8 @@ def test_the_sets_that_come_with_the_package_are_settings_that_exist(wall, tmp_p
         for settings in points.values():
             load_config([f"scene.path={wall}", f"out={tmp_path}", *settings])
     assert points_of([]) == points_of(["points=presets"])
+    peers = [settings[0] for settings in points_of([]).values()][:2]
+    assert peers == ["mesh.source=stereo", "mesh.source=points"]  # trained by nobody, and no network looks
 
 
 def test_points_of_ones_own_come_after_a_set_that_is_named_and_instead_of_one_that_is_not():

@@ -140,8 +140,9 @@ def test_a_run_is_shown_with_its_mesh_its_error_and_its_cameras(wall, wall_surfe
     assert kinds == [("colour", "depth", "normals", "mesh"), ("colour", "depth", "normals", "mesh", "error")]
 
 
-def test_a_run_that_trained_nothing_is_shown_by_its_mesh(wall, tmp_path):
-    config = load_config([f"scene.path={wall}", f"out={tmp_path}", "mesh.source=depth"])
+@pytest.mark.parametrize("source", ["depth", "points"])
+def test_a_run_that_trained_nothing_is_shown_by_its_mesh(wall, tmp_path, source):
+    config = load_config([f"scene.path={wall}", f"out={tmp_path}", f"mesh.source={source}"])
     with pytest.raises(InputError, match=r"mesh\.ply is missing"):
         viewer_of(config, "127.0.0.1", _free_port(), 15)
     write_mesh(tmp_path / "mesh.ply", trimesh.load(wall / "gt_mesh.ply", process=False))

@@ -14,8 +14,9 @@ from room2dgs.config.fields import GROUP, Float, Int
 class MeshConfig:
     """Depth to mesh."""
 
-    source: Literal["surfels", "depth"] = Field(
-        description="surfels: rendered depth | depth: stereo's, the network's or the sensor's, without any training"
+    source: Literal["surfels", "depth", "stereo", "points"] = Field(
+        description="surfels: rendered depth | without any training, depth: stereo's, the network's or the sensor's | "
+        "stereo: stereo's alone, without priors | points: the sparse points alone, by screened Poisson reconstruction"
     )
     voxel_m: Float | None = Field(
         ge=1e-3, le=1, description="side of a voxel (null: two pixels of the photos at 2.5 m, 1 to 2 cm)"
@@ -44,3 +45,13 @@ class MeshConfig:
     max_error_m: Float | None = Field(
         gt=0, description="as few faces as keep 99.9 % this close to the whole surface (null: all faces)"
     )
+
+    @property
+    def of_surfels(self) -> bool:
+        """Whether a run has surfels, which are trained; the other sources need no training."""
+        return self.source == "surfels"
+
+    @property
+    def with_priors(self) -> bool:
+        """Whether a run reads priors, whatever `prior` says; the mesh of stereo or of sparse points knows of none."""
+        return self.source in ("surfels", "depth")

@@ -115,7 +115,12 @@ def stereo_key() -> list[tuple[str, str]]:
 
 def other_source(source: str) -> str:
     """The prior's source (`Priors.depth_source`) in words."""
-    words = {"sensor": "the capture's depth camera", "files": "depth files", "none": "no other source"}
+    words = {
+        "sensor": "the capture's depth camera",
+        "files": "depth files",
+        "stereo": "stereo: fewer photos agree",
+        "none": "no other source",
+    }
     return words.get(source, f"network ({source})")
 
 
@@ -132,6 +137,8 @@ def sentences(maps: Mapping[str, Trust], source: str) -> list[str]:
             f"trusted {_mean(confidence[stereo]):.0%} there on average."
         )
     rest = ~stereo & (confidence > 0)
+    if source == "stereo":
+        return [*lines, f"In {rest.mean():.0%} fewer agree; {np.mean(confidence == 0):.0%} have no depth."]
     lines.append(
         f"{rest.mean():.0%} have depth of {other_source(source)} alone, trusted {_mean(confidence[rest]):.0%}."
     )

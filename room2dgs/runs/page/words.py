@@ -13,6 +13,11 @@ from room2dgs.config.sentences import shown
 from room2dgs.report.table import NOTHING, Table, table
 
 POOR_PSNR_DB, FEW_PHOTOS, POOR_F_SCORE = 20.0, 15, 0.7
+MADE_OF = {
+    "depth": "its depth maps were fused as they are",
+    "stereo": "the depth that stereo found was fused as it is, without priors",
+    "points": "its sparse points were made a surface (screened Poisson reconstruction)",
+}
 OWN = ("out", "resume", "scene.path")  # settings that every run gives
 SCORES = (
     ("f_score_", "F-score"),
@@ -29,8 +34,8 @@ def opening(config: Config, metrics: dict[str, Any]) -> str:
     """Which capture, by what."""
     version = metrics.get("versions", {}).get("room2dgs", "")
     said = f"Capture {config.scene.path}, reconstructed by room2dgs {version} in {config.out}."
-    if config.mesh.source == "depth":
-        said += " A first look: its depth maps were fused as they are, nothing was trained; renderings are of the mesh."
+    if not config.mesh.of_surfels:
+        said += f" A first look: {MADE_OF[config.mesh.source]}, nothing was trained; renderings are of the mesh."
     return said
 
 

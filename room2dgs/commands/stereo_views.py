@@ -1,0 +1,59 @@
+"""Stereo's own depth of a run's photos: what `room2dgs depth` writes and `run mesh.source=stereo` meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame, Scene
+from room2dgs.config import Config
+from room2dgs.logs import Log
+from room2dgs.runs.metrics import timed
+
+if TYPE_CHECKING:
+    from room2dgs.geometry.camera import Camera
+    from room2dgs.mesh.views import FusedView
+    from room2dgs.stereo.dense import DenseView
+
+
+def stereo_views(
+    scene: Scene, points: PointCloud, config: Config, log: Log, seconds: dict[str, float]
+) -> tuple[list[Camera], list[DenseView], float]:
+    """The training photos compared with each other.
+
+    Returns:
+        Their cameras at stereo's image size, what was found in each, and the share of the pixels that have a depth.
+
+    Raises:
+        InputError: as `scene_stereo`.
+    """
+    from room2dgs.stereo.scene import coverage, scene_stereo
+
+    with timed(seconds, "stereo"):
+        cameras, found = scene_stereo(scene.train, points, config.stereo, log, config.render.device)
+        views = list(found)
+    share = coverage(views)
+    log(
+        f"stereo: {share.mean():.0%} of the pixels of {len(views)} views have a depth (least {share.min():.0%}), "
+        f"{seconds['stereo'] / len(views):.1f} s a view"
+    )
+    return cameras, views, float(share.mean())
+
+
+def colors(frames: Sequence[Frame], cameras: Sequence[Camera]) -> Iterator[np.ndarray]:
+    """(H, W, 3) uint8 photos at the cameras' sizes, one at a time."""
+    import cv2
+
+    for frame, camera in zip(frames, cameras, strict=True):
+        yield cv2.resize(frame.color(), camera.size, interpolation=cv2.INTER_AREA)
+
+
+def fused_views(frames: Sequence[Frame], cameras: Sequence[Camera], views: Sequence[DenseView]) -> Iterator[FusedView]:
+    """Stereo's depth as it is fused, one view at a time: the pixels that enough views agree with, all of one weight."""
+    from room2dgs.mesh.views import FusedView
+
+    for camera, view, color in zip(cameras, views, colors(frames, cameras), strict=True):
+        yield FusedView(camera, view.depth, color)

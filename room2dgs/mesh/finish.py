@@ -1,0 +1,79 @@
+"""What every raw surface goes through: cleaned, smoothed, filled, and as few faces as will do."""
+
+from __future__ import annotations
+
+import trimesh
+
+from room2dgs.config import MeshConfig
+from room2dgs.errors import InputError
+from room2dgs.logs import Log
+from room2dgs.mesh.clean import clean
+
+
+class NoSurface(InputError):
+    """Depth maps or points make no surface under these settings."""
+
+
+def cleaned(raw: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:
+    """Without small pieces, in an order that does not depend on the raw one's.
+
+    Args:
+        raw: with faces.
+        config: `voxel_m` is a number (`voxel.with_voxel`).
+
+    Raises:
+        NoSurface: all pieces are small.
+    """
+    mesh = clean(raw, config.min_triangles, config.keep_clusters)
+    if not len(mesh.faces):
+        raise NoSurface(
+            f"every piece of the mesh has fewer than mesh.min_triangles={config.min_triangles} faces; lower it"
+        )
+    log(
+        f"mesh: {len(mesh.faces):,} faces, {len(raw.faces) - len(mesh.faces):,} dropped by cleaning "
+        f"(voxels of {100 * config.voxel_m:g} cm)"
+    )
+    return mesh
+
+
+def finished(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:
+    """Smoothed, filled and with few faces, as the settings ask for.
+
+    Args:
+        mesh: cleaned (`cleaned`).
+    """
+    mesh = _smooth(mesh, config)
+    mesh = _filled(mesh, config, log)
+    return _few(mesh, config, log)
+
+
+def _smooth(mesh: trimesh.Trimesh, config: MeshConfig) -> trimesh.Trimesh:
+    from room2dgs.mesh.smooth import smoothed
+
+    return clean(smoothed(mesh, config.smoothing_steps)) if config.smoothing_steps else mesh
+
+
+def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:
+    from room2dgs.mesh.fill import holes_filled, watertight
+
+    if config.fill == "none":
+        return mesh
+    if config.fill == "holes":
+        filled = clean(holes_filled(mesh, config.fill_hole_m))
+    else:
+        filled = watertight(mesh, config.voxel_m)  # cleaning would tear it open where it was pressed flat
+    added = filled.area - mesh.area
+    closed = ", closed" if filled.is_watertight else ", not closed everywhere" if config.fill == "watertight" else ""
+    log(f"mesh: mesh.fill={config.fill} added {added:.2f} m2, {len(filled.faces):,} faces{closed}")
+    return filled
+
+
+def _few(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:
+    from room2dgs.mesh.few_faces import few_faces
+
+    if config.max_error_m is None:
+        return mesh
+    found = few_faces(mesh, config.max_error_m)
+    if found.mesh is not mesh:
+        log(f"mesh: {len(found.mesh.faces):,} faces are enough (mesh.max_error_m): {found.sentence}")
+    return found.mesh
