@@ -27,7 +27,7 @@ FLOW = (
         "cuda_extension",
         "cuda_state",
         "block_code",
-        "memory",
+        "freed_memory",
         "interrupts",
         "colmap",
     ),

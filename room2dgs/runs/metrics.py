@@ -17,9 +17,9 @@ from typing import Any
 
 from room2dgs import __version__
 from room2dgs.cores import available_cores
+from room2dgs.freed_memory import give_back
 from room2dgs.json_files import update_json
 from room2dgs.runs.folder import METRICS
-from room2dgs.runs.freed_memory import give_back
 
 PACKAGES = (
     "torch",

@@ -38,7 +38,7 @@ class Completed(NamedTuple):
 
 
 class SmallMaps(NamedTuple):
-    """What a `system` is made of, and the camera of that size."""
+    """What a `system` is made of, float32, and the camera of that size."""
 
     camera: Camera
     normal: np.ndarray  # (h, w, 3) unit, world frame; 0 = none
@@ -75,7 +75,12 @@ def small_maps(
         slopes = normal_slopes(in_cam, camera.rays(), (camera.K[0, 0], camera.K[1, 1]))
         tie = tie if normal_sure is None else _small(normal_sure, camera)
     edges = ties_across_edges(cv2.resize(frame.color(), camera.size, interpolation=cv2.INTER_AREA))
-    return SmallMaps(camera, unit, anchor, trust, prior, weight, slopes, tie, edges)
+    one, pair = _single, lambda parts: (_single(parts[0]), _single(parts[1]))
+    return SmallMaps(camera, *map(one, (unit, anchor, trust, prior, weight)), pair(slopes), one(tie), pair(edges))
+
+
+def _single(values: np.ndarray) -> np.ndarray:
+    return values.astype(np.float32)
 
 
 def _anchors(frame: Frame, points: PointCloud, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
+from itertools import islice
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ from room2dgs import _C
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
+from room2dgs.freed_memory import give_back
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
@@ -25,8 +27,9 @@ from room2dgs.priors.completion.solve import System, solved, system
 from room2dgs.priors.files import resize_depth
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.neighbours import choose_neighbours
+from room2dgs.torch_threads import one_torch_thread
 
-AT_ONCE = 64  # images, whose systems are in memory
+AT_ONCE = 16  # images, whose systems are in memory
 ASKED = 10  # views that are asked whether they agree
 MAX_PX, MAX_RELATIVE = 2.0, 0.03
 MOVED = 0.5  # of what other views moved a depth by, relatively, it is expected to be off
@@ -36,6 +39,7 @@ FINE = 0.01  # relative difference from a plane at which stereo's own pixel star
 LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
 
 
+@one_torch_thread()  # here and not in each of the threads below, which would put back what others have set
 def complete_views(
     frames: Sequence[Frame],
     depths: Mapping[str, np.ndarray],
@@ -77,13 +81,15 @@ def complete_views(
     found: list[Plane] = []
     known = [one for one in (misfits.get(frame.name, np.nan) for frame in frames) if np.isfinite(one)]
     misfit = float(np.median(known)) if known else 0.0  # of a single view it says little where the view has few points
+
+    def made_small(frame: Frame) -> SmallMaps:
+        name = frame.name
+        maps = (depths[name], confidences.get(name), normals.get(name), normal_confidences.get(name))
+        return small_maps(frame, *maps, points, misfit)
+
     with ThreadPoolExecutor(_C.threads()) as pool:
-        reading = []
-        for frame in frames:
-            name = frame.name
-            maps = (depths[name], confidences.get(name), normals.get(name), normal_confidences.get(name))
-            reading.append(pool.submit(small_maps, frame, *maps, points, misfit))
-        given = [one.result() for one in reading]
+        # maps are read where they are made small: all of them at full size would be most of a run's memory
+        given = list(pool.map(made_small, frames))
         small = alone = _completed(given, pool)
         near = _near_views(frames, points)
         planes = planes and len(normals) > 0
@@ -157,35 +163,38 @@ def _held_by_planes(maps: SmallMaps, before: Completed, planes: Sequence[Plane],
     """What to complete once more: a plane is an anchor wherever it is trusted more than stereo, and where other views
     see through what was found, the prior has no say."""
     through = seen_through(space, maps.camera.unproject_map(before.depth))
-    maps = maps._replace(prior_weight=maps.prior_weight * (1 - through) ** 2)
+    maps = maps._replace(prior_weight=(maps.prior_weight * (1 - through) ** 2).astype(np.float32))
     return _anchored(maps, *on_planes(before.depth, maps.normal, maps.camera, planes))
 
 
 def _held_by_other_views(
     held: Sequence[SmallMaps], before: Sequence[Completed], errors: Sequence[np.ndarray], near: Sequence[Sequence[int]]
-) -> list[SmallMaps]:
-    """Likewise what is sure in a view's neighbours."""
+) -> Iterator[SmallMaps]:
+    """Likewise what is sure in a view's neighbours; each made when it is asked for."""
     sure = [SureView(part.camera, part.depth, confidence(error)) for part, error in zip(before, errors, strict=True)]
-    return [_anchored(maps, *seen) for maps, seen in zip(held, depth_of_other_views(sure, near), strict=True)]
+    return (_anchored(maps, *seen) for maps, seen in zip(held, depth_of_other_views(sure, near), strict=True))
 
 
 def _anchored(maps: SmallMaps, depth: np.ndarray, trust: np.ndarray) -> SmallMaps:
     """With these anchors wherever they are trusted more than what there is."""
     use = trust > maps.trust
-    return maps._replace(anchor=np.where(use, depth, maps.anchor), trust=np.where(use, trust, maps.trust))
+    anchor, trust = np.where(use, depth, maps.anchor), np.where(use, trust, maps.trust)
+    return maps._replace(anchor=anchor.astype(np.float32), trust=trust.astype(np.float32))
 
 
-def _completed(given: Sequence[SmallMaps], pool: Executor) -> list[Completed]:
-    found = []
-    for start in range(0, len(given), AT_ONCE):
-        some = given[start : start + AT_ONCE]
+def _completed(given: Iterable[SmallMaps], pool: Executor) -> list[Completed]:
+    found, rest = [], iter(given)
+    while some := list(islice(rest, AT_ONCE)):
         scales = solved(list(pool.map(_system, some)))
         found += [_at_scale(maps, scale.astype(np.float32)) for maps, scale in zip(some, scales, strict=True)]
+    give_back()  # the systems of some images, again and again, between what stays
     return found
 
 
 def _system(maps: SmallMaps) -> System:
-    return system(*maps[2:])
+    anchor, trust, prior, weight, slopes, tie, edges = maps[2:]
+    double = partial(np.asarray, dtype=np.float64)
+    return system(*map(double, (anchor, trust, prior, weight)), tuple(map(double, slopes)), double(tie), edges)
 
 
 def _at_scale(maps: SmallMaps, scale: np.ndarray) -> Completed:
