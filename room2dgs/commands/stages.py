@@ -57,12 +57,17 @@ def refined(
     told(scene, out, log)
     if (out / POSES).exists() or any((out / CHECKPOINTS).glob("*")):
         return with_poses_of_run(scene, out)
-    ahead = maps_ahead(scene.train, with_map_cache(config, out).prior, log) if with_priors else nullcontext()
-    with timed(seconds, "poses"), ahead:
-        found, report = refined_poses(scene, config.sfm, config.points, Path(config.points.cache or out / POINTS), log)
+    cache = Path(config.points.cache or out / POINTS)
+    ahead = maps_ahead(scene.train, with_map_cache(config, out).prior, log) if with_priors else nullcontext(_nothing)
+    with timed(seconds, "poses"), ahead as begin:
+        found, report = refined_poses(scene, config.sfm, config.points, cache, log, extracted=begin)
     write_poses(out / POSES, scene, found, report)
     record(out, {"poses": report}, seconds)
     return found
+
+
+def _nothing() -> None:
+    pass
 
 
 def told(scene: Scene, out: Path, log: Log) -> None:

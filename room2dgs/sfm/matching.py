@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,18 +54,26 @@ class Matches:
         return self.keypoints[pair[0]][matches[:, 0]], self.keypoints[pair[1]][matches[:, 1]]
 
 
-def match(frames: Sequence[Frame], pairs: IndexPairs, config: PointsConfig, work: Path) -> Matches:
+def match(
+    frames: Sequence[Frame],
+    pairs: IndexPairs,
+    config: PointsConfig,
+    work: Path,
+    extracted: Callable[[], None] = lambda: None,
+) -> Matches:
     """Extract and match, on the CPU. The result does not depend on threads, nor on what else the machine does.
 
     Args:
         frames: at their working size.
         pairs: (i, j) of the frames to match.
         work: a folder for images and database; the caller removes it.
+        extracted: called when the features are there, which took all cores, and matching begins, which takes one.
     """
     images, database = work / "images", work / "database.db"
     with quiet():
         image_ids = _register(frames, images, database)
         _extract(images, database, _written_masks(frames, work / "masks"), config)
+        extracted()
         _match(frames, pairs, database, work / "pairs.txt")
     with pycolmap.Database.open(database) as db:
         keypoints = tuple(db.read_keypoints(image_id)[:, :2].astype(np.float64) for image_id in image_ids)

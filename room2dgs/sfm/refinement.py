@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -65,7 +65,12 @@ class PoseReport:
 
 
 def refined_poses(
-    scene: Scene, config: SfmConfig, points: PointsConfig, cache: Path, log: Log = print
+    scene: Scene,
+    config: SfmConfig,
+    points: PointsConfig,
+    cache: Path,
+    log: Log = print,
+    extracted: Callable[[], None] = lambda: None,
 ) -> tuple[Scene, dict[str, Any]]:
     """The scene with poses that fit its photos, in the frame and scale of the given poses.
 
@@ -77,6 +82,7 @@ def refined_poses(
         config: `refine_poses` false: nothing is done; true: the adjusted poses count even where they gain little;
             auto: only where they clearly do, and not if points are given, by a file or by the capture with tracks.
         log: takes one line at a time.
+        extracted: as in `match`.
 
     Returns:
         The scene, and `PoseReport` as plain values.
@@ -99,7 +105,7 @@ def refined_poses(
             return known, report
     cache.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".sfm-", dir=cache) as work:
-        refined, found = _refined(scene, config, points, Path(work), cache, log)
+        refined, found = _refined(scene, config, points, Path(work), cache, log, extracted)
     log(_line(found))
     if found.left and found.refined:
         log(f"views left at their given poses: {', '.join(found.left)}")
@@ -116,13 +122,19 @@ def _points_are_given(scene: Scene, config: PointsConfig) -> bool:
 
 
 def _refined(
-    scene: Scene, config: SfmConfig, settings: PointsConfig, work: Path, cache: Path, log: Log
+    scene: Scene,
+    config: SfmConfig,
+    settings: PointsConfig,
+    work: Path,
+    cache: Path,
+    log: Log,
+    extracted: Callable[[], None],
 ) -> tuple[Scene, PoseReport]:
     given = [frame.camera for frame in scene.train]
     pairs = match_pairs(given, settings.overlap)
     log(f"poses: matching {len(pairs)} pairs of {len(given)} photos, and {len(scene.test)} held-out ones")
     others = _held_out_pairs(given, [frame.camera for frame in scene.test], settings.overlap)
-    matches = match((*scene.train, *scene.test), [*pairs, *others], settings, work)
+    matches = match((*scene.train, *scene.test), [*pairs, *others], settings, work, extracted)
     joined = chains(matches, given, pairs)
     cameras, found = judged(given, joined.tracks, matches, pairs, forced=config.refine_poses is True)
     refined = scene

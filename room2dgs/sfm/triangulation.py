@@ -133,43 +133,56 @@ def _triangulate(matches: Matches, frames: Sequence[Frame], model: Path) -> pyco
 def _select(
     reconstruction: pycolmap.Reconstruction, frames: Sequence[Frame], image_ids: Sequence[int], config: PointsConfig
 ) -> PointCloud:
-    number = {image_id: index for index, image_id in enumerate(image_ids)}
-    xyz, rgb, observations = [], [], []
-    for _, point in sorted(reconstruction.points3D.items()):
-        seen = _observed(point, reconstruction, number, frames)
-        depths = [frames[index].camera.to_camera(point.xyz)[2] for index in seen]
-        if len(seen) < config.min_track or not point.error <= config.max_error_px:
-            continue
-        if not (DEPTH_RANGE_M[0] < min(depths) and max(depths) < DEPTH_RANGE_M[1]):
-            continue
-        observations += [(index, len(xyz), pixel) for index, pixel in sorted(seen.items())]
-        xyz.append(point.xyz)
-        rgb.append(point.color)
-    frame, point, pixel = zip(*observations, strict=True) if observations else ((), (), ())
-    tracks = Tracks(
-        tuple(frame.name for frame in frames),
-        np.array(frame, dtype=np.int32),
-        np.array(point, dtype=np.int32),
-        np.array(pixel, dtype=np.float32).reshape(-1, 2),
-    )
-    return PointCloud(
-        np.array(xyz, dtype=np.float64).reshape(-1, 3), np.array(rgb, dtype=np.uint8).reshape(-1, 3), tracks
-    )
-
-
-def _observed(
-    point: pycolmap.Point3D, reconstruction: pycolmap.Reconstruction, number: dict[int, int], frames: Sequence[Frame]
-) -> dict[int, np.ndarray]:
-    """Frame index -> (2,) pixel, with COLMAP's pixel centres, which are ours (+0.5).
+    """The points to keep, in the order of their ids.
 
     A track may hold two features of one photo: the one nearer to the point's projection counts.
     """
-    seen: dict[int, np.ndarray] = {}
-    errors: dict[int, float] = {}
-    for element in point.track.elements:
-        index = number[element.image_id]
-        pixel = reconstruction.image(element.image_id).point2D(element.point2D_idx).xy
-        error = float(np.linalg.norm(frames[index].camera.project(point.xyz)[0] - pixel))
-        if index not in seen or error < errors[index]:
-            seen[index], errors[index] = pixel, error
-    return seen
+    points = [point for _, point in sorted(reconstruction.points3D.items())]
+    xyz = np.array([point.xyz for point in points], np.float64).reshape(-1, 3)
+    point, frame, pixel = _observations(reconstruction, points, frames, image_ids)
+    error, depth = np.zeros(len(point)), np.zeros(len(point))
+    for index in np.unique(frame):
+        mine = frame == index
+        projected, depth[mine] = frames[index].camera.project(xyz[point[mine]])
+        error[mine] = np.linalg.norm(projected - pixel[mine], axis=-1)
+    order = np.lexsort((error, frame, point))
+    first = np.ones(len(order), bool)
+    first[1:] = (np.diff(point[order]) != 0) | (np.diff(frame[order]) != 0)
+    seen = order[first]
+    views = np.bincount(point[seen], minlength=len(points))
+    outside = ~((DEPTH_RANGE_M[0] < depth[seen]) & (depth[seen] < DEPTH_RANGE_M[1]))
+    kept = (views >= config.min_track) & (np.bincount(point[seen][outside], minlength=len(points)) == 0)
+    kept &= np.array([one.error <= config.max_error_px for one in points], bool)
+    seen = seen[kept[point[seen]]]
+    tracks = Tracks(
+        tuple(frame.name for frame in frames),
+        frame[seen].astype(np.int32),
+        (np.cumsum(kept) - 1)[point[seen]].astype(np.int32),
+        pixel[seen].astype(np.float32),
+    )
+    rgb = np.array([one.color for one in points], np.uint8).reshape(-1, 3)
+    return PointCloud(xyz[kept], rgb[kept], tracks)
+
+
+def _observations(
+    reconstruction: pycolmap.Reconstruction,
+    points: Sequence[pycolmap.Point3D],
+    frames: Sequence[Frame],
+    image_ids: Sequence[int],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """All elements of all tracks: (O,) index of the point, (O,) of the frame, and (O, 2) pixel, with COLMAP's pixel
+    centres, which are ours (+0.5)."""
+    number = {image_id: index for index, image_id in enumerate(image_ids[: len(frames)])}
+    listed = [
+        (index, number[element.image_id], element.point2D_idx)
+        for index, point in enumerate(points)
+        for element in point.track.elements
+    ]
+    point, frame, feature = np.array(listed, np.int64).reshape(-1, 3).T
+    pixel = np.zeros((len(listed), 2))
+    for image_id, index in number.items():
+        mine = np.flatnonzero(frame == index)
+        if len(mine):
+            image = reconstruction.image(image_id)
+            pixel[mine] = [image.point2D(int(one)).xy for one in feature[mine]]
+    return point, frame, pixel

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from threading import Event
 
 from room2dgs.captures.scene import Frame
@@ -15,9 +16,10 @@ from room2dgs.priors.network.maps import predicted_maps, read_models
 
 
 @contextmanager
-def maps_ahead(frames: Sequence[Frame], config: PriorConfig, log: Log) -> Iterator[None]:
-    """Fills the map cache while the block runs, and to the end after it; stops with the photo at hand if it fails.
+def maps_ahead(frames: Sequence[Frame], config: PriorConfig, log: Log) -> Iterator[Callable[[], None]]:
+    """Gives a function that begins to fill the map cache; the block's end begins it too, and waits for it.
 
+    If the block fails it stops with the photo at hand.
     Only what `load_priors` will ask for whatever it finds: a network's depth, with normals if the same inference gives
     them, or the normals of the network that comes with the package. Others' normals are checked on a few photos first.
 
@@ -26,14 +28,20 @@ def maps_ahead(frames: Sequence[Frame], config: PriorConfig, log: Log) -> Iterat
     """
     kind, settings = _wanted(frames, config)
     if kind is None:
-        yield
+        yield lambda: None
         return
     stop = Event()
+    making: list[Future[dict[str, Path]]] = []
+
+    def begin() -> None:
+        if not making:
+            making.append(pool.submit(predicted_maps, frames, kind, settings, read_models(settings), log, stop))
+
     with ThreadPoolExecutor(1) as pool:
-        making = pool.submit(predicted_maps, frames, kind, settings, read_models(settings), log, stop)
         try:
-            yield
-            making.result()
+            yield begin
+            begin()
+            making[0].result()
         finally:
             stop.set()
 

@@ -36,6 +36,12 @@ def cached(tmp_path, kind):
     return {path.name[:6] for path in folder.iterdir()} if folder.exists() else set()
 
 
+def test_a_block_that_fails_before_it_begins_has_no_maps(photos, grey, config, tmp_path):
+    with pytest.raises(KeyError), maps_ahead(photos(grey), config("prior=auto"), lambda line: None):
+        raise KeyError("poses")
+    assert not (tmp_path / "cache").exists()
+
+
 def test_both_kinds_are_there_when_the_block_has_ended(photos, grey, config, tmp_path):
     frames = photos(grey)
     with maps_ahead(frames, config("prior=auto"), lambda line: None):
@@ -64,8 +70,9 @@ def test_a_photo_that_cannot_be_decoded_is_named_after_the_block(photos, grey, c
     done = []
     with (
         pytest.raises(InputError, match=frames[2].color_path.name),
-        maps_ahead(frames, config("prior=auto"), lambda line: None),
+        maps_ahead(frames, config("prior=auto"), lambda line: None) as begin,
     ):
+        begin()
         done.append(True)
     assert done
 
@@ -82,7 +89,9 @@ def test_a_block_that_fails_stops_it(photos, grey, config, tmp_path, monkeypatch
 
     monkeypatch.setattr(maps, "predictions", waiting)
     monkeypatch.setattr(maps, "photos_at_once", lambda model, config: (1, 1))
-    with pytest.raises(KeyError, match="poses"), maps_ahead(frames, config("prior=auto"), lambda line: None):
+    with pytest.raises(KeyError, match="poses"), maps_ahead(frames, config("prior=auto"), lambda line: None) as begin:
+        begin()
+        begin()  # once is enough
         assert begun.wait(30)
         threading.Timer(0.2, go.set).start()  # once the block has failed
         raise KeyError("poses")
