@@ -109,8 +109,9 @@ def load_priors(
     for look in range(settings.looks if compare else 1):
         if compare:
             with timed("stereo"):
-                found = compare(FirstLook(_stored_depths(stored), held.fine) if look else None)
-                held = _held(found, frames, settings.free_space)
+                first = FirstLook(_stored_depths(stored), held.fine) if look else None
+                held = Held(points, {}, None)  # the first look's points need not be there during the second
+                held = _held(compare(first), frames, settings.free_space)
         with timed("maps"):
             if sensor:
                 depths, confidences, fits = sensor
