@@ -19,7 +19,9 @@ class StereoConfig:
     radius: Int = Field(ge=1, le=12, description="of the compared windows, pixels")
     step: Int = Field(ge=1, le=12, description="pixels between a window's samples")
     iterations: Int = Field(ge=1, le=100, description="sweeps of the first search, at the smallest image size")
-    rounds: Int = Field(ge=0, le=10, description="searches that also ask the other views' depth, at each image size")
+    rounds: Int = Field(
+        ge=0, le=10, description="of the first look: searches that also ask the other views' depth, at each image size"
+    )
     refinements: Int = Field(ge=1, le=100, description="sweeps of each of them")
     asked: Int = Field(ge=1, le=64, description="views that are asked whether they agree with a depth")
     min_agreeing: Int = Field(ge=1, le=64, description="pixels that fewer of them agree with have no depth")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
 import pytest
 
+from room2dgs import _C
+from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.scene import Frame
 from room2dgs.priors.completion import solve
@@ -194,6 +198,38 @@ def anchors_at(frames, depths, step=4) -> PointCloud:
     names, count = tuple(frame.name for frame in frames), sum(map(len, xyz))
     tracks = Tracks(names, np.concatenate(frame_of), np.arange(count), np.concatenate(pixels).astype(np.float32))
     return PointCloud(np.concatenate(xyz), np.zeros((count, 3), np.uint8), tracks)
+
+
+class Watched(LazyMaps):
+    """Maps made anew each time, and the most of them that were in memory at once."""
+
+    def __init__(self, maps):
+        super().__init__()
+        self.alive = self.most = 0
+        for name, one in maps.items():
+            self.add(name, partial(self._made, one))
+
+    def _made(self, one):
+        made = one.copy()
+        self.alive += 1
+        self.most = max(self.most, self.alive)
+        weakref.finalize(made, self._gone)
+        return made
+
+    def _gone(self):
+        self.alive -= 1
+
+
+def test_of_many_views_a_few_maps_are_in_memory_at_full_size(views):
+    frames, depths = views
+    watched = Watched(depths)
+    before = _C.threads()
+    try:
+        _C.set_threads(2)
+        found = everything(frames, watched, anchors_at(frames, depths))
+    finally:
+        _C.set_threads(before)
+    assert len(found) == len(frames) == 12 and watched.most <= 4 and watched.alive == 0
 
 
 def test_a_map_that_fitted_badly_bends_more_to_its_anchors(views):
