@@ -6,6 +6,7 @@ import trimesh
 
 from room2dgs.config import MeshConfig
 from room2dgs.errors import InputError
+from room2dgs.freed_memory import give_back
 from room2dgs.logs import Log
 from room2dgs.mesh.clean import clean
 
@@ -42,7 +43,9 @@ def finished(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Tri
     Args:
         mesh: cleaned (`cleaned`).
     """
+    give_back()  # what was cleaned away
     mesh = _smooth(mesh, config)
+    give_back()
     mesh = _filled(mesh, config, log)
     return _few(mesh, config, log)
 

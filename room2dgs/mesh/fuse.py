@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 import trimesh
 
 from room2dgs.config import MeshConfig
+from room2dgs.freed_memory import give_back
 from room2dgs.logs import Log
 from room2dgs.mesh.finish import NoSurface, cleaned, finished
 from room2dgs.mesh.tsdf import integrate
@@ -36,6 +37,7 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str =
 def _raw(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:
     watched = _Watched(views, config)
     raw = _integrated(watched, config, device)
+    give_back()  # the volume
     if not len(raw.faces):
         raise NoSurface(_why_none(config) if watched.any_pixel else _why_no_pixel(config))
     return raw
