@@ -38,6 +38,7 @@ def drawing(found: Tradeoff) -> Any:
     """A matplotlib figure: F-scores over CPU seconds, a colour for each capture, a mark for each point."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     figure = Figure(figsize=(11, 4.4), layout="constrained")
     FigureCanvasAgg(figure)
@@ -53,7 +54,11 @@ def drawing(found: Tradeoff) -> Any:
                 axes.plot(*at, MARKS[index % len(MARKS)], color=color)
                 axes.annotate(point, at, (5, 3), textcoords="offset points", fontsize=7)
         axes.set(xlabel="CPU seconds", ylabel=name, xscale="log")
-        axes.grid(alpha=0.3, which="both")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.margins(x=0.15)  # room for the names
+        axes.grid(alpha=0.3)
     for index, capture in enumerate(captures):
         figure.axes[0].plot([], [], "o", color=f"C{index % 10}", label=capture)
     figure.axes[0].legend(frameon=False, fontsize=8, loc="lower right")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,9 @@ import pytest
 from room2dgs import cli
 from room2dgs.runs.folder import new_run, write_config
 from room2dgs.study import launch
-from room2dgs.study.tradeoff import points_of
+from room2dgs.study.ablation import Row, Value
+from room2dgs.study.tradeoff import Tradeoff, points_of
+from room2dgs.study.tradeoff_page import drawing
 
 POINTS = ["point=first: mesh.source=depth train.iterations=1", "point=last, whole: train.iterations=70"]
 
@@ -71,6 +74,23 @@ def test_every_capture_runs_with_every_points_settings_and_the_means_are_told(fa
     assert "last, whole: train.iterations=70" in text
     assert len((out / "tradeoff.csv").read_text().splitlines()) == 7
     assert "<img" in (out / "tradeoff.html").read_text() and (out / "tradeoff.png").stat().st_size > 10_000
+
+
+def test_the_seconds_on_the_axis_are_plain_numbers_that_do_not_touch():
+    points = {"poisson": (), "sketch": (), "standard": ()}
+    rows = [
+        Row(f"a, {name}", name, {"f_score": Value(0.9), "cpu_s": Value(cpu)}, {}, ())
+        for name, cpu in zip(points, (18.0, 66.0, 639.0), strict=True)
+    ]
+    figure = drawing(Tradeoff("", points, 0.05, {}, tuple(rows)))
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    low, high = axes.get_xlim()
+    shown = (label for label in axes.get_xticklabels(which="both") if label.get_text())
+    labels = [label for label in shown if low <= label.get_position()[0] <= high]
+    assert {"20", "50", "100", "200", "500"} <= {label.get_text() for label in labels}
+    boxes = sorted((label.get_window_extent() for label in labels), key=lambda box: box.x0)
+    assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
 
 
 def test_stereos_share_and_what_is_far_off_stand_beside_the_scores(fake, wall, tmp_path):
