@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -14,7 +15,7 @@ from room2dgs.config.overrides import group_choices
 from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
 from room2dgs.priors.network.map_cache import read_array
-from room2dgs.priors.network.maps import predicted_maps, read_models
+from room2dgs.priors.network.maps import photos_at_once, predicted_maps, read_models
 
 DISPARITY = 200.0  # of 8-bit photos: grey level = DISPARITY / depth
 
@@ -70,6 +71,31 @@ def test_a_second_run_opens_no_model_and_gives_the_same_bits(room, photos, grey,
     again, said = maps(frames, depth_config(onnx__get="elsewhere", manhattan=False))
     assert len(sessions) == 1 and "all 6 maps of mean.onnx are in" in said
     assert {name: values.tobytes() for name, values in first.items()} == {n: v.tobytes() for n, v in again.items()}
+
+
+@pytest.mark.parametrize(
+    ("threads", "megabytes", "provider", "expected"),
+    [
+        (1, 1, "cpu", (1, 1)),
+        (2, 1, "cpu", (2, 1)),
+        (16, 1, "cpu", (4, 4)),
+        (16, 400, "cpu", (1, 16)),
+        (16, 1, "cuda", (1, 16)),
+    ],
+)
+def test_small_networks_look_at_photos_side_by_side(depth_config, tmp_path, threads, megabytes, provider, expected):
+    model = tmp_path / "a.onnx"
+    with model.open("wb") as file:
+        file.truncate(megabytes * 10**6)
+    assert photos_at_once(model, replace(depth_config(), threads=threads, provider=provider)) == expected
+
+
+def test_photos_side_by_side_get_the_maps_that_they_get_one_by_one(room, photos, grey, depth_config, tmp_path):
+    frames, found = photos(grey), []
+    for threads in (1, 3):
+        config = replace(depth_config(), threads=threads, cache=str(tmp_path / f"of_{threads}"))
+        found.append({name: values.tobytes() for name, values in maps(frames, config)[0].items()})
+    assert len(found[0]) == 6 and found[0] == found[1]
 
 
 def test_the_model_may_move_but_must_be_there(room, photos, grey, depth_config, depth_network, sessions):
