@@ -250,6 +250,7 @@ R2_INLINE Region region_of(Samples& q, const int (&by_down)[3][2], const int (&b
   constexpr int32_t limit = 1 << 20;  // what is counted from here on does not overflow
   q.allow(within(view, job.views) & within(row, job.height) & within(column, job.width) & (down > -limit) &
           (down < limit) & (right > -limit) & (right < limit));
+  row &= q.there, column &= q.there, down &= q.there, right &= q.there;  // what is not allowed may be any number
   const i8 far_down = select(down < 0, -down, down), far_right = select(right < 0, -right, right);
   const i8 longest = select(far_down > far_right, far_down, far_right);
   Region r;
