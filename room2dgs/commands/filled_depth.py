@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Scene
+from room2dgs.commands.stages import with_map_cache
 from room2dgs.config import Config
 from room2dgs.logs import Log
-from room2dgs.runs.folder import PRIOR_MAPS
 from room2dgs.runs.metrics import Stages, timed
 
 if TYPE_CHECKING:
@@ -55,5 +54,5 @@ def filled(
         maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(scene.train, views, strict=True)}
         return StereoPoints(with_stereo(points, scene.train, cameras, maps), maps)
 
-    settings = replace(config.prior, cache=config.prior.cache or str(out / PRIOR_MAPS))
+    settings = with_map_cache(config, out).prior
     return load_priors(scene.train, points, settings, log, compare, partial(timed, seconds))

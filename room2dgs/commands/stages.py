@@ -58,16 +58,13 @@ def refined(
     if (out / POSES).exists() or any((out / CHECKPOINTS).glob("*")):
         return with_poses_of_run(scene, out)
     cache = Path(config.points.cache or out / POINTS)
-    ahead = maps_ahead(scene.train, with_map_cache(config, out).prior, log) if with_priors else nullcontext(_nothing)
+    prior = with_map_cache(config, out).prior
+    ahead = maps_ahead(scene.train, prior, log) if with_priors else nullcontext(lambda: None)
     with timed(seconds, "poses"), ahead as begin:
         found, report = refined_poses(scene, config.sfm, config.points, cache, log, extracted=begin)
     write_poses(out / POSES, scene, found, report)
     record(out, {"poses": report}, seconds)
     return found
-
-
-def _nothing() -> None:
-    pass
 
 
 def told(scene: Scene, out: Path, log: Log) -> None:

@@ -153,6 +153,8 @@ def _fill(
         except BaseException:
             stop.set()
             raise
+    if stop.is_set():
+        return
     seconds = time.monotonic() - start
     log(
         f"{' and '.join(kinds)} prior: {len(frames)} photos in {seconds:.1f} s, "

@@ -110,7 +110,7 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
       const int q = first_pixel_of(v);
       const Hit<f8>& hit = hits[k];
       const i8 keep = (hit.raw >= kAlphaMin) & (load_i(s.last + q) > j);
-      const f8 alpha = alpha_of(hit, keep);
+      const f8 alpha = alpha_of(hit.raw, keep);
       const f8 T = load(s.T + q) / (1.0f - alpha);
       store(s.T + q, T);
       const f8 weight = T * alpha;

@@ -65,7 +65,7 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
       const int q = first_pixel_of(v);
       const f8 raw = raw_of[k], z = z_of[k], T = load(s.T + q);
       const i8 keep = (raw >= kAlphaMin) & (T >= kTransmittanceMin);
-      const f8 alpha = masked(keep, vmin(raw, splat(kAlphaMax)));
+      const f8 alpha = alpha_of(raw, keep);
       const f8 weight = T * alpha, after = T * (1.0f - alpha);
       store(s.T + q, after);
       const f8 in_front = load(s.covered + q);

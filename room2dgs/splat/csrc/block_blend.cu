@@ -139,7 +139,7 @@ struct BlendTiles {
   static R2_KERNEL void add(const Record& r, int j, float dx, float dy, Pixel& p) {
     const Hit<float> h = intersect<float>(r, dx, dy);
     if (!(h.raw >= kAlphaMin)) return;
-    const float alpha = alpha_of<float>(h, true);
+    const float alpha = alpha_of<float>(h.raw, true);
     const float weight = p.T * alpha, after = p.T * (1.0f - alpha), in_front = p.covered;
     p.covered = in_front + weight;
     p.red = fma(weight, r.color[0], p.red);
@@ -324,7 +324,7 @@ struct BlendTilesBackward {
 
   // One hit of one pixel, from the back; adds to sums in the order of raster.h's kSum...
   static R2_KERNEL void add(const Record& r, int j, const Hit<float>& hit, float dx, float dy, Pixel& p, float* sum) {
-    const float alpha = alpha_of<float>(hit, true);
+    const float alpha = alpha_of<float>(hit.raw, true);
     p.T = p.T / (1.0f - alpha);
     const float weight = p.T * alpha;
     // what this hit is worth, per unit of its weight

@@ -81,8 +81,8 @@ R2_HD Columns<F> columns_of(const room2dgs::Record& r, int tile_x, F row) {
 
 // Opacity where the hit is kept, 0 elsewhere.
 template <class F>
-R2_HD F alpha_of(const Hit<F>& hit, Mask<F> keep) {
-  return masked(keep, vmin(hit.raw, Lanes<F>::all(kAlphaMax)));
+R2_HD F alpha_of(F raw, Mask<F> keep) {
+  return masked(keep, vmin(raw, Lanes<F>::all(kAlphaMax)));
 }
 
 // 2DGS's m = far / (far - near) (1 - near / z), less that of the pixel's first hit: nothing cancels.
