@@ -102,5 +102,15 @@ def depth_of_other_views(depth: Annotated[NDArray, dict(writable=False)], sure: 
     Depth of each view that its neighbours' makes, and the trust in it; see priors/completion/other_views.py.
     """
 
+def count_rays(corner: Annotated[NDArray, dict(writable=False)], side: float, centres: Annotated[NDArray, dict(writable=False)], first: Annotated[NDArray, dict(writable=False)], ends: Annotated[NDArray, dict(writable=False)], from_m: float, up_to: float, through: NDArray, ended: NDArray) -> None:
+    """
+    Adds how many views look through each cell, and end in it; see priors/completion/free_space.py.
+    """
+
+def seen_through(corner: Annotated[NDArray, dict(writable=False)], side: float, through: Annotated[NDArray, dict(writable=False)], ended: Annotated[NDArray, dict(writable=False)], xyz: Annotated[NDArray, dict(writable=False)], doubt: float, share: NDArray) -> None:
+    """
+    Share of the views' word that there is nothing at points; see priors/completion/free_space.py.
+    """
+
 def fuse_depth(block: Annotated[NDArray, dict(writable=False)], row: Annotated[NDArray, dict(writable=False)], distance: NDArray, weight: NDArray, views: NDArray, color: NDArray, depth: Annotated[NDArray, dict(writable=False)], trust: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], pixel_from_voxel: Annotated[NDArray, dict(writable=False)], truncation: float) -> None:
     """Takes one depth map into the blocks of a signed distance volume."""

@@ -9,6 +9,7 @@ import numpy as np
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.cells import cells_of
 
 NEAR_M = 0.05
 CELLS = 24  # across the image, in each of which points hide one another
@@ -79,8 +80,8 @@ def probably_seen(xyz: np.ndarray, camera: Camera) -> SeenPoints:
     index = np.flatnonzero(camera.inside(pixel) & (depth > NEAR_M))
     pixel, depth = pixel[index], depth[index]
     cell_px = max(4, camera.width // CELLS)
-    cells, cell = np.unique(np.floor(pixel / cell_px).astype(np.int64), axis=0, return_inverse=True)
+    cells, cell = cells_of(pixel, cell_px)
     nearest = np.full(len(cells), np.inf)
-    np.minimum.at(nearest, cell.reshape(-1), depth)
-    shown = depth <= HIDDEN * nearest[cell.reshape(-1)]
+    np.minimum.at(nearest, cell, depth)
+    shown = depth <= HIDDEN * nearest[cell]
     return SeenPoints(index[shown], pixel[shown], depth[shown])

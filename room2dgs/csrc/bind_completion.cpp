@@ -1,4 +1,4 @@
-// Binds the completion of depth between anchors, and what other views say of it.
+// Binds the completion of depth between anchors, what other views say of it, and what they look through.
 #include <algorithm>
 #include <memory>
 #include <new>
@@ -6,6 +6,7 @@
 
 #include "arrays.h"
 #include "completion.h"
+#include "free_space.h"
 #include "other_views.h"
 #include "parallel.h"
 
@@ -107,6 +108,68 @@ void depth_of_other_views(const Input& depth, const Input& sure, const Input& si
   });
 }
 
+constexpr int64_t kMostCells = int64_t(1) << 31, kPointsPerTask = 4096;
+
+// Corner and side of the cells, and their number along each axis from an array that has one value of each.
+Cells cells_of(Arguments& check, const Input& corner, double side, const char* name, const int64_t* shape) {
+  Cells cells = {};
+  std::copy_n(check.input<double>("corner", corner, {3}), 3, cells.corner);
+  cells.side = side;
+  require(side > 0, "side is not above 0");
+  require(shape[0] > 0 && shape[1] > 0 && shape[2] > 0 && shape[0] <= kMostCells / shape[1] &&
+              shape[0] * shape[1] <= kMostCells / shape[2],
+          std::string(name) + " is not of 1 to 2^31 cells");
+  std::copy_n(shape, 3, cells.shape);
+  return cells;
+}
+
+void count_rays(const Input& corner, double side, const Input& centres, const Input& first, const Input& ends, double from,
+                double up_to, const Output& through, const Output& ended) {
+  Arguments check;
+  RaysJob job = {};
+  const auto shape = lengths("through", through, 3);
+  job.cells = cells_of(check, corner, side, "through", shape.data());
+  job.views = lengths("centres", centres, 2)[0];
+  const int64_t count = lengths("ends", ends, 2)[0];
+  job.centre = check.input<double>("centres", centres, {job.views, 3});
+  job.first = check.input<int64_t>("first", first, {job.views + 1});
+  job.ends = check.input<double>("ends", ends, {count, 3});
+  job.through = check.output<int32_t>("through", through, {shape[0], shape[1], shape[2]});
+  job.ended = check.output<int32_t>("ended", ended, {shape[0], shape[1], shape[2]});
+  require(from >= 0 && up_to >= 0 && up_to <= 1, "from is below 0 or up_to not in 0..1");
+  job.from = from, job.up_to = up_to;
+  require(job.first[0] == 0 && job.first[job.views] == count, "first does not begin with 0 and end with the number of ends");
+  for (int64_t view = 0; view < job.views; ++view) require(job.first[view] <= job.first[view + 1], "first falls");
+  nb::gil_scoped_release unlocked;
+  const auto kernel = R2_BEST(count_rays);
+  Region region;
+  std::vector<std::vector<uint8_t>> marks(region.workers());
+  region.parallel_for(job.views, [&](int64_t view, int worker) {
+    if (marks[worker].empty()) marks[worker].resize(shape[0] * shape[1] * shape[2]);
+    kernel(job, view, marks[worker].data());
+  });
+}
+
+void seen_through(const Input& corner, double side, const Input& through, const Input& ended, const Input& xyz, double doubt,
+                  const Output& share) {
+  Arguments check;
+  SeenThroughJob job = {};
+  const auto shape = lengths("through", through, 3);
+  job.cells = cells_of(check, corner, side, "through", shape.data());
+  const int64_t points = lengths("xyz", xyz, 2)[0];
+  job.through = check.input<int32_t>("through", through, {shape[0], shape[1], shape[2]});
+  job.ended = check.input<int32_t>("ended", ended, {shape[0], shape[1], shape[2]});
+  job.xyz = check.input<double>("xyz", xyz, {points, 3});
+  job.share = check.output<double>("share", share, {points});
+  require(doubt > 0, "doubt is not above 0");
+  job.doubt = doubt;
+  nb::gil_scoped_release unlocked;
+  const auto kernel = R2_BEST(seen_through);
+  parallel_for((points + kPointsPerTask - 1) / kPointsPerTask, [&](int64_t task, int) {
+    kernel(job, task * kPointsPerTask, std::min((task + 1) * kPointsPerTask, points));
+  });
+}
+
 }  // namespace
 
 void bind_completion(nb::module_& m) {
@@ -116,6 +179,12 @@ void bind_completion(nb::module_& m) {
   m.def("depth_of_other_views", &depth_of_other_views, as_is("depth"), as_is("sure"), as_is("size"), as_is("near"),
         as_is("warp"), nb::arg("least"), nb::arg("same"), as_is("result"), as_is("trust"),
         "Depth of each view that its neighbours' makes, and the trust in it; see priors/completion/other_views.py.");
+  m.def("count_rays", &count_rays, as_is("corner"), nb::arg("side"), as_is("centres"), as_is("first"), as_is("ends"),
+        nb::arg("from_m"), nb::arg("up_to"), as_is("through"), as_is("ended"),
+        "Adds how many views look through each cell, and end in it; see priors/completion/free_space.py.");
+  m.def("seen_through", &seen_through, as_is("corner"), nb::arg("side"), as_is("through"), as_is("ended"), as_is("xyz"),
+        nb::arg("doubt"), as_is("share"),
+        "Share of the views' word that there is nothing at points; see priors/completion/free_space.py.");
 }
 
 }  // namespace room2dgs

@@ -15,7 +15,7 @@ from room2dgs import _C
 class Array:
     """An array argument; `shape`: digits and names of sizes (h, w, n surfels, k coefficients, t tiles, c columns), and
     for joint depth k views, y x x samples of their maps, r x r knots, s draws, d and p rows of tables; f pixels of all
-    k views."""
+    k views, m = n + 1 firsts."""
 
     name: str
     shape: str
@@ -26,7 +26,7 @@ class Array:
     def lengths(self, sizes: dict[str, int]) -> tuple[int, ...]:
         sizes = {**sizes, "t": -(-sizes["h"] // 16) * -(-sizes["w"] // 16), "c": 11}
         sizes |= {"y": sizes["h"] + 1, "x": sizes["w"] + 1, "r": sizes["k"] + 1, "s": sizes["h"] * sizes["w"]}
-        sizes |= {"d": 19, "p": 18, "f": sizes["k"] * sizes["h"] * sizes["w"]}
+        sizes |= {"m": sizes["n"] + 1, "d": 19, "p": 18, "f": sizes["k"] * sizes["h"] * sizes["w"]}
         return tuple(int(axis) if axis.isdigit() else sizes[axis] for axis in self.shape)
 
 
@@ -184,6 +184,32 @@ CALLS = {
                 Array("trust", "f", written=True),
             ),
         ),
+        Call(
+            "count_rays",
+            (
+                Array("corner", "3", np.float64),
+                "side",
+                Array("centres", "n3", np.float64),
+                Array("first", "m", np.int64),
+                Array("ends", "n3", np.float64),
+                "from_m",
+                "up_to",
+                Array("through", "hwk", np.int32, True),
+                Array("ended", "hwk", np.int32, True),
+            ),
+        ),
+        Call(
+            "seen_through",
+            (
+                Array("corner", "3", np.float64),
+                "side",
+                Array("through", "hwk", np.int32),
+                Array("ended", "hwk", np.int32),
+                Array("xyz", "n3", np.float64),
+                "doubt",
+                Array("share", "n", np.float64, True),
+            ),
+        ),
         Call("time_stages", (*SURFELS, *FIVE_MAPS), bench=True),
         Call(
             "bare_loop",
@@ -202,15 +228,15 @@ def numbers(sizes: dict[str, int]) -> dict[str, float]:
         "dssim": 0.2, "fx": 30.0, "fy": 32.0, "cx": sizes["w"] / 2, "cy": sizes["h"] / 2,
         "width": sizes["w"], "height": sizes["h"], "near": 0.05, "every": 2, "repeats": 1, "step": 2,
         "smoothness": 8.0, "magnitude": 0.3, "reweightings": 2, "least": 1e-7, "anchor_width": 0.03, "tie_width": 0.01,
-        "same": 0.02,
+        "same": 0.02, "side": 0.05, "from_m": 0.1, "up_to": 0.95, "doubt": 2.0,
     }  # fmt: skip
 
 
 def filled(array: Array, sizes: dict[str, int], random: np.random.Generator) -> np.ndarray:
-    """Sensible values; what is written holds NaN."""
+    """Sensible values; what is written holds NaN, counts 0."""
     shape = array.lengths(sizes)
     if array.written:
-        return np.full(shape, np.nan, array.dtype)
+        return np.full(shape, np.nan if np.issubdtype(array.dtype, np.floating) else 0, array.dtype)
     if array.name == "K":
         known = numbers(sizes)
         return np.array([[known["fx"], 0, known["cx"]], [0, known["fy"], known["cy"]], [0, 0, 1.0]])
@@ -223,6 +249,8 @@ def filled(array: Array, sizes: dict[str, int], random: np.random.Generator) -> 
         values *= np.array([k, n, n, y, x, k, max(y - 4, 0), max(x - 4, 0), 2, *region, *region])[:, None]
     if array.name == "size":
         values = np.broadcast_to([sizes["h"], sizes["w"]], shape)
+    if array.name == "first":
+        values = np.arange(shape[0])
     if array.name == "near":
         values = np.floor(values * (sizes["k"] + 1)) - 1
     if array.name == "region":

@@ -7,9 +7,7 @@ through such a surface at what lies behind it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +34,8 @@ class FreeSpace(NamedTuple):
     Attributes:
         corner: (3,) metres, world frame.
         cell: metres.
-        through: (X, Y, Z) int16, how many views look through the cell at something behind it.
-        ended: (X, Y, Z) int16, how many views see a surface in the cell or in one of its 26 neighbours.
+        through: (X, Y, Z) int32, how many views look through the cell at something behind it.
+        ended: (X, Y, Z) int32, how many views see a surface in the cell or in one of its 26 neighbours.
     """
 
     corner: np.ndarray
@@ -61,7 +59,7 @@ def rays_to(points: PointCloud, frame: Frame) -> Rays:
 
 def free_space(views: Sequence[Rays]) -> FreeSpace | None:
     """Counted over all views, on any number of threads the same; None if no ray has an end."""
-    ends = np.concatenate([view.ends for view in views]) if views else np.zeros((0, 3))
+    ends = np.concatenate([view.ends for view in views], dtype=np.float64) if views else np.zeros((0, 3))
     if not len(ends):
         return None
     low, high = np.quantile(ends, (OUTSIDE, 1 - OUTSIDE), axis=0)
@@ -70,11 +68,9 @@ def free_space(views: Sequence[Rays]) -> FreeSpace | None:
     corner, size = low - MARGIN_M, high - low + 2 * MARGIN_M
     cell = max(CELL_M, float(np.prod(size) / MOST_CELLS) ** (1 / 3))
     shape = tuple(int(count) for count in np.ceil(size / cell))
-    through, ended = np.zeros(shape, np.int16), np.zeros(shape, np.int16)
-    with ThreadPoolExecutor(_C.threads()) as pool:
-        for passed, met in pool.map(partial(_cells, corner=corner, cell=cell, shape=shape), views):
-            through.ravel()[passed] += 1
-            ended.ravel()[met] += 1
+    through, ended = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
+    first = np.cumsum([0, *(len(view.ends) for view in views)])
+    _C.count_rays(corner, cell, np.array(centres, np.float64), first, ends, FROM_M, UP_TO, through, ended)
     return FreeSpace(corner, cell, through, maximum_filter(ended, 3, mode="constant"))
 
 
@@ -92,30 +88,7 @@ def seen_through(space: FreeSpace | None, xyz: np.ndarray) -> np.ndarray:
     """
     if space is None:
         return np.zeros(xyz.shape[:-1])
-    place = np.floor((xyz - space.corner) / space.cell)
-    inside = ((place >= 0) & (place < space.through.shape)).all(axis=-1)
-    at = tuple(np.moveaxis(np.where(inside[..., None], place, 0).astype(np.int64), -1, 0))
-    ended = np.where(inside, space.ended[at], 0)
-    against = np.maximum(np.where(inside, space.through[at], 0) - ended, 0.0)
-    return against / (against + DOUBT + ended)
-
-
-def _cells(view: Rays, corner: np.ndarray, cell: float, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Flat indices of the cells that a view looks through, and of those where its rays end, each once."""
-    met = np.unique(_flat((view.ends - corner) / cell, shape))
-    start, reach = (view.centre - corner) / cell, (view.ends - view.centre) / cell
-    length = np.linalg.norm(reach, axis=1)
-    reach = reach[length > 0] / length[length > 0, None]
-    length = UP_TO * length[length > 0]
-    passed = np.zeros(int(np.prod(shape)), bool)
-    for step in np.arange(FROM_M / cell, length.max(initial=0), 1.0):
-        on = length > step
-        reach, length = reach[on], length[on]
-        passed[_flat(start + step * reach, shape)] = True
-    return np.flatnonzero(passed), met
-
-
-def _flat(place: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Of places in cells; those outside are left out."""
-    inside = ((place >= 0) & (place < shape)).all(axis=1)
-    return np.ravel_multi_index(tuple(place[inside].astype(np.int64).T), shape)
+    share = np.empty(xyz.shape[:-1])
+    points = np.ascontiguousarray(xyz, np.float64).reshape(-1, 3)
+    _C.seen_through(space.corner, space.cell, space.through, space.ended, points, float(DOUBT), share.reshape(-1))
+    return share

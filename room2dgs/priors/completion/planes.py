@@ -17,6 +17,7 @@ MOST = 24  # planes
 DRAWN = 60000  # samples that are looked at
 TRIED, FIRST_AGAINST = 600, 1000  # candidates in each round, and samples that judge them all
 FINAL, AGAINST = 40, 6000  # the best of them, and samples that judge these
+AT_ONCE = 40  # candidates judged together
 WIDTH_M, WIDTH_RELATIVE = 0.02, 0.012  # distance from a plane at which a sample starts to count as off it
 TURN = 0.94  # least cosine between normals of a candidate and of a sample that speaks for it
 REFITS = 8
@@ -101,13 +102,19 @@ def _best_candidate(
     candidates = generator.choice(left, min(len(left), TRIED), replace=False)
     offset = (normal[candidates] * xyz[candidates]).sum(axis=1)
 
-    def held(index: int, by: np.ndarray) -> int:
-        near = np.abs(_along(xyz[by], normal[candidates[index]]) - offset[index]) < 2 * width[by]
-        return int((near & (_along(normal[by], normal[candidates[index]]) > TURN)).sum())
+    def held(some: np.ndarray, by: np.ndarray) -> np.ndarray:
+        """How many of the judges each candidate holds."""
+        count = np.empty(len(some), np.int64)
+        for part in range(0, len(some), AT_ONCE):
+            index = candidates[some[part : part + AT_ONCE]]
+            direction = normal[index].T[..., None]
+            near = np.abs(_along(xyz[by], direction) - offset[some[part : part + AT_ONCE], None]) < 2 * width[by]
+            count[part : part + AT_ONCE] = (near & (_along(normal[by], direction) > TURN)).sum(axis=1)
+        return count
 
-    first = np.array([held(index, judges[:FIRST_AGAINST]) for index in range(len(candidates))])
+    first = held(np.arange(len(candidates)), judges[:FIRST_AGAINST])
     final = np.argsort(-first, kind="stable")[:FINAL]
-    best = max(final, key=lambda index: held(index, judges))  # the first of equals
+    best = final[held(final, judges).argmax()]  # the first of equals
     return normal[candidates[best]], float(offset[best])
 
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from room2dgs.geometry.cells import cells_of
+
 EXACT_DEG = 0.5  # how exactly builders and joiners keep to a right angle
 DOUBTFUL_DEG = 1.0  # planes known exactly that are off a right angle by this much probably stand at another angle
 MOST_DOUBT_DEG = 3.0  # that uncertain directions add to it
@@ -34,7 +36,7 @@ def direction_covariance(xyz: np.ndarray, off: np.ndarray, weight: np.ndarray, n
     """
     across = _across(normal)
     flat = np.eye(3) - np.outer(normal, normal)
-    cells, cell = np.unique(np.floor(xyz / CELL_M).astype(np.int64), axis=0, return_inverse=True)
+    cells, cell = cells_of(xyz, CELL_M)
     lever = np.column_stack([(xyz * axis).sum(axis=1) for axis in across])
     lever = lever - (weight[:, None] * lever).sum(axis=0) / weight.sum()
     off = off - (weight * off).sum() / weight.sum()
@@ -42,7 +44,7 @@ def direction_covariance(xyz: np.ndarray, off: np.ndarray, weight: np.ndarray, n
     spare = len(cells) - 3  # a plane takes three numbers
     if spare < 1 or np.linalg.cond(spread) > 1e6:
         return flat * np.radians(UNKNOWN_DEG) ** 2
-    pull = np.column_stack([np.bincount(cell.ravel(), weight * off * column, len(cells)) for column in lever.T])
+    pull = np.column_stack([np.bincount(cell, weight * off * column, len(cells)) for column in lever.T])
     inverse = np.linalg.inv(spread)
     slope = inverse @ np.einsum("ci,cj->ij", pull, pull) @ inverse * len(cells) / spare
     return np.asarray(ALIKE**2 * across.T @ slope @ across + np.radians(LEAST_ERROR_DEG) ** 2 * flat)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from room2dgs.geometry.cells import cells_of
+
 NEIGHBOURS = 16
 # The normals of nearer neighbours are the points' noise rather than the surface's.
 SPACING_M = 0.05
@@ -22,8 +24,7 @@ def planar_normals(xyz: np.ndarray, asked: np.ndarray) -> np.ndarray:
     Returns:
         (N, 3) float64 unit, of either sign; 0 where the neighbours lie on no plane.
     """
-    cells = np.unique(np.floor(xyz / SPACING_M).astype(np.int64), axis=0, return_index=True)[1]
-    thinned = xyz[cells]
+    thinned = xyz[cells_of(xyz, SPACING_M)[0]]
     normals = np.zeros((len(asked), 3))
     if len(thinned) < NEIGHBOURS:
         return normals

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.geometry.camera import Camera
@@ -17,6 +19,7 @@ from room2dgs.priors.completion.free_space import (
     rays_to,
     seen_through,
 )
+from room2dgs.priors.completion.free_space_reference import cells_of_view_reference, seen_through_reference
 from room2dgs.priors.completion.views import complete_views
 from room2dgs.splat import set_threads
 
@@ -58,6 +61,31 @@ def test_where_nothing_is_known_nothing_is_seen_through():
     assert free_space([]) is None
     assert free_space([Rays(np.zeros(3), np.zeros((0, 3)))]) is None
     np.testing.assert_array_equal(seen_through(None, np.ones((3, 4, 3))), np.zeros((3, 4)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.sampled_from([0.3, 3.0, 300.0]))
+def test_the_kernels_are_the_reference(seed, count, reach):
+    """To the last bit: ends in any direction, some of them in the camera, most cells of the largest left out."""
+    rng = np.random.default_rng(seed)
+    views = []
+    for _ in range(count):
+        centre = rng.normal(size=3)
+        ends = centre + rng.normal(size=(rng.integers(0, 60), 3)) * rng.choice([0, 0.01, 1, reach], (1, 3))
+        views.append(Rays(centre, ends))
+    space = free_space(views)
+    if not sum(len(view.ends) for view in views):
+        assert space is None
+        return
+    through, ended = np.zeros(space.through.shape, np.int32), np.zeros(space.through.shape, np.int32)
+    for view in views:
+        passed, met = cells_of_view_reference(view, space.corner, space.cell, through.shape)
+        through += passed
+        ended += met
+    np.testing.assert_array_equal(space.through, through)
+    np.testing.assert_array_equal(space.ended, module.maximum_filter(ended, 3, mode="constant"))
+    at = np.concatenate([view.ends for view in views] + [rng.normal(size=(50, 3)) * 2])
+    np.testing.assert_array_equal(seen_through(space, at), seen_through_reference(space, at))
 
 
 def test_threads_count_the_same(facing_a_wall):

@@ -22,7 +22,7 @@ def left_is_seen_through(make) -> tuple[Camera, FreeSpace]:
     """A camera at the origin that looks along x, and a space of which 2000 views look through all that lies left."""
     camera = make.camera_at((0.0, 0.0, 0.0), (1.0, 0, 0), pixels=40, half_angle_deg=30)
     left = camera.unproject(np.array([[0.5, SHAPE[0] / 2]]), np.array([DEPTH_M]))[0]
-    through = np.zeros((1, 2, 1), np.int16)
+    through = np.zeros((1, 2, 1), np.int32)
     through[0, int(left[1] > 0)] = 2000
     return camera, FreeSpace(np.array([-10.0, -20.0, -10.0]), 20.0, through, np.zeros_like(through))
 
