@@ -28,6 +28,7 @@ FLOW = (
         "cuda_state",
         "block_code",
         "freed_memory",
+        "side_by_side",
         "interrupts",
         "colmap",
     ),

@@ -11,13 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from room2dgs import _C
 from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
 from room2dgs.captures.stored_maps import StoredMaps
 from room2dgs.captures.view_maps import ViewMaps
-from room2dgs.config import OnnxConfig, PriorConfig
+from room2dgs.config import NormalPriorConfig, OnnxConfig, PriorConfig
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.priors.align.depths import aligned_depths
@@ -35,6 +36,7 @@ from room2dgs.priors.normals.convention import camera_normals
 from room2dgs.priors.normals.samples import sample
 from room2dgs.priors.sensor.depths import sensor_depths
 from room2dgs.priors.simulated import simulated
+from room2dgs.side_by_side import side_by_side
 from room2dgs.stereo.anchors import FirstLook, Maps, StereoPoints
 
 CHECKED_FRAMES = 24
@@ -280,22 +282,27 @@ def _normals(
     files = _maps(frames, config, "normal", models, log) if network else files
     frames = [frame for frame in frames if frame.name in files]
     used = 0
-    for frame in frames:
-        raw, valid = read_normal(files[frame.name], settings, frame.camera)
-        confidence = read_confidence(files[frame.name], settings.onnx)
-        if confidence is not None:
-            valid &= confidence > 0
-        in_cam = camera_normals(raw, settings, frame.camera)
-        # A surface that is seen faces the camera; where a map says otherwise it is wrong.
-        valid &= (in_cam * frame.camera.rays()).sum(axis=-1) < 0
-        in_world = frame.camera.turned_to_world(in_cam)
-        if valid.any():
+    read = side_by_side(lambda frame: _normal(frame, files[frame.name], settings), frames, _C.threads())
+    for frame, (normal, confidence) in zip(frames, read, strict=True):
+        if normal.any():
             used += 1
-            normal = np.where(valid[..., None], in_world, 0.0).astype(np.float32)
-            yield frame.name, normal, _where(valid, confidence)
+            yield frame.name, normal, confidence
         else:
             log(f"normal prior of {frame.name} left out: no pixel of it faces the camera")
     log(f"normal prior: {used} of {len(frames)} maps used")
+
+
+def _normal(frame: Frame, path: Path, settings: NormalPriorConfig) -> tuple[np.ndarray, np.ndarray | None]:
+    """(H, W, 3) float32 unit world normals facing the camera, 0 = invalid, and their confidence."""
+    raw, valid = read_normal(path, settings, frame.camera)
+    confidence = read_confidence(path, settings.onnx)
+    if confidence is not None:
+        valid &= confidence > 0
+    in_cam = camera_normals(raw, settings, frame.camera)
+    # A surface that is seen faces the camera; where a map says otherwise it is wrong.
+    valid &= (in_cam * frame.camera.rays()).sum(axis=-1) < 0
+    in_world = frame.camera.turned_to_world(in_cam)
+    return np.where(valid[..., None], in_world, 0.0).astype(np.float32), _where(valid, confidence)
 
 
 def _some(names: list[str]) -> str:

@@ -8,8 +8,10 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from room2dgs import _C
 from room2dgs.block_code import build_of
 from room2dgs.geometry.camera import Camera
+from room2dgs.side_by_side import side_by_side
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, Packed, Search, packed
@@ -203,14 +205,13 @@ def _filtered(
     matching: Matching,
     progress: Progress,
 ) -> Iterator[DenseView]:
-    for index, view in enumerate(views):
-        camera, near = view.camera, near_views[index]
+    def filtered(index: int) -> DenseView:
+        view, near = views[index], near_views[index]
+        camera = view.camera
         if not len(near):
             nothing = np.zeros(planes[index].shape[1:], np.float32)
-            yield DenseView(
-                nothing, np.zeros((*nothing.shape, 3), np.float32), nothing.astype(np.uint8), nothing, planes[index]
-            )
-            continue
+            blank = np.zeros((*nothing.shape, 3), np.float32)
+            return DenseView(nothing, blank, nothing.astype(np.uint8), nothing, planes[index])
         others = [views[other] for other in near[: options.neighbours]]
         cost, _ = Search(view, others, matching, (0.1, 100.0), 0).costs(planes[index])
         agreed = agreement(
@@ -228,11 +229,14 @@ def _filtered(
         by_disparity = DISPARITY_ERROR_PX * depth / (camera.K[0, 0] * max(float(baseline), 1e-6))
         error = depth * np.hypot(by_disparity, agreed.spread)
         planes_kept = np.stack([np.where(kept, agreed.inverse_depth, planes[index][0]), *planes[index][1:]])
-        yield DenseView(
+        return DenseView(
             depth.astype(np.float32),
             np.where(kept[..., None], normal, 0).astype(np.float32),
             np.where(kept, agreed.count, 0).astype(np.uint8),
             np.where(kept, error, 0).astype(np.float32),
             planes_kept.astype(np.float32),
         )
+
+    for index, found in enumerate(side_by_side(filtered, range(len(views)), _C.threads())):
         progress("stereo, filter", index + 1, len(views))
+        yield found

@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from room2dgs import _C
 from room2dgs.geometry.camera import Camera
+from room2dgs.side_by_side import side_by_side
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.dense import Options, Progress, Sight, near_and_ranges
 from room2dgs.stereo.patchmatch import Matching, Packed, Search
@@ -69,12 +71,15 @@ def second_look(
         alike.append(cost < options.max_cost)
         progress(f"stereo at {view.camera.width} pixels, from the completed depth", index + 1, len(views))
     del before
-    for index, view in enumerate(views):
+
+    def filtered(index: int) -> tuple[np.ndarray, np.ndarray]:
         asked = [(cameras[other], found[other]) for other in near_views[index][: options.asked]]
-        agreed = agreement(view.camera, found[index], asked, options.max_px, options.max_relative)
+        agreed = agreement(cameras[index], found[index], asked, options.max_px, options.max_relative)
         kept = alike[index] & (agreed.count >= options.min_agreeing)
         depth = np.divide(1, agreed.inverse_depth, out=np.zeros_like(agreed.inverse_depth), where=kept)
-        yield depth, np.where(kept, agreed.count, np.uint8(0))
+        return depth, np.where(kept, agreed.count, np.uint8(0))
+
+    yield from side_by_side(filtered, range(len(views)), _C.threads())
 
 
 def _planes(depth: np.ndarray, camera: Camera) -> np.ndarray:

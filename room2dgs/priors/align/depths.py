@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from room2dgs import _C
 from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
@@ -19,6 +20,7 @@ from room2dgs.priors.align.one_view import RawMap, RawMaps, add_aligned, pairs_a
 from room2dgs.priors.align.scale_shift import Fit, fit_scale_shift, residual
 from room2dgs.priors.confidence import read_confidence
 from room2dgs.priors.files import read_depth
+from room2dgs.side_by_side import side_by_side
 
 
 def aligned_depths(
@@ -70,14 +72,14 @@ def _align_to_points(
 ) -> tuple[LazyMaps[np.ndarray], dict[str, Fit]]:
     depths: LazyMaps[np.ndarray] = LazyMaps()
     fits: dict[str, Fit] = {}
-    for frame in frames:
+
+    def fitted(frame: Frame) -> Fit | None:
         x, y = pairs_at_points(raw[frame.name], likely_points(points, frame)[0], settings)
         if not settings.align:
-            fit = Fit(1.0, 0.0, residual(x, y, 1.0, 0.0), len(x))
-        elif len(x) >= FEW_POINTS:
-            fit = fit_scale_shift(x, y, shift_sigma=shift_sigma(settings))
-        else:
-            continue
+            return Fit(1.0, 0.0, residual(x, y, 1.0, 0.0), len(x))
+        return fit_scale_shift(x, y, shift_sigma=shift_sigma(settings)) if len(x) >= FEW_POINTS else None
+
+    for frame, fit in zip(frames, side_by_side(fitted, frames, _C.threads()), strict=True):
         if fit:
             fits[frame.name] = fit
             add_aligned(frame, raw, fit, settings, depths)

@@ -25,6 +25,7 @@ from room2dgs.priors.completion.planes import Plane, Samples, find_planes
 from room2dgs.priors.completion.small_maps import Completed, SmallMaps, small_maps
 from room2dgs.priors.completion.solve import System, solved, system
 from room2dgs.priors.files import resize_depth
+from room2dgs.side_by_side import side_by_side
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.torch_threads import one_torch_thread
@@ -94,7 +95,7 @@ def complete_views(
         near = _near_views(frames, points)
         planes = planes and len(normals) > 0
         for _ in range(ROUNDS if planes or other_views else 0):
-            errors = _expected_errors(small, alone, near, space)
+            errors = list(pool.map(_expecting(small, alone, near, space), range(len(frames))))
             found = find_planes(_samples(given, small, errors, space), right_angles=right_angles) if planes else []
             held = list(pool.map(partial(_held_by_planes, planes=found, space=space), given, small))
             drawn = _held_by_other_views(held, small, errors, near) if other_views else None
@@ -102,17 +103,23 @@ def complete_views(
             small = _completed(drawn, pool) if drawn else alone
         flat = partial(_flat, planes=found)
         small, alone = list(pool.map(flat, given, small)), list(pool.map(flat, given, alone))
-    all_errors = _expected_errors(small, alone, near, space)
-    medians = []
-    for frame, part, error in zip(frames, small, all_errors, strict=True):
-        medians.append(float(np.median(error[part.depth > 0])) if (part.depth > 0).any() else float("nan"))
+    expected = _expecting(small, alone, near, space)
+
+    def whole(index: int) -> tuple[float, np.ndarray, np.ndarray]:
+        frame, part, error = frames[index], small[index], expected(index)
+        median = float(np.median(error[part.depth > 0])) if (part.depth > 0).any() else float("nan")
         depth = depths[frame.name]
         large = partial(cv2.resize, dsize=depth.shape[::-1], interpolation=cv2.INTER_LINEAR)
         sure = large(confidence(error))
         full = (depth * np.exp(large(part.log_scale))).astype(np.float32)
         if frame.name in stereo:
             full = _with_fine(full, *stereo[frame.name], large(part.flat), frame.camera)
-        take(frame.name, full, np.where(full > 0, sure, 0).astype(np.float32))
+        return median, full, np.where(full > 0, sure, 0).astype(np.float32)
+
+    medians = []
+    for frame, (median, *maps) in zip(frames, side_by_side(whole, range(len(frames)), _C.threads()), strict=True):
+        medians.append(median)
+        take(frame.name, *maps)
     if frames:
         on = f"; planes: {len(found)}, with {sum(one.share for one in found):.0%} of the surface" if found else ""
         log(f"completion: depth of {len(frames)} views, expected error {np.nanmedian(medians):.1%} (median){on}")
@@ -125,22 +132,25 @@ def _near_views(frames: Sequence[Frame], points: PointCloud) -> list[list[int]]:
     return choose_neighbours([frame.camera for frame in frames], seen, tracked.xyz, max(ASKED, LENDING))
 
 
-def _expected_errors(
+def _expecting(
     small: Sequence[Completed],
     alone: Sequence[Completed],
     near: Sequence[Sequence[int]],
     space: FreeSpace | None,
-) -> list[np.ndarray]:
-    """(h, w) relative, of each view: that of the depth that it finds alone, and more where others moved it."""
+) -> Callable[[int], np.ndarray]:
+    """What gives a view's (h, w) relative error: that of the depth that it finds alone, and more where others moved
+    it."""
     inverse = [np.divide(1, part.depth, out=np.zeros_like(part.depth), where=part.depth > 0) for part in alone]
-    errors = []
-    for part, drawn, own, others in zip(alone, small, inverse, near, strict=True):
-        beside = [(alone[other].camera, inverse[other]) for other in others[:ASKED]]
-        said = agreement(part.camera, own, beside, MAX_PX, MAX_RELATIVE)
+
+    def expected(view: int) -> np.ndarray:
+        part = alone[view]
+        beside = [(alone[other].camera, inverse[other]) for other in near[view][:ASKED]]
+        said = agreement(part.camera, inverse[view], beside, MAX_PX, MAX_RELATIVE)
         through = seen_through(space, part.camera.unproject_map(part.depth))
         error = expected_relative_error(part.depth, part.anchor, part.trust, said, through)
-        errors.append(error + MOVED * np.abs(drawn.log_scale - part.log_scale))
-    return errors
+        return error + MOVED * np.abs(small[view].log_scale - part.log_scale)
+
+    return expected
 
 
 def _samples(
