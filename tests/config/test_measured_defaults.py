@@ -8,7 +8,7 @@ def test_defaults_are_those_that_were_measured():
     mesh, train = config.mesh, config.train
     assert (mesh.voxel_m, mesh.truncation_voxels, mesh.min_weight) == (None, 2.0, 1.0)
     assert (mesh.smoothing_steps, mesh.max_error_m) == (5, 0.005)
-    assert [(level.fraction, level.until) for level in train.resolutions] == [(0.5, 0.5)] and train.coarsest_px == 320
+    assert [(level.fraction, level.until) for level in train.resolutions] == [(0.5, 0.7)] and train.coarsest_px == 320
     assert (config.strategy.name, config.strategy.thin, config.seeds.per_seed) == ("seeds", 0.03, 4)
     depth = config.prior.depth
     assert depth.completion and depth.planes and depth.right_angles and depth.free_space and depth.second_look
