@@ -57,6 +57,7 @@ def _with_an_area(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     if not flat.any():
         return faces
     near = np.isin(faces, faces[flat]).any(axis=1)
+    near = np.isin(faces, faces[near]).any(axis=1)  # and those beside them, which may be divided in turn
     some = {index: tuple(map(int, faces[index])) for index in np.flatnonzero(near)}
     beside = {edge: index for index, face in some.items() for edge in _edges(face)}
     to_do = [int(index) for index in np.flatnonzero(flat)]
@@ -64,6 +65,8 @@ def _with_an_area(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         if not to_do:
             break
         index = to_do.pop()
+        if has_area(vertices, np.array([some[index]]))[0]:  # since it was divided with another one
+            continue
         u, v, w = _longest_first(vertices, some[index])
         other = beside.get((v, u))
         for edge in _edges(some.pop(index)):
