@@ -237,6 +237,9 @@ def _filtered(
             planes_kept.astype(np.float32),
         )
 
-    for index, found in enumerate(side_by_side(filtered, range(len(views)), _C.threads())):
+    order = range(len(views))
+    # a GPU is chosen for the thread that asks for it
+    done = side_by_side(filtered, order, _C.threads()) if options.device == "cpu" else map(filtered, order)
+    for index, found in enumerate(done):
         progress("stereo, filter", index + 1, len(views))
         yield found
