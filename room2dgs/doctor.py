@@ -20,7 +20,7 @@ MODULES = {
     "pycolmap": ("pycolmap", "sparse points"),
     "open3d": ("open3d", "depth fusion, ray casting"),
     "trimesh": ("trimesh", "mesh files"),
-    "meshoptimizer": ("meshoptimizer", "meshes with fewer faces"),
+    "fast_simplification": ("fast-simplification", "meshes with fewer faces"),
     "scipy": ("scipy", "nearest neighbours"),
     "kornia": ("kornia", "image scores"),
     "onnxruntime": ("onnxruntime", "depth and normal priors"),

@@ -1,31 +1,32 @@
 """As few faces as a surface needs: flat walls get large ones, rims and pictures keep theirs.
 
-Edges collapse by quadric error (`collapse`), no vertex moves, and open rims stay to the last bit. So nothing shrinks at
-a hole, and parts that are simplified one by one, or are set aside, for they show an edge of colour, fit together
-without a crack.
+Quadric decimation by fast-simplification (MIT), which is single-threaded and leaves the vertices of open rims where
+they are to the last bit. So nothing shrinks at a hole, and parts that are decimated one by one, or are set aside, for
+they show an edge of colour, fit together without a crack.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
 
+import fast_simplification
 import numpy as np
 import trimesh
 
 from room2dgs.mesh.clean import clean
-from room2dgs.mesh.collapse import collapsed
-from room2dgs.mesh.simplify import Measure, Simplified
+from room2dgs.mesh.simplify import Measure, Simplified, colors_at
 
 CONTRAST = 24  # levels between the corners of a face, above which it stays: vertices hold all the colour there is
-FIRST = 0.45  # quadric error tried first, of the bound: what 99.9 % of a room's mesh is off by is about twice as much
+FIRST = 0.25  # of the faces, tried first
 TRIES = 4
-NEAR_ENOUGH = 0.65  # of the bound
-AIM = 0.85  # of the bound
+NEAR_ENOUGH = 0.75  # of the bound
+AIM = 0.9  # of the bound
 LEAST = 0.1  # of the bound: what is nearer counts as this far
-POWER = 0.8  # by which the quadric error follows the distance
+SLOPE, SLOPES = 0.3, (0.1, 2.0)  # faces fall with the error to about this power, of a room's smoothed mesh; bounds
+AGGRESSION = 3.0  # of fast-simplification; with more it is sooner done, and coarser where shape is
 SMALL = 500  # faces, which are few enough
-PART = 400_000  # faces that are simplified at a time; memory follows them
+PART = 400_000  # faces that are decimated at a time; memory follows them
+FEWEST_TRIED, MOST_TRIED = 0.02, 0.7  # of a part's faces, whatever its neighbour needed
 
 
 def few_faces(mesh: trimesh.Trimesh, max_error_m: float) -> Simplified:
@@ -41,59 +42,56 @@ def few_faces(mesh: trimesh.Trimesh, max_error_m: float) -> Simplified:
         The mesh as it is, if it is small or nothing within the bound was found. `most_m` is the worst part's.
     """
     vertices, faces, aside = np.asarray(mesh.vertices), np.asarray(mesh.faces), _contrasting(mesh)
-    pieces, found, share = [faces[aside]], [], FIRST
+    pieces, share = [_piece(vertices, faces[aside])], FIRST
+    found = []
     for rows in _parts(vertices, faces, np.flatnonzero(~aside)):
-        if len(rows) <= SMALL:
-            pieces.append(faces[rows])
-            continue
-        used, part = _piece(faces[rows])
-        less, share = _searched(trimesh.Trimesh(vertices[used], part, process=False), max_error_m, share)
-        pieces.append(used[less.faces])
-        found.append((less.largest_m, less.most_m, less.mean_m, len(rows)))
-    left = np.concatenate(pieces)
-    if len(left) == len(faces):
+        whole = trimesh.Trimesh(*_piece(vertices, faces[rows]), process=False)
+        part = _searched(whole, max_error_m, share) if len(rows) > SMALL else Simplified(whole, 0.0, 0.0, 0.0)
+        if part.mesh is not whole:
+            share = float(np.clip(len(part.mesh.faces) / len(rows), FEWEST_TRIED, MOST_TRIED))  # neighbours are alike
+        pieces.append((np.asarray(part.mesh.vertices), np.asarray(part.mesh.faces)))
+        found.append((part.largest_m, part.most_m, part.mean_m, len(rows)))
+    largest, most, mean, counts = np.array(found).reshape(-1, 4).T
+    if sum(len(piece[1]) for piece in pieces) == len(faces):
         return Simplified(mesh, 0.0, 0.0, 0.0)
-    largest, most, mean, counts = np.array(found).T
-    mean_m = float(np.average(mean, weights=counts))
-    return Simplified(_with_faces(mesh, left), float(largest.max()), float(most.max()), mean_m)
+    sewn = _sewn(_together(pieces), mesh)
+    return Simplified(sewn, float(largest.max()), float(most.max()), float(np.average(mean, weights=counts)))
 
 
-class _Less(NamedTuple):
-    """(F, 3) faces that are left of a part, and how far they are off, as `Simplified`."""
-
-    faces: np.ndarray
-    largest_m: float
-    most_m: float
-    mean_m: float
-
-
-def _searched(whole: trimesh.Trimesh, max_error_m: float, share: float) -> tuple[_Less, float]:
-    """The fewest faces found, all of them where nothing within the bound was, and the quadric error to try next time.
-
-    Args:
-        whole: a part.
-        share: quadric error to try first, of the bound; what is returned, too.
-    """
-    vertices, faces, measure = np.asarray(whole.vertices), np.asarray(whole.faces), Measure(whole)
-    best, refused, before = _Less(faces, 0.0, 0.0, 0.0), np.inf, len(faces) + 1
-    for _ in range(TRIES):
-        # From the whole each time: a mesh that was simplified once has forgotten where its surface was.
-        left = collapsed(vertices, faces, error_m=share * max_error_m, rims_stay=True)
-        if len(left) == before:  # rims and what is curved allow no fewer
-            break
-        before = len(left)
-        used, part = _piece(left)
-        found = measure(trimesh.Trimesh(vertices[used], part, process=False))
-        ratio = round(found.most_m, 6) / max_error_m  # in micrometres: no less decides
-        tried, share = share, share * (AIM / max(ratio, LEAST)) ** POWER
+def _searched(whole: trimesh.Trimesh, max_error_m: float, share: float) -> Simplified:
+    """A part with the fewest faces found; itself, where nothing within the bound was."""
+    best, measure = Simplified(whole, 0.0, 0.0, 0.0), Measure(whole)
+    vertices, faces = np.asarray(whole.vertices), np.asarray(whole.faces)
+    target, refused, done = share * len(faces), 0.0, float(len(faces))
+    tries: list[tuple[float, float]] = []  # faces, and their error as a share of the bound
+    while len(tries) < TRIES:
+        # From the whole each time: a mesh that was decimated once has forgotten where its surface was.
+        tried = fast_simplification.simplify(
+            vertices, faces.astype(np.int32), target_count=int(target), agg=AGGRESSION, preserve_border=True
+        )
+        found = measure(trimesh.Trimesh(*tried, process=False))
+        reached, ratio = float(len(tried[1])), round(found.most_m, 6) / max_error_m  # in micrometres: no less decides
+        tries.append((reached, max(ratio, LEAST)))
         if ratio > 1:
-            refused = min(refused, tried)
-        elif len(left) < len(best.faces):
-            best = _Less(left, found.largest_m, found.most_m, found.mean_m)
-            if ratio > NEAR_ENOUGH:
-                break
-        share = min(share, 0.95 * refused)
-    return best, share
+            refused = max(refused, reached)
+        elif reached < done:
+            best, done = found, reached
+        if ratio <= 1 and (ratio > NEAR_ENOUGH or reached > 1.1 * target):  # rims and what is curved allow no fewer
+            break
+        # between what was too few and what is known to do
+        target = np.clip(_next(tries), max(1.05 * refused, SMALL), 0.95 * done)
+        if not refused < target < 0.96 * done:
+            break
+    return best
+
+
+def _next(tries: Sequence[tuple[float, float]]) -> float:
+    """Faces whose error is a little below the bound: a power law through the last two of the tries."""
+    faces, error = tries[-1]
+    slope = SLOPE
+    if len(tries) > 1 and error != tries[-2][1] and faces != tries[-2][0]:
+        slope = float(np.log(faces / tries[-2][0]) / np.log(tries[-2][1] / error))
+    return faces * (error / AIM) ** float(np.clip(slope, *SLOPES))
 
 
 def _parts(vertices: np.ndarray, faces: np.ndarray, rows: np.ndarray) -> Iterator[np.ndarray]:
@@ -101,32 +99,39 @@ def _parts(vertices: np.ndarray, faces: np.ndarray, rows: np.ndarray) -> Iterato
     if len(rows) <= PART:
         yield rows
         return
-    middles = vertices[faces[rows, 0]] + vertices[faces[rows, 1]] + vertices[faces[rows, 2]]
+    middles = vertices[faces[rows]].sum(axis=1)
     along = middles[:, np.ptp(middles, axis=0).argmax()]
     order = np.argsort(along, kind="stable")
     for half in (order[: len(order) // 2], order[len(order) // 2 :]):
         yield from _parts(vertices, faces, rows[np.sort(half)])
 
 
-def _piece(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The vertices that the faces use, rising, and the faces renumbered to these."""
-    used = np.zeros(faces.max(initial=-1) + 1, dtype=bool)
+def _piece(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The faces with the vertices that they use, in their order."""
+    used = np.zeros(len(vertices), dtype=bool)
     used[faces] = True
-    return np.flatnonzero(used), (np.cumsum(used) - 1)[faces]
+    renumbered = np.cumsum(used) - 1
+    return vertices[used], renumbered[faces]
 
 
 def _contrasting(mesh: trimesh.Trimesh) -> np.ndarray:
     """(F,) bool."""
     if mesh.visual.kind != "vertex":
         return np.zeros(len(mesh.faces), dtype=bool)
-    colors = np.asarray(mesh.visual.vertex_colors)[:, :3].astype(np.int16)
-    a, b, c = (colors[np.asarray(mesh.faces)[:, corner]] for corner in range(3))
-    spread = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
-    return np.maximum(np.maximum(spread[:, 0], spread[:, 1]), spread[:, 2]) > CONTRAST
+    corners = np.asarray(mesh.visual.vertex_colors)[:, :3].astype(np.int16)[np.asarray(mesh.faces)]
+    return (corners.max(axis=1) - corners.min(axis=1)).max(axis=1) > CONTRAST
 
 
-def _with_faces(mesh: trimesh.Trimesh, faces: np.ndarray) -> trimesh.Trimesh:
-    """The mesh with other faces of its vertices."""
-    used, renumbered = _piece(faces)
-    colors = np.asarray(mesh.visual.vertex_colors)[used] if mesh.visual.kind == "vertex" else None
-    return clean(trimesh.Trimesh(np.asarray(mesh.vertices)[used], renumbered, vertex_colors=colors, process=False))
+def _together(pieces: Sequence[tuple[np.ndarray, np.ndarray]]) -> trimesh.Trimesh:
+    """All pieces as one mesh, each with vertices of its own."""
+    firsts = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
+    faces = [piece[1] + first for piece, first in zip(pieces, firsts[:-1], strict=True)]
+    return trimesh.Trimesh(np.concatenate([piece[0] for piece in pieces]), np.concatenate(faces), process=False)
+
+
+def _sewn(parts: trimesh.Trimesh, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """One mesh, joined where vertices are the same, with the whole mesh's colours."""
+    joined = clean(parts)
+    if mesh.visual.kind == "vertex":
+        joined.visual = trimesh.visual.ColorVisuals(joined, vertex_colors=colors_at(mesh, np.asarray(joined.vertices)))
+    return joined
