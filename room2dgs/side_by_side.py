@@ -24,7 +24,7 @@ def side_by_side(function: Callable[[Thing], Result], things: Iterable[Thing], t
         try:
             for thing in things:
                 waiting.append(pool.submit(function, thing))
-                if len(waiting) > 2 * threads - 1:
+                if len(waiting) == 2 * threads:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()

@@ -110,15 +110,15 @@ void depth_of_other_views(const Input& depth, const Input& sure, const Input& si
 
 constexpr int64_t kMostCells = int64_t(1) << 31, kPointsPerTask = 4096;
 
-// Corner and side of the cells, and their number along each axis from an array that has one value of each.
-Cells cells_of(Arguments& check, const Input& corner, double side, const char* name, const int64_t* shape) {
+// Corner and side of the cells, and their number along each axis: the shape of `through`.
+Cells cells_of(Arguments& check, const Input& corner, double side, const int64_t* shape) {
   Cells cells = {};
   std::copy_n(check.input<double>("corner", corner, {3}), 3, cells.corner);
   cells.side = side;
   require(side > 0, "side is not above 0");
   require(shape[0] > 0 && shape[1] > 0 && shape[2] > 0 && shape[0] <= kMostCells / shape[1] &&
               shape[0] * shape[1] <= kMostCells / shape[2],
-          std::string(name) + " is not of 1 to 2^31 cells");
+          "through is not of 1 to 2^31 cells");
   std::copy_n(shape, 3, cells.shape);
   return cells;
 }
@@ -128,7 +128,7 @@ void count_rays(const Input& corner, double side, const Input& centres, const In
   Arguments check;
   RaysJob job = {};
   const auto shape = lengths("through", through, 3);
-  job.cells = cells_of(check, corner, side, "through", shape.data());
+  job.cells = cells_of(check, corner, side, shape.data());
   job.views = lengths("centres", centres, 2)[0];
   const int64_t count = lengths("ends", ends, 2)[0];
   job.centre = check.input<double>("centres", centres, {job.views, 3});
@@ -155,7 +155,7 @@ void seen_through(const Input& corner, double side, const Input& through, const 
   Arguments check;
   SeenThroughJob job = {};
   const auto shape = lengths("through", through, 3);
-  job.cells = cells_of(check, corner, side, "through", shape.data());
+  job.cells = cells_of(check, corner, side, shape.data());
   const int64_t points = lengths("xyz", xyz, 2)[0];
   job.through = check.input<int32_t>("through", through, {shape[0], shape[1], shape[2]});
   job.ended = check.input<int32_t>("ended", ended, {shape[0], shape[1], shape[2]});

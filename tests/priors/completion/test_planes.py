@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from room2dgs.geometry.camera import Camera
+from room2dgs.priors.completion import planes as module
 from room2dgs.priors.completion.on_planes import flattened, on_planes
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
 from room2dgs.priors.completion.views import _with_fine, complete_views
@@ -165,3 +166,18 @@ def test_walls_come_out_flat_though_every_view_has_them_wavy(box_room):
     y, x = np.mgrid[0 : room.depths[0].shape[0], 0 : room.depths[0].shape[1]]
     waves = [1 + 0.012 * np.sin(0.35 * x + 2.1 * index) * np.cos(0.31 * y - index) for index in range(12)]
     assert np.median(off_by_view(room, waves, planes=True)) < 0.001
+
+
+def test_the_candidate_that_most_samples_lie_on_is_taken():
+    """A floor of 2 m whose normals are 4 degrees off."""
+    rng = np.random.default_rng(0)
+    xyz = np.column_stack([rng.uniform(-1, 1, (500, 2)), rng.normal(0, 0.01, 500)])
+    normal = np.column_stack([rng.normal(0, np.radians(4), (500, 2)), np.ones(500)])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    width = np.full(500, module.WIDTH_M)
+    offset = (normal * xyz).sum(axis=1)
+    near = np.abs(xyz @ normal.T - offset) < 2 * width[:, None]
+    held = (near & (normal @ normal.T > module.TURN)).sum(axis=0)
+    taken, at = module._best_candidate(xyz, normal, width, np.arange(500), np.random.default_rng(0))
+    best = int(np.abs(normal - taken).sum(axis=1).argmin())
+    assert held[best] == held.max() and at == pytest.approx(offset[best])
