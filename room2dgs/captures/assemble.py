@@ -14,6 +14,7 @@ from room2dgs.captures.capture import Capture, Lost, Shot, file_name, moved, pin
 from room2dgs.captures.exif import focal_doubt
 from room2dgs.captures.given_points import given_points
 from room2dgs.captures.image_files import depth_size
+from room2dgs.captures.keyframes import keyframes
 from room2dgs.captures.lens import Lens, pinhole_of
 from room2dgs.captures.matrix_files import rigid
 from room2dgs.captures.scene import Dropped, Frame, Scene
@@ -71,6 +72,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
     frames = [replace(_frame(entry, config.image_width, wide), poses=poses) for entry in entries]
     _check_names(frames)
     train, test = _split(frames, capture, config)
+    chosen = set(keyframes([frame.camera for frame in train], config.keyframes))
     doubt = focal_doubt([(entry.shot, entry.lens) for entry in entries])
     points = None
     if capture.points is not None:
@@ -93,6 +95,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
         notes=(*capture.notes, *_notes(capture, config, entries)),
         warnings=(*capture.warnings, *([doubt] if doubt else [])),
         given_points=points,
+        matched_only=frozenset(frame.name for index, frame in enumerate(train) if index not in chosen),
     )
 
 

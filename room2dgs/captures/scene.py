@@ -176,6 +176,8 @@ class Scene:
         notes: what was found, and what was taken for what; a sentence each, for the log.
         warnings: what may be wrong with it and what mends that; a sentence each.
         given_points: reads the points that the capture brings, as its training views see them; None: it brings none.
+        matched_only: names of training views whose depth and normals are not asked for: the keyframes are matched with
+            them, and their photos are trained on.
     """
 
     path: Path
@@ -189,11 +191,22 @@ class Scene:
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     given_points: Callable[[], PointCloud] | None = field(default=None, repr=False, compare=False)
+    matched_only: frozenset[str] = frozenset()
 
     @property
     def frames(self) -> tuple[Frame, ...]:
         """Training and test views together, in capture order."""
         return tuple(sorted(self.train + self.test, key=lambda frame: (frame.index, frame.name)))
+
+    @property
+    def keyframes(self) -> tuple[Frame, ...]:
+        """Training views that depth and normals are found of beforehand."""
+        return tuple(frame for frame in self.train if frame.name not in self.matched_only)
+
+    @property
+    def beside(self) -> tuple[Frame, ...]:
+        """The other training views."""
+        return tuple(frame for frame in self.train if frame.name in self.matched_only)
 
     @property
     def extent(self) -> float:

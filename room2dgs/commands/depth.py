@@ -68,11 +68,11 @@ def main(argv: list[str]) -> int:
         priors = filled(scene, points, cameras, views, config, out, log, seconds) if fills else None
         maps = priors.by_frame if priors else {}
         with timed(seconds, "write"):
-            _write_maps(out, scene.train, views, maps)
-            count = _write_cloud(out, scene.train, cameras, views, config.stereo.cell_m)
+            _write_maps(out, scene.keyframes, views, maps)
+            count = _write_cloud(out, scene.keyframes, cameras, views, config.stereo.cell_m)
         log(f"points: {out / CLOUD}, {count:,}")
         if share or any(one.depth is not None for one in maps.values()):
-            depths = trusted_views(scene, priors, config) if priors else fused_views(scene.train, cameras, views)
+            depths = trusted_views(scene, priors, config) if priors else fused_views(scene.keyframes, cameras, views)
             with timed(seconds, "mesh"):
                 _write_mesh(depths, scene, config, out, log)
         part = {
@@ -91,7 +91,7 @@ def _write_mesh(views: Iterable[FusedView], scene: Scene, config: Config, out: P
     from room2dgs.mesh.io import write_mesh
     from room2dgs.mesh.voxel import with_voxel
 
-    settings = with_voxel(config.mesh, [frame.camera for frame in scene.train])
+    settings = with_voxel(config.mesh, [frame.camera for frame in scene.keyframes])
     settings = replace(settings, source="depth")  # there are no surfels here, whatever a run would mesh
     try:
         mesh = fuse(views, settings, log, config.render.device)
@@ -117,7 +117,7 @@ def _report(
 
     photos = [
         photo_coverage(frame.color_path.stem, view, maps.get(frame.name))
-        for frame, view in zip(scene.train, views, strict=True)
+        for frame, view in zip(scene.keyframes, views, strict=True)
     ]
     write_coverage(out, photos, seconds)
     if config.report.enabled:

@@ -50,9 +50,10 @@ def filled(
 
     def compare(first: FirstLook | None) -> StereoPoints:
         if first:
-            return stereo_points(scene.train, points, config.stereo, log, config.render.device, first)
-        maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(scene.train, views, strict=True)}
-        return StereoPoints(with_stereo(points, scene.train, cameras, maps), maps)
+            device = config.render.device
+            return stereo_points(scene.keyframes, points, config.stereo, log, device, first, beside=scene.beside)
+        maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(scene.keyframes, views, strict=True)}
+        return StereoPoints(with_stereo(points, scene.keyframes, cameras, maps), maps)
 
     settings = with_map_cache(config, out).prior
-    return load_priors(scene.train, points, settings, log, compare, partial(timed, seconds))
+    return load_priors(scene.keyframes, points, settings, log, compare, partial(timed, seconds))

@@ -32,11 +32,11 @@ def mesh_of_stereo(scene: Scene, config: Config, out: Path, log: Log, seconds: d
     points = points_alone(scene, config, out, log, seconds, "stereo")
     cameras, views, share = stereo_views(scene, points, config, log, seconds)
     record(out, {"stereo_coverage": round(share, 4)}, seconds)
-    found = {frame.name: view for frame, view in zip(scene.train, views, strict=True)}
+    found = {frame.name: view for frame, view in zip(scene.keyframes, views, strict=True)}
     maps = {name: ViewMaps(depth=view.depth, source="stereo") for name, view in found.items()}
-    write_trust(out / TRUST, scene.train, maps, {name: (view.depth, view.agreeing) for name, view in found.items()})
+    write_trust(out / TRUST, scene.keyframes, maps, {name: (view.depth, view.agreeing) for name, view in found.items()})
 
     def fused(settings: MeshConfig) -> trimesh.Trimesh:
-        return fuse(fused_views(scene.train, cameras, views), settings, log, config.render.device)
+        return fuse(fused_views(scene.keyframes, cameras, views), settings, log, config.render.device)
 
     untrained_mesh(fused, "stereo's depth", scene, config, out, log, seconds)

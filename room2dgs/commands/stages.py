@@ -59,7 +59,7 @@ def refined(
         return with_poses_of_run(scene, out)
     cache = Path(config.points.cache or out / POINTS)
     prior = with_map_cache(config, out).prior
-    ahead = maps_ahead(scene.train, prior, log) if with_priors else nullcontext(lambda: None)
+    ahead = maps_ahead(scene.keyframes, prior, log) if with_priors else nullcontext(lambda: None)
     with timed(seconds, "poses"), ahead as begin:
         found, report = refined_poses(scene, config.sfm, config.points, cache, log, extracted=begin)
     write_poses(out / POSES, scene, found, report)
@@ -137,7 +137,8 @@ def points_and_priors(
     Raises:
         InputError: as `sparse_points` and `read_priors`.
     """
-    log(f"{len(scene.train)} training views, {len(scene.test)} held out")
+    some = f", {len(scene.keyframes)} of them keyframes" if scene.beside else ""
+    log(f"{len(scene.train)} training views{some}, {len(scene.test)} held out")
     points = points_of_run(scene, config, out, log, seconds, may_lack=points_may_lack(config))
     with timed(seconds, "priors"):
         priors = read_priors(scene, points, config, out, log)
@@ -169,7 +170,7 @@ def with_map_cache(config: Config, out: Path) -> Config:
 
 
 def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log: Log) -> Priors:
-    """Priors of the training views; how each depth map was aligned goes to out/priors.csv, how far it is trusted to
+    """Priors of the keyframes; how each depth map was aligned goes to out/priors.csv, how far it is trusted to
     out/trust.npz.
 
     Raises:
@@ -183,8 +184,9 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     stereo: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
     def compare(first: FirstLook | None) -> StereoPoints:
+        looks, device = config.prior.depth.looks, config.render.device
         found = stereo_points(
-            scene.train, points, config.stereo, log, config.render.device, first, looks=config.prior.depth.looks
+            scene.keyframes, points, config.stereo, log, device, first, looks=looks, beside=scene.beside
         )
         stereo.update(found.maps)
         return found
@@ -192,11 +194,11 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     settings = with_map_cache(config, out).prior
     seconds = Stages()
     compared = compare if config.stereo.enabled else None
-    priors = load_priors(scene.train, points, settings, log, compared, partial(timed, seconds))
+    priors = load_priors(scene.keyframes, points, settings, log, compared, partial(timed, seconds))
     covered = [float((depth > 0).mean()) for depth, _ in stereo.values()]
     share = round(sum(covered) / len(covered), 4) if covered else None
     record(out, {"prior_seconds": by_stage(seconds), "stereo_coverage": share}, {})
-    write_trust(out / TRUST, scene.train, priors.by_frame, stereo)
+    write_trust(out / TRUST, scene.keyframes, priors.by_frame, stereo)
     if priors.fits:
         rows = ["view,scale,shift,median_relative_residual,points"]
         for name, fit in priors.fits.items():

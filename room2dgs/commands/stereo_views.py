@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def stereo_views(
     scene: Scene, points: PointCloud, config: Config, log: Log, seconds: dict[str, float]
 ) -> tuple[list[Camera], list[DenseView], float]:
-    """The training photos compared with each other.
+    """The training photos compared with each other: depth of the keyframes.
 
     Returns:
         Their cameras at stereo's image size, what was found in each, and the share of the pixels that have a depth.
@@ -33,7 +33,7 @@ def stereo_views(
     from room2dgs.stereo.scene import coverage, scene_stereo
 
     with timed(seconds, "stereo"):
-        cameras, found = scene_stereo(scene.train, points, config.stereo, log, config.render.device)
+        cameras, found = scene_stereo(scene.keyframes, points, config.stereo, log, config.render.device, scene.beside)
         views = list(found)
     share = coverage(views)
     log(

@@ -59,3 +59,10 @@ def quaternions_to(normals: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(quaternions, axis=1, keepdims=True)
     # exactly -z: half a turn about x
     return np.where(length > 0, quaternions / np.where(length > 0, length, 1.0), [0.0, 1.0, 0.0, 0.0])
+
+
+def across_of(normal: np.ndarray) -> np.ndarray:
+    """(2, 3) unit, at right angles with a (3,) unit vector and each other."""
+    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(normal, first)])

@@ -85,8 +85,8 @@ def fused_view(rendering: Rendering, camera: Camera, config: MeshConfig) -> Fuse
 def trusted_view(maps: ViewMaps[np.ndarray], camera: Camera, color: np.ndarray, config: MeshConfig) -> FusedView:
     """A view's own depth where it is trusted, without any surfels.
 
-    A pixel weighs confidence^2 / z, which keeps more detail than flat weights. Leaving out pixels of little confidence
-    (`mesh.min_confidence`) helps one scene and hurts another (docs/results.md), so it is no default.
+    A pixel weighs (confidence / z)^2, as the inverse square of an error in metres does. Leaving out pixels of little
+    confidence (`mesh.min_confidence`) helps one scene and hurts another (docs/results.md), so it is no default.
 
     Args:
         maps: of the camera's size; `depth` is not None.
@@ -94,7 +94,7 @@ def trusted_view(maps: ViewMaps[np.ndarray], camera: Camera, color: np.ndarray, 
     """
     sure = np.ones_like(maps.depth) if maps.depth_confidence is None else maps.depth_confidence
     depth = np.where((sure >= config.min_confidence) & (maps.depth <= config.max_depth_m), maps.depth, np.float32(0))
-    return FusedView(camera, depth, color, sure**2 / np.maximum(depth, NEAREST_M))
+    return FusedView(camera, depth, color, (sure / np.maximum(depth, NEAREST_M)) ** 2)
 
 
 def _rays(camera: Camera, device: torch.device) -> Tensor:

@@ -59,6 +59,7 @@ def stereo_points(
     first: FirstLook | None = None,
     *,
     looks: int = 1,
+    beside: Sequence[Frame] = (),
 ) -> StereoPoints:
     """Compare the photos of some frames.
 
@@ -69,6 +70,7 @@ def stereo_points(
         first: None at the first look; at the second its pixels stay where the second finds nothing.
         looks: how many there will be. The first of two needs no detail, and finds more of what has little texture in
             photos of half the width, down to `FIRST_WIDTH`.
+        beside: more views to match with, whose own depth is not asked for.
 
     Raises:
         InputError: as `scene_stereo`.
@@ -80,12 +82,12 @@ def stereo_points(
         settings = replace(settings, width=min(half, settings.width or half))
     maps: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     if first:
-        cameras, found = scene_second_look(frames, points, settings, log, device, first.completed)
+        cameras, found = scene_second_look(frames, points, settings, log, device, first.completed, beside)
         for frame, one in zip(frames, found, strict=True):
             earlier = first.maps.get(frame.name)
             maps[frame.name] = _filled(*one, *earlier) if earlier else one
     else:
-        cameras, views = scene_stereo(frames, points, settings, log, device)
+        cameras, views = scene_stereo(frames, points, settings, log, device, beside)
         maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
     share = np.array([np.mean(depth > 0) for depth, _ in maps.values()])
     stage = "stereo, from the completed depth" if first else "stereo"

@@ -82,6 +82,8 @@ def dense_views(
     options: Options,
     matching: Matching,
     progress: Progress = lambda *_: None,
+    *,
+    wanted: int | None = None,
 ) -> Iterator[DenseView]:
     """Stereo of posed photos, one view after the other: all of them at once would take most of the memory.
 
@@ -93,11 +95,14 @@ def dense_views(
         sights: V, from the sparse points.
         xyz: (M, 3) sparse points, metres.
         progress: gets the stage, how many views are done, and of how many.
+        wanted: the first so many views' depth is asked for; the others are searched, for their sake, at the
+            smaller sizes only, if there are any. None: of all.
 
     Yields:
-        V results; a view without a neighbour has no depth at all.
+        As many results; a view without a neighbour has no depth at all.
     """
     near_views, ranges = near_and_ranges(cameras, sights, xyz, options)
+    wanted = len(photos) if wanted is None else wanted
     planes: list[np.ndarray] = []
     coarse: list[DenseView] = []
     for level in reversed(range(options.levels)):
@@ -113,10 +118,11 @@ def dense_views(
             for index, view in enumerate(views):
                 planes[index] = resized_planes(planes[index], *view.camera.size)
         for search in range((0 if first else 1), options.rounds + 1):
-            _search(views, planes, near_views, ranges, options, matching, search, level, progress)
+            searched = wanted if level == 0 and not first else len(views)
+            _search(views, planes, near_views, ranges, options, matching, search, level, progress, searched)
         if level == 1:
-            coarse = list(_filtered(views, planes, near_views, options, matching, progress))
-    for index, view in enumerate(_filtered(views, planes, near_views, options, matching, progress)):
+            coarse = list(_filtered(views, planes, near_views, options, matching, progress, wanted))
+    for index, view in enumerate(_filtered(views, planes, near_views, options, matching, progress, wanted)):
         yield _completed(view, coarse[index]) if coarse else view
 
 
@@ -175,10 +181,11 @@ def _search(
     search: int,
     level: int,
     progress: Progress,
+    searched: int,
 ) -> None:
-    """All views once, in place; all see the others' depths as they were before."""
+    """The first so many views once, in place; all see the others' depths as they were before."""
     before = [plane[0].copy() for plane in planes] if search else []
-    for index, view in enumerate(views):
+    for index, view in enumerate(views[:searched]):
         near = near_views[index][: options.neighbours]
         if not len(near):
             planes[index] = np.zeros_like(planes[index])
@@ -194,7 +201,7 @@ def _search(
             )
         else:
             planes[index] = run.run(planes[index], options.iterations, random_depths=2, first_draw=draw)
-        progress(f"stereo at {view.camera.width} pixels, search {search + 1}", index + 1, len(views))
+        progress(f"stereo at {view.camera.width} pixels, search {search + 1}", index + 1, searched)
 
 
 def _filtered(
@@ -204,6 +211,7 @@ def _filtered(
     options: Options,
     matching: Matching,
     progress: Progress,
+    wanted: int,
 ) -> Iterator[DenseView]:
     def filtered(index: int) -> DenseView:
         view, near = views[index], near_views[index]
@@ -237,9 +245,9 @@ def _filtered(
             planes_kept.astype(np.float32),
         )
 
-    order = range(len(views))
+    order = range(wanted)
     # a GPU is chosen for the thread that asks for it
     done = side_by_side(filtered, order, _C.threads()) if options.device == "cpu" else map(filtered, order)
     for index, found in enumerate(done):
-        progress("stereo, filter", index + 1, len(views))
+        progress("stereo, filter", index + 1, wanted)
         yield found

@@ -46,6 +46,7 @@ def scene_stereo(
     settings: StereoConfig,
     log: Log = print,
     device: str = "cpu",
+    beside: Sequence[Frame] = (),
 ) -> tuple[list[Camera], Iterator[DenseView]]:
     """Depth and normals of each view where several views agree.
 
@@ -54,6 +55,7 @@ def scene_stereo(
         points: sparse points, metres; their tracks tell which views see the same.
         log: takes one line at a time.
         device: what matches, as `render.device` names it.
+        beside: more views to match with, whose own depth is not asked for.
 
     Returns:
         The views' cameras at stereo's image size, and what was found in each, in the frames' order; the work is done as
@@ -62,9 +64,9 @@ def scene_stereo(
     Raises:
         InputError: a photo cannot be decoded.
     """
-    cameras, photos, sights, options, matching = _prepared(frames, points, settings, device)
-    views = dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log))
-    return cameras, (_unmasked(view, frame) for view, frame in zip(views, frames, strict=True))
+    cameras, photos, sights, options, matching = _prepared([*frames, *beside], points, settings, device)
+    views = dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log), wanted=len(frames))
+    return cameras[: len(frames)], (_unmasked(view, frame) for view, frame in zip(views, frames, strict=True))
 
 
 def scene_second_look(
@@ -74,6 +76,7 @@ def scene_second_look(
     log: Log,
     device: str,
     start: Mapping[str, np.ndarray],
+    beside: Sequence[Frame] = (),
 ) -> tuple[list[Camera], Iterator[tuple[np.ndarray, np.ndarray]]]:
     """Depth, metres, 0 = none, and agreeing views of each view, begun with a depth that is nearly right.
 
@@ -83,13 +86,13 @@ def scene_second_look(
     Raises:
         InputError: a photo cannot be decoded.
     """
-    cameras, photos, sights, options, matching = _prepared(frames, points, settings, device)
+    cameras, photos, sights, options, matching = _prepared([*frames, *beside], points, settings, device)
     kernels = build_of(device)
     views = [packed(photo, camera, kernels) for photo, camera in zip(photos, cameras, strict=True)]
     known = [partial(start.get, frame.name, UNKNOWN) for frame in frames]
     found = second_look(views, sights, points.xyz, known, options, matching, _progress(log))
     usable = ((_usable(frame, depth.shape), depth, count) for frame, (depth, count) in zip(frames, found, strict=True))
-    return cameras, ((depth * where, count * where) for where, depth, count in usable)
+    return cameras[: len(frames)], ((depth * where, count * where) for where, depth, count in usable)
 
 
 def _prepared(frames: Sequence[Frame], points: PointCloud, settings: StereoConfig, device: str) -> Prepared:

@@ -37,7 +37,8 @@ def second_look(
         views: V.
         sights: V, from the sparse points.
         xyz: (M, 3) sparse points, metres.
-        start: V functions that give (h, w) z-depth in metres, 0 = unknown, of any size; each is called twice.
+        start: functions that give (h, w) z-depth in metres, 0 = unknown, of any size, of the first views: the ones
+            whose depth is asked for; each is called twice.
         progress: gets the stage, how many views are done, and of how many.
 
     Yields:
@@ -50,7 +51,8 @@ def second_look(
         ranges[index] = wider_range(ranges[index], depth)
         before.append(_planes(depth, cameras[index])[0].copy())
     found, alike = [], []
-    for index, view in enumerate(views):
+    before += [np.zeros((camera.height, camera.width), np.float32) for camera in cameras[len(start) :]]
+    for index, view in enumerate(views[: len(start)]):
         near = near_views[index][: options.neighbours]
         if not len(near):
             found.append(np.zeros_like(before[index]))
@@ -69,8 +71,9 @@ def second_look(
         cost, _ = Search(view, others, matching, (0.1, 100.0), 0).costs(planes)
         found.append(planes[0].copy())
         alike.append(cost < options.max_cost)
-        progress(f"stereo at {view.camera.width} pixels, from the completed depth", index + 1, len(views))
+        progress(f"stereo at {view.camera.width} pixels, from the completed depth", index + 1, len(start))
     del before
+    found += [np.zeros((camera.height, camera.width), np.float32) for camera in cameras[len(start) :]]
 
     def filtered(index: int) -> tuple[np.ndarray, np.ndarray]:
         asked = [(cameras[other], found[other]) for other in near_views[index][: options.asked]]
@@ -79,7 +82,7 @@ def second_look(
         depth = np.divide(1, agreed.inverse_depth, out=np.zeros_like(agreed.inverse_depth), where=kept)
         return depth, np.where(kept, agreed.count, np.uint8(0))
 
-    yield from side_by_side(filtered, range(len(views)), _C.threads())
+    yield from side_by_side(filtered, range(len(start)), _C.threads())
 
 
 def _planes(depth: np.ndarray, camera: Camera) -> np.ndarray:

@@ -37,6 +37,20 @@ def test_maps_of_every_training_photo_lie_on_the_wall(out):
         assert (error[there] > 0).all() and (error[~there] == 0).all()
 
 
+def test_half_the_photos_as_keyframes_are_compared_with_all(wall, tmp_path):
+    out = tmp_path / "out"
+    arguments = [f"scene.path={wall}", f"out={out}", "points.source=file", f"points.file={wall / 'points.ply'}"]
+    more = ["mesh.max_error_m=null", "mesh.voxel_m=0.04", "mesh.min_triangles=10", "scene.test_every=4"]
+    assert cli.main(["depth", *arguments, *more, "scene.keyframes=0.5"]) == 0
+    depths = [np.load(path) for path in (out / "depth").glob("*.npy")]
+    assert len(depths) == 3
+    kept = np.concatenate([depth[depth > 0] for depth in depths])
+    assert len(kept) > 0.3 * sum(depth.size for depth in depths)
+    assert np.median(np.abs(kept - WALL_Z)) < 0.02
+    photos = json.loads((out / "coverage.json").read_text())["photos"]
+    assert len(photos) == 3
+
+
 def test_the_cloud_and_the_mesh_lie_on_the_wall_in_its_colours(out):
     cloud = trimesh.load(out / "dense.ply")
     assert np.median(np.abs(cloud.vertices[:, 2] - WALL_Z)) < 0.02

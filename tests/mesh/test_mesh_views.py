@@ -85,6 +85,6 @@ def test_own_depth_is_fused_where_it_is_trusted():
     config = load_config(["scene.path=x", "out=y", "mesh.min_confidence=0.3"]).mesh
     view = trusted_view(ViewMaps(depth=depth, depth_confidence=sure), camera, np.zeros((*depth.shape, 3)), config)
     assert (view.depth[:, :3] == 0).all() and (view.depth[:, 3:] == 2).all()
-    assert view.weight[0, 3] == pytest.approx(0.8**2 / 2)
+    assert view.weight[0, 3] == pytest.approx((0.8 / 2) ** 2)
     whole = trusted_view(ViewMaps(depth=depth), camera, np.zeros((*depth.shape, 3)), config)
     assert (whole.depth[:, 0] == 2).all()  # no confidence: all of it

@@ -78,15 +78,17 @@ def test_a_second_look_begins_with_the_completed_depth_and_keeps_what_only_the_f
     first = FirstLook({"a": np.full((60, 80), 3, np.float32)}, {"a": (upper, np.uint8(3) * (upper > 0))})
     begun, lines = [], []
 
-    def stage(frames, points, settings, log, device, start):
-        begun.append((settings.width, start))
+    def stage(frames, points, settings, log, device, start, beside):
+        begun.append((settings.width, start, beside))
         return [camera], iter([(dense.depth, dense.agreeing)])
 
     monkeypatch.setattr(anchors, "scene_second_look", stage)
     nothing = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
     settings = load_config(["scene.path=a", "out=b", "stereo.width=70"]).stereo
-    depth, agreeing = stereo_points([frame()], nothing, settings, lines.append, first=first, looks=2).maps["a"]
-    assert begun == [(70, first.completed)] and "from the completed depth: 73%" in lines[0]
+    others = [frame()]
+    found = stereo_points([frame()], nothing, settings, lines.append, first=first, looks=2, beside=others)
+    depth, agreeing = found.maps["a"]
+    assert begun == [(70, first.completed, others)] and "from the completed depth: 73%" in lines[0]
     there = dense.depth > 0
     np.testing.assert_array_equal(depth[there], dense.depth[there])
     np.testing.assert_array_equal(agreeing[there], dense.agreeing[there])
@@ -109,7 +111,7 @@ def test_the_first_of_two_looks_is_at_half_the_width_down_to_320(monkeypatch, ph
     camera, dense = view()
     widths = []
 
-    def stage(frames, points, settings, log, device):
+    def stage(frames, points, settings, log, device, beside):
         widths.append(settings.width)
         return [camera], iter([dense])
 

@@ -79,6 +79,36 @@ def test_a_second_look_mends_depth_that_is_all_but_right(corner):
     assert kept.mean() > 0.6 and np.median(off) < 0.006 and np.mean(off < 0.02) > 0.97
 
 
+@pytest.mark.parametrize("levels", [1, 2])
+def test_depth_of_some_views_is_found_by_comparing_them_with_all(corner, levels):
+    xyz, sights = sparse(corner)
+    photos, cameras = [photo for _, photo, _, _ in corner], [camera for camera, *_ in corner]
+    options, done = Options(levels=levels, rounds=1), []
+    found = dense_views(photos, cameras, sights, xyz, options, Matching(), lambda *one: done.append(one), wanted=1)
+    (view,) = found
+    kept = view.depth > 0
+    off = np.abs(view.depth - corner[0][2])[kept] / corner[0][2][kept]
+    assert kept.mean() > 0.5 and np.median(off) < 0.004
+    searched = {stage for stage, number, _ in done if "search" in stage and number == 5}
+    assert searched == {
+        f"stereo at {width} pixels, search {one}" for width in (48 * 3 - 48 * levels,) for one in (1, 2)
+    }
+
+
+def test_a_second_look_at_some_views_is_held_to_the_others_photos(corner):
+    """Of one view alone: without depth of the others nobody could agree, but two of five views have some."""
+    photos, cameras = [photo for _, photo, _, _ in corner], [camera for camera, *_ in corner]
+    xyz, sights = sparse(corner)
+    views = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
+    known = [partial(np.copy, depth) for _, _, depth, _ in corner[:3]]
+    found = list(second_look(views, sights, xyz, known, Options(rounds=1, refinements=1), Matching()))
+    assert len(found) == 3
+    depth, agreeing = found[0]
+    kept, exact = depth > 0, corner[0][2]
+    off = np.abs(depth - exact)[kept] / exact[kept]
+    assert kept.mean() > 0.5 and agreeing.max() == 2 and np.median(off) < 0.004
+
+
 def test_same_bits_on_any_number_of_threads(corner):
     found = []
     try:

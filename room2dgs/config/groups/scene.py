@@ -38,6 +38,12 @@ class SceneConfig:
     ] = Field(description="auto: by the files' names; docs/captures.md lists what is read")
     frames: Int | None = Field(ge=3, description="use this many, evenly spaced (null: all)")
     stride: Int = Field(ge=1, description="use every n-th frame on disk")
+    keyframes: Float = Field(
+        gt=0,
+        le=1,
+        description="share of the training photos, as different as can be, that depth and normals are found of; stereo "
+        "compares them with the others, too",
+    )
     image_width: Int | None = Field(
         ge=16, le=8192, description="resize down to this width, keeping the aspect (null: as on disk)"
     )

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from room2dgs.priors.completion.relief import Relief
 from room2dgs.priors.completion.right_angles import direction_covariance, turned
 
 LEAST_SHARE = 0.01  # of all samples, that a plane has to hold
@@ -47,11 +48,13 @@ class Plane(NamedTuple):
         normal: (3,) unit, world frame, towards the cameras.
         offset: metres.
         share: of the samples that lie on it.
+        relief: what is added to the offset from place to place; None: nothing.
     """
 
     normal: np.ndarray
     offset: float
     share: float
+    relief: Relief | None = None
 
 
 def find_planes(samples: Samples, *, right_angles: bool) -> list[Plane]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from room2dgs.geometry.cells import cells_of
+from room2dgs.geometry.rotations import across_of
 
 EXACT_DEG = 0.5  # how exactly builders and joiners keep to a right angle
 DOUBTFUL_DEG = 1.0  # planes known exactly that are off a right angle by this much probably stand at another angle
@@ -34,7 +35,7 @@ def direction_covariance(xyz: np.ndarray, off: np.ndarray, weight: np.ndarray, n
     Returns:
         (3, 3) of the change of the unit normal, 0 along the normal; never less than `LEAST_ERROR_DEG`.
     """
-    across = _across(normal)
+    across = across_of(normal)
     flat = np.eye(3) - np.outer(normal, normal)
     cells, cell = cells_of(xyz, CELL_M)
     lever = np.column_stack([(xyz * axis).sum(axis=1) for axis in across])
@@ -93,11 +94,4 @@ def _ways(one: np.ndarray, other: np.ndarray) -> list[tuple[np.ndarray, np.ndarr
     if abs(along) < np.sqrt(0.5):
         ways = (other - along * one, one - along * other)
         return [(ways[0] / np.linalg.norm(ways[0]), ways[1] / np.linalg.norm(ways[1]), along)]
-    return [(axis, axis, -float(np.sign(along) * (other @ axis))) for axis in _across(one)]
-
-
-def _across(normal: np.ndarray) -> np.ndarray:
-    """(2, 3) unit, at right angles with the normal and each other."""
-    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(normal, first)])
+    return [(axis, axis, -float(np.sign(along) * (other @ axis))) for axis in across_of(one)]

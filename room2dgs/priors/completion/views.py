@@ -22,6 +22,7 @@ from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.on_planes import flattened, on_planes
 from room2dgs.priors.completion.other_views import LENDING, SureView, depth_of_other_views
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
+from room2dgs.priors.completion.relief import LEAST_TRUST, Anchors, with_reliefs
 from room2dgs.priors.completion.small_maps import Completed, SmallMaps, small_maps
 from room2dgs.priors.completion.solve import System, solved, system
 from room2dgs.priors.files import resize_depth
@@ -55,6 +56,7 @@ def complete_views(
     *,
     planes: bool,
     right_angles: bool,
+    relief: bool,
     other_views: bool,
     space: FreeSpace | None,
 ) -> list[Plane]:
@@ -72,6 +74,7 @@ def complete_views(
         take: gets each frame's name, its (H, W) depth in metres, 0 = invalid, and (H, W) confidence.
         planes: what looks as if it lay on one of the room's large planes is drawn to it.
         right_angles: and those that are almost parallel or at right angles are so.
+        relief: and each bends by centimetres to what stereo finds on it.
         other_views: depth is drawn to what is sure in other views.
         space: depth that other views look through counts for less; None = not asked.
 
@@ -97,6 +100,7 @@ def complete_views(
         for _ in range(ROUNDS if planes or other_views else 0):
             errors = list(pool.map(_expecting(small, alone, near, space), range(len(frames))))
             found = find_planes(_samples(given, small, errors, space), right_angles=right_angles) if planes else []
+            found = with_reliefs(found, _stereo_anchors(given, space)) if relief else found
             held = list(pool.map(partial(_held_by_planes, planes=found, space=space), given, small))
             drawn = _held_by_other_views(held, small, errors, near) if other_views else None
             alone = _completed(held, pool)  # what views have told each other is no evidence
@@ -167,6 +171,18 @@ def _samples(
         weight = sure[use] * depth[use] ** 2 * (1 - seen_through(space, xyz)) ** 2
         parts.append(Samples(xyz, normal[use], depth[use], weight))
     return Samples(*(np.concatenate(one) for one in zip(*parts, strict=True)))
+
+
+def _stereo_anchors(given: Sequence[SmallMaps], space: FreeSpace | None) -> Anchors:
+    """What holds the views' depth in place, where their normals are known."""
+    parts = []
+    for view, maps in enumerate(given):
+        row, column = np.nonzero((maps.trust >= LEAST_TRUST) & (maps.anchor > 0) & maps.normal.any(axis=2))
+        depth = maps.anchor[row, column]
+        xyz = maps.camera.unproject(np.stack([column, row], axis=1) + 0.5, depth)
+        trust = maps.trust[row, column] * (1 - seen_through(space, xyz)) ** 2
+        parts.append(Anchors(xyz, maps.normal[row, column], depth, trust, np.full(len(depth), view)))
+    return Anchors(*(np.concatenate(one) for one in zip(*parts, strict=True)))
 
 
 def _held_by_planes(maps: SmallMaps, before: Completed, planes: Sequence[Plane], space: FreeSpace | None) -> SmallMaps:

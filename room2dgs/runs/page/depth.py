@@ -59,7 +59,7 @@ def write_depth_report(
         InputError: a photo cannot be read.
     """
     whole, metrics = total(photos), earlier(out)
-    pictured = _pictured(scene.train, views, filled, config.report.views)
+    pictured = _pictured(scene.keyframes, views, filled, config.report.views)
     text = page(
         "depth.html.j2",
         title=f"Depth from photos: {Path(config.scene.path).name}",

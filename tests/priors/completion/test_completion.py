@@ -180,6 +180,7 @@ def everything(frames, depths, points, stereo=None, misfits=None, normals=None, 
         lambda *one: found.update({one[0]: one[1:]}),
         planes=planes,
         right_angles=True,
+        relief=True,
         other_views=True,
         space=None,
     )

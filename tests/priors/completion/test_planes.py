@@ -145,6 +145,7 @@ def off_by_view(room, factors, planes: bool) -> list[float]:
         lambda *one: found.update({one[0]: one[1]}),
         planes=planes,
         right_angles=True,
+        relief=True,
         other_views=True,
         space=None,
     )
