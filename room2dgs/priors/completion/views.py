@@ -100,7 +100,7 @@ def complete_views(
         for _ in range(ROUNDS if planes or other_views else 0):
             errors = list(pool.map(_expecting(small, alone, near, space), range(len(frames))))
             found = find_planes(_samples(given, small, errors, space), right_angles=right_angles) if planes else []
-            found = with_reliefs(found, _stereo_anchors(given, space)) if relief else found
+            found = with_reliefs(found, _stereo_anchors(given, space)) if relief and found else found
             held = list(pool.map(partial(_held_by_planes, planes=found, space=space), given, small))
             drawn = _held_by_other_views(held, small, errors, near) if other_views else None
             alone = _completed(held, pool)  # what views have told each other is no evidence
