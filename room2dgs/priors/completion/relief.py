@@ -56,8 +56,8 @@ class Relief(NamedTuple):
         the last one."""
         rows, columns = self.height.shape
         row, column = (
-            (((xyz @ along - low) / self.cell - 0.5).clip(0, count - 1)).astype(np.float32)
-            for along, low, count in zip(self.across, self.corner, (rows, columns), strict=True)
+            (((_along(xyz, axis) - low) / self.cell - 0.5).clip(0, count - 1)).astype(np.float32)
+            for axis, low, count in zip(self.across, self.corner, (rows, columns), strict=True)
         )
         return cv2.remap(self.height, column, row, cv2.INTER_LINEAR)
 
@@ -89,8 +89,8 @@ def with_reliefs(planes: Sequence[Plane], anchors: Anchors) -> list[Plane]:
     """
     away = np.full((len(planes), len(anchors.xyz)), np.inf)
     for row, plane in zip(away, planes, strict=True):
-        facing = anchors.normal @ plane.normal > FACING
-        row[facing] = anchors.xyz[facing] @ plane.normal - plane.offset
+        facing = _along(anchors.normal, plane.normal) > FACING
+        row[facing] = _along(anchors.xyz[facing], plane.normal) - plane.offset
     nearest = np.abs(away).argmin(axis=0) if len(planes) else np.zeros(0, np.int64)
     found = []
     for index, (plane, height) in enumerate(zip(planes, away, strict=True)):
@@ -103,7 +103,7 @@ def with_reliefs(planes: Sequence[Plane], anchors: Anchors) -> list[Plane]:
 
 def _relief(normal: np.ndarray, on: Anchors, height: np.ndarray) -> Relief:
     across = across_of(normal)
-    place = np.stack([on.xyz @ along for along in across], axis=1)
+    place = np.stack([_along(on.xyz, axis) for axis in across], axis=1)
     corner, size = place.min(axis=0), np.ptp(place, axis=0)
     cell = max(CELL_M, float(np.prod(size + CELL_M) / MOST_CELLS) ** 0.5)
     shape = tuple(int(count) for count in size // cell + 1)
@@ -137,3 +137,7 @@ def _cells(cell: np.ndarray, on: Anchors, height: np.ndarray, count: int) -> tup
     by_depth = BY_DEPTH * np.bincount(cell, depth, count) / np.maximum(anchors, 1)
     variance = (scatter**2 + by_depth**2) * ALIKE / np.maximum(views, 1) + FLOOR_M**2
     return np.where(known, quantile(0.5), 0.0), np.where(known, 1 / variance, 0.0)
+
+
+def _along(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    return (vectors * axis).sum(axis=-1)  # not BLAS, whose bits depend on its threads
