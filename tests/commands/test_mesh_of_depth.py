@@ -76,3 +76,16 @@ def test_metrics_say_what_share_stereo_covers(wall, maps, tmp_path):
 def test_without_any_depth_it_says_so(wall, tmp_path, capsys):
     assert cli.main(["run", *settings(wall, tmp_path / "run"), "prior=none"]) == 2
     assert "prior=room_prior" in capsys.readouterr().err
+
+
+def test_depth_of_the_keyframes_alone_is_read_and_the_other_photos_are_matched_with_them(wall, maps, tmp_path, capsys):
+    out = tmp_path / "run"
+    prior = ["prior=files", "prior.normal.source=none", f"prior.depth.path={maps}", "scene.keyframes=0.5"]
+    assert cli.main(["run", *settings(wall, out), *prior, "scene.test_every=4", "report.enabled=false"]) == 0
+    said = capsys.readouterr().out
+    assert "6 training views, 3 of them keyframes, 2 held out" in said
+    rows = (out / "priors.csv").read_text().splitlines()[1:]
+    assert len(rows) == 3
+    assert "% of the pixels of 3 views have a depth" in said
+    assert json.loads((out / "metrics.json").read_text())["stereo_coverage"] > 0.3
+    assert np.load(out / "trust.npz", allow_pickle=False)["names"].size == 3
