@@ -112,5 +112,10 @@ def seen_through(corner: Annotated[NDArray, dict(writable=False)], side: float, 
     Share of the views' word that there is nothing at points; see priors/completion/free_space.py.
     """
 
-def fuse_depth(block: Annotated[NDArray, dict(writable=False)], row: Annotated[NDArray, dict(writable=False)], distance: NDArray, weight: NDArray, views: NDArray, color: NDArray, depth: Annotated[NDArray, dict(writable=False)], trust: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], pixel_from_voxel: Annotated[NDArray, dict(writable=False)], truncation: float) -> None:
+def touched_blocks(depth: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)], K: Annotated[NDArray, dict(writable=False)], local_from_cam: Annotated[NDArray, dict(writable=False)], side: float, truncation: float, keys: NDArray) -> None:
+    """
+    Writes the blocks near a depth map's surface to keys, (pixels of every second row and column, 4) int64: ((x + h) 2h + y + h) 2h + z + h with h = 2^20, or -1; some more than once.
+    """
+
+def fuse_depth(block: Annotated[NDArray, dict(writable=False)], row: Annotated[NDArray, dict(writable=False)], distance: NDArray, weight: NDArray, views: NDArray, color: NDArray, depth: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)], trust: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], pixel_from_voxel: Annotated[NDArray, dict(writable=False)], voxel: float, truncation: float) -> None:
     """Takes one depth map into the blocks of a signed distance volume."""

@@ -103,12 +103,12 @@ class PatchMatch:
 
     def planes(self, out: Annotated[NDArray[numpy.float32], dict(shape=(3, None, None), order='C', device='cpu')]) -> None: ...
 
-def touched_blocks(depth: Annotated[NDArray, dict(writable=False)], K: Annotated[NDArray, dict(writable=False)], local_from_cam: Annotated[NDArray, dict(writable=False)], side: float, truncation: float, keys: NDArray, queue: int = 0) -> None:
+def touched_blocks(depth: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)], K: Annotated[NDArray, dict(writable=False)], local_from_cam: Annotated[NDArray, dict(writable=False)], side: float, truncation: float, keys: NDArray, queue: int = 0) -> None:
     """
-    Writes the blocks near a depth map's surface to keys, (pixels of every fourth row and column, 4) int64: ((x + h) 2h + y + h) 2h + z + h with h = 2^20, or -1; some more than once. K and local_from_cam, (3, 4), are float64 on the CPU. queue: as in BlockFrame.
+    Writes the blocks near a depth map's surface to keys, (pixels of every second row and column, 4) int64: ((x + h) 2h + y + h) 2h + z + h with h = 2^20, or -1; some more than once. K and local_from_cam, (3, 4), are float64 on the CPU. queue: as in BlockFrame.
     """
 
-def fuse_depth(block: Annotated[NDArray, dict(writable=False)], row: Annotated[NDArray, dict(writable=False)], distance: NDArray, weight: NDArray, views: NDArray, color: NDArray, depth: Annotated[NDArray, dict(writable=False)], trust: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], pixel_from_voxel: Annotated[NDArray, dict(writable=False)], truncation: float, queue: int = 0) -> None:
+def fuse_depth(block: Annotated[NDArray, dict(writable=False)], row: Annotated[NDArray, dict(writable=False)], distance: NDArray, weight: NDArray, views: NDArray, color: NDArray, depth: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)], trust: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], pixel_from_voxel: Annotated[NDArray, dict(writable=False)], voxel: float, truncation: float, queue: int = 0) -> None:
     """
     As the CPU's `fuse_depth`; no row may come twice, and one that is not there is passed over. pixel_from_voxel is on the CPU. queue: as in BlockFrame.
     """

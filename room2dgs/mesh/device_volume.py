@@ -1,7 +1,7 @@
 """Fusion by block code: `tsdf.integrate` on a GPU, or by a GPU's kernels as plain C++ (`render.device`).
 
 Voxels, and the table of the blocks that hold them, stay on the device while views come; open3d meshes them on the CPU
-at the end. The blocks are those that open3d finds, and a voxel takes a view in by the CPU's own function, so the same
+at the end. Blocks are found, and a voxel takes a view in, by the CPU's own functions, so the same
 views give the same mesh.
 """
 
@@ -18,15 +18,25 @@ from torch import Tensor
 
 from room2dgs.block_code import Build, build_of
 from room2dgs.config import MeshConfig
-from room2dgs.mesh.tsdf import ATTRIBUTES, BLOCK, camera_in_volume, empty_volume, extracted, photo_as_floats, start_of
+from room2dgs.mesh.tsdf import (
+    ATTRIBUTES,
+    BLOCK,
+    HALF,
+    STEPS,
+    STRIDE,
+    camera_in_volume,
+    empty_volume,
+    extracted,
+    local_from_cam,
+    photo_as_floats,
+    start_of,
+)
 from room2dgs.mesh.views import FusedView
 from room2dgs.train.device import torch_device, upload
 
 VOXELS = BLOCK**3
 SIZES = {"tsdf": VOXELS, "weight": VOXELS, "views": VOXELS, "color": 3 * VOXELS}  # numbers of a block
 FIRST_BLOCKS = 4096  # 12 kB each
-HALF = 2**20  # of a key's base: blocks on either side of the origin
-STRIDE, STEPS = 4, 4  # as the kernel has them
 
 
 class Voxels:
@@ -87,20 +97,19 @@ def integrate_on_device(views: Iterable[FusedView], config: MeshConfig, device: 
 
 
 def touched(
-    depth: Tensor, K: np.ndarray, cam_from_local: np.ndarray, voxel_m: float, truncation_voxels: float, build: Build
+    depth: Tensor,
+    normal: Tensor,
+    K: np.ndarray,
+    cam_from_local: np.ndarray,
+    voxel_m: float,
+    truncation_m: float,
+    build: Build,
 ) -> Tensor:
-    """(M,) int64 keys of the blocks within the truncation of a surface, rising, none twice.
-
-    Args:
-        depth: (H, W) float32 metres, 0 = invalid.
-        cam_from_local: (4, 4) from the volume's frame.
-    """
+    """(M,) int64 keys of the blocks that `tsdf.touched` finds, rising, none twice."""
     height, width = depth.shape
     found = torch.empty((height // STRIDE) * (width // STRIDE), STEPS, dtype=torch.int64, device=depth.device)
-    rotation, translation = cam_from_local[:3, :3], cam_from_local[:3, 3:]
-    local_from_cam = np.ascontiguousarray(np.concatenate([rotation.T, -rotation.T @ translation], axis=1))
-    reach = float(np.float32(voxel_m) * np.float32(truncation_voxels))  # as open3d has it
-    build.extension.touched_blocks(depth, K, local_from_cam, BLOCK * voxel_m, reach, found, build.queue(depth))
+    pose, side = local_from_cam(cam_from_local), BLOCK * voxel_m
+    build.extension.touched_blocks(depth, normal, K, pose, side, truncation_m, found, build.queue(depth))
     return found[found >= 0].unique()
 
 
@@ -114,17 +123,20 @@ def coordinates(keys: Tensor) -> Tensor:
 def _take_in(voxels: Voxels, origin: np.ndarray, view: FusedView, config: MeshConfig, build: Build) -> None:
     depth = _there(view.depth, voxels.keys.device)
     depth = torch.where(depth <= config.max_depth_m, depth, 0.0)
+    normal = torch.zeros(*depth.shape, 3) if view.normal is None else view.normal
+    normal = _there(normal, depth.device)
     cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, config.voxel_m)
-    keys = touched(depth, view.camera.K, cam_from_local, config.voxel_m, config.truncation_voxels, build)
+    reach = config.voxel_m * config.truncation_voxels
+    keys = touched(depth, normal, view.camera.K, cam_from_local, config.voxel_m, reach, build)
     if not len(keys):
         return
     rows = voxels.rows_of(keys)
     trust = torch.ones_like(depth) if view.weight is None else _there(view.weight, depth.device)
     photo = _there(photo_as_floats(view.color), depth.device)
     parts = (voxels.parts[name] for name in ATTRIBUTES)
-    reach = config.voxel_m * config.truncation_voxels
+    at = (pixel_from_voxel, config.voxel_m, reach)
     build.extension.fuse_depth(
-        coordinates(keys), rows, *parts, depth, trust, photo, pixel_from_voxel, reach, build.queue(depth)
+        coordinates(keys), rows, *parts, depth, normal, trust, photo, *at, build.queue(depth)
     )  # fmt: skip
 
 

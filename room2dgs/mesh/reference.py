@@ -12,7 +12,8 @@ from room2dgs.mesh.views import FusedView
 def fused_voxels(
     views: Iterable[FusedView], voxels: np.ndarray, truncation_m: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Weighted mean of truncated distances along the views' axes (Curless and Levoy 1996).
+    """Weighted mean of truncated distances (Curless and Levoy 1996): from the plane through a pixel's point, or along
+    the view's axis where its normal is not known or looks away.
 
     Args:
         voxels: (N, 3) metres, world frame.
@@ -33,7 +34,14 @@ def fused_voxels(
         depth = np.asarray(view.depth, np.float64)[pixel]
         trust = np.ones(len(voxels)) if view.weight is None else np.asarray(view.weight, np.float64)[pixel]
         distance = (depth - near) / truncation_m
-        taken = inside & (depth > 0) & (trust > 0) & (distance >= -1)
+        hidden = distance < -1
+        if view.normal is not None:
+            normal, rays = np.asarray(view.normal, np.float64)[pixel], view.camera.world_rays()[pixel]
+            with np.errstate(invalid="ignore"):  # endless depth on a ray with a zero
+                points = view.camera.centre + depth[:, None] * rays
+                ahead = ((voxels - points) * normal).sum(axis=1) / truncation_m
+            distance = np.where((normal * rays).sum(axis=1) < 0, ahead, distance)
+        taken = inside & (depth > 0) & (trust > 0) & (distance >= -1) & ~hidden
         total += np.where(taken, trust * np.minimum(distance, 1), 0)
         weight += np.where(taken, trust, 0)
         count += taken

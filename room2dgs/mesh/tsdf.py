@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 ATTRIBUTES = ("tsdf", "weight", "views", "color")
 BLOCK = 8  # voxels a block side
+HALF = 2**20  # of a key's base: blocks on either side of the origin
+STRIDE, STEPS = 2, 4  # pixels between those that say which blocks are near, and points at each, as the kernel has them
 # 10 kB a block. Growth copies the whole table (about 1 s in all for a room at 1 cm), so start with room for it.
 FIRST_BLOCKS = 16_384
 DEVICE = o3c.Device("CPU:0")
@@ -30,8 +32,9 @@ def integrate(views: Iterable[FusedView], config: MeshConfig) -> trimesh.Trimesh
 
     Memory follows the observed surface, not the number of views: each view is released before the next is asked
     for. open3d keeps the voxels and meshes them; a kernel of ours takes the depth in, since open3d's has no weight for
-    each pixel. Rendered depth is fused with equal weights: weights by angle and distance made no difference, and
-    grazing pixels are cut off beforehand (`valid_depth`).
+    each pixel and measures along the view's axis only: a view at an angle would count for more than one that faces the
+    surface. Rendered depth is fused with equal weights: weights by angle and distance made no difference, and grazing
+    pixels are cut off beforehand (`valid_depth`).
 
     Args:
         views: depth in metres, 0 = invalid; all sizes and intrinsics may differ.
@@ -83,6 +86,36 @@ def camera_in_volume(camera: Camera, origin: np.ndarray, voxel_m: float) -> tupl
     return cam_from_local, pixel_from_voxel
 
 
+def local_from_cam(cam_from_local: np.ndarray) -> np.ndarray:
+    """(3, 4), of a (4, 4)."""
+    rotation, translation = cam_from_local[:3, :3], cam_from_local[:3, 3:]
+    return np.ascontiguousarray(np.concatenate([rotation.T, -rotation.T @ translation], axis=1))
+
+
+def touched(
+    depth: np.ndarray,
+    normal: np.ndarray,
+    K: np.ndarray,
+    cam_from_local: np.ndarray,
+    voxel_m: float,
+    truncation_m: float,
+) -> np.ndarray:
+    """(N, 3) int32 coordinates of the blocks that are across a surface within the truncation, none twice.
+
+    Args:
+        depth: (H, W) float32 metres, 0 = invalid.
+        normal: (H, W, 3) float32, world frame, towards the camera, 0 = unknown.
+        cam_from_local: (4, 4) from the volume's frame.
+    """
+    height, width = depth.shape
+    keys = np.empty((height // STRIDE * (width // STRIDE), STEPS), np.int64)
+    _C.touched_blocks(depth, normal, K, local_from_cam(cam_from_local), BLOCK * voxel_m, truncation_m, keys)
+    found = np.unique(keys[keys >= 0])
+    base = 2 * HALF
+    parts = (found // base**2, found // base % base, found % base)
+    return (np.stack(parts, axis=1) - HALF).astype(np.int32)
+
+
 def _integrate_one(
     volume: o3d.t.geometry.VoxelBlockGrid,
     origin: np.ndarray,
@@ -90,45 +123,29 @@ def _integrate_one(
     depth: np.ndarray,
     config: MeshConfig,
 ) -> None:
+    reach = config.voxel_m * config.truncation_voxels
     cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, config.voxel_m)
-    blocks = _touched(volume, view.camera.K, cam_from_local, depth, config)
+    normal = np.zeros((*depth.shape, 3)) if view.normal is None else view.normal
+    normal = np.ascontiguousarray(normal, np.float32)
+    blocks = touched(depth, normal, view.camera.K, cam_from_local, config.voxel_m, reach)
     if not len(blocks):
         return
     hashmap = volume.hashmap()
-    hashmap.activate(blocks)
-    rows, _ = hashmap.find(blocks)
+    hashmap.activate(o3c.Tensor(blocks))
+    rows, _ = hashmap.find(o3c.Tensor(blocks))
     parts = [volume.attribute(name).numpy() for name in ATTRIBUTES]  # not copies; growth of the table moves them
     _C.fuse_depth(
-        blocks.numpy(),
+        blocks,
         rows.numpy().astype(np.int64),
         *(part.reshape(len(part), -1) for part in parts),
         depth,
+        normal,
         np.ones_like(depth) if view.weight is None else np.ascontiguousarray(view.weight, np.float32),
         np.ascontiguousarray(photo_as_floats(view.color), np.float32),
         pixel_from_voxel,
-        config.voxel_m * config.truncation_voxels,
+        config.voxel_m,
+        reach,
     )
-
-
-def _touched(
-    volume: o3d.t.geometry.VoxelBlockGrid,
-    K: np.ndarray,
-    cam_from_local: np.ndarray,
-    depth: np.ndarray,
-    config: MeshConfig,
-) -> o3c.Tensor:
-    """(N, 3) int32 blocks near the surface."""
-    image = o3d.t.geometry.Image(o3c.Tensor(np.ascontiguousarray(depth)))
-    # our depth is in metres already (scale 1) and already cut: the second bound only has to lie above it
-    beyond = float(depth.max()) + config.truncation_voxels * config.voxel_m + 1.0
-    bounds = (1.0, beyond, float(config.truncation_voxels))
-    try:
-        return volume.compute_unique_block_coordinates(image, o3c.Tensor(K), o3c.Tensor(cam_from_local), *bounds)
-    except RuntimeError as error:
-        # open3d looks at a part of the pixels only, and takes it for a fault if none of them has a depth
-        if "No block is touched" in str(error):
-            return o3c.Tensor(np.zeros((0, 3), np.int32))
-        raise
 
 
 def photo_as_floats(color: np.ndarray | Tensor) -> np.ndarray | Tensor:

@@ -12,6 +12,7 @@ from room2dgs.config import MeshConfig
 from room2dgs.geometry.camera import Camera
 
 NEAREST_M = 0.5  # what is nearer than this weighs no more
+ONE_SURFACE = 0.01  # relative difference of expected and median depth up to which they are of one surface
 
 if TYPE_CHECKING:  # fusion serves renderings and depth maps from elsewhere, and torch takes seconds to import
     import torch
@@ -29,24 +30,34 @@ class FusedView:
         depth: (H, W) float32 z-depth, metres; 0 = invalid.
         color: (H, W, 3) uint8 0..255, or float 0..1.
         weight: (H, W) float32, what each pixel counts in the mean; None = the same.
+        normal: (H, W, 3) float32, of the surface in each pixel: unit, world frame, towards the camera, 0 = unknown;
+            None = nowhere known. Distances are from the plane that depth and normal give, else along the view's axis.
     """
 
     camera: Camera
     depth: np.ndarray | Tensor
     color: np.ndarray | Tensor
     weight: np.ndarray | Tensor | None = None
+    normal: np.ndarray | Tensor | None = None
 
     def on_cpu(self) -> FusedView:
         """With numpy's arrays alone."""
         if isinstance(self.depth, np.ndarray):
             return self
-        parts = (None if x is None else x.cpu().numpy() for x in (self.depth, self.color, self.weight))
+        parts = (None if x is None else x.cpu().numpy() for x in (self.depth, self.color, self.weight, self.normal))
         return FusedView(self.camera, *parts)
 
 
 def chosen_depth(rendering: Rendering, config: MeshConfig) -> Tensor:
-    """(H, W) float32 z-depth in metres: the rendering's median or expected depth, as `mesh.depth` says."""
-    return _tensor(rendering.median_depth if config.depth == "median" else rendering.depth).float()
+    """(H, W) float32 z-depth in metres, as `mesh.depth` says.
+
+    The median jumps from surfel to surfel, the expected depth lies between what is in front of an edge and behind it:
+    "smooth" is the expected one where the two hardly differ, the median elsewhere.
+    """
+    median, expected = (_tensor(depth).float() for depth in (rendering.median_depth, rendering.depth))
+    if config.depth == "smooth":
+        return expected.where((expected - median).abs() < ONE_SURFACE * median, median)
+    return median if config.depth == "median" else expected
 
 
 def valid_depth(rendering: Rendering, camera: Camera, config: MeshConfig) -> Tensor:
@@ -73,13 +84,15 @@ def valid_depth(rendering: Rendering, camera: Camera, config: MeshConfig) -> Ten
 
 
 def fused_view(rendering: Rendering, camera: Camera, config: MeshConfig) -> FusedView:
-    """The rendering's depth with every unfit pixel set to 0, and its colour clipped to 0..1; where the rendering is."""
+    """The rendering's depth with every unfit pixel set to 0, its unit normals, and its colour clipped to 0..1; where
+    the rendering is."""
     import torch
 
     depth = torch.where(valid_depth(rendering, camera, config), chosen_depth(rendering, config), 0.0)
     color = torch.nan_to_num(_tensor(rendering.color)).clamp(0.0, 1.0).float()
-    on_cpu = depth.device.type == "cpu"
-    return FusedView(camera, depth.numpy(), color.numpy()) if on_cpu else FusedView(camera, depth, color)
+    normal = torch.nn.functional.normalize(torch.nan_to_num(_tensor(rendering.normal)).float(), dim=-1)
+    view = FusedView(camera, depth, color, normal=normal)
+    return view.on_cpu() if depth.device.type == "cpu" else view
 
 
 def trusted_view(maps: ViewMaps[np.ndarray], camera: Camera, color: np.ndarray, config: MeshConfig) -> FusedView:

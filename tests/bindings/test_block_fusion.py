@@ -25,11 +25,19 @@ def depth_of(height: int, width: int) -> np.ndarray:
     return depth
 
 
+def normals_of(depth: np.ndarray) -> np.ndarray:
+    """Some unknown, some that look away, some NaN."""
+    normal = np.random.default_rng(7).normal(size=(*depth.shape, 3)).astype(np.float32)
+    normal[::3] = 0
+    normal[1::5] = np.nan
+    return normal
+
+
 def touched(depth: np.ndarray, pose: np.ndarray, order: int = 0) -> np.ndarray:
     height, width = depth.shape
     K = np.array([[30.0, 0, width / 2], [0, 31.0, height / 2], [0, 0, 1]])
-    keys = np.full(((height // 4) * (width // 4), 4), -7)
-    _C.device.touched_blocks(depth, K, pose, 0.08, 0.05, keys, order)
+    keys = np.full(((height // 2) * (width // 2), 4), -7)
+    _C.device.touched_blocks(depth, normals_of(depth), K, pose, 0.08, 0.05, keys, order)
     return keys
 
 
@@ -40,7 +48,7 @@ def test_keys_name_blocks_within_reach_or_nothing(size, away):
     pose[:, 3] = away
     keys = touched(depth_of(*size), pose)
     found = keys[keys != -1]
-    assert ((found >= 0) & (found < 2**63 - 1)).all() and (away != 0 or size < (4, 4) or len(found))
+    assert ((found >= 0) & (found < 2**63 - 1)).all() and (away != 0 or size < (2, 2) or len(found))
     if away == 1e9 or np.isnan(away):
         assert not len(found)
     if away == 0:
@@ -63,30 +71,34 @@ def test_voxels_are_taken_in_wherever_the_camera_stands(size):
         made = []
         for order in (0, 8):
             parts = [np.zeros((40, count), np.float32) for count in PARTS]
-            _C.device.fuse_depth(block, row, *parts, depth, trust, photo, matrix, 0.05, order)
+            _C.device.fuse_depth(block, row, *parts, depth, normals_of(depth), trust, photo, matrix, 0.01, 0.05, order)
             made.append(parts)
         assert all(np.array_equal(a, b) and np.isfinite(a).all() for a, b in zip(*made, strict=True))
 
 
 def test_arguments_are_checked():
-    depth, keys, K, pose = np.ones((8, 9), np.float32), np.zeros((4, 4), np.int64), np.eye(3), np.eye(3, 4)
+    depth, keys, K, pose = np.ones((8, 9), np.float32), np.zeros((16, 4), np.int64), np.eye(3), np.eye(3, 4)
+    normal = np.zeros((8, 9, 3), np.float32)
     for wrong, kind in (
-        ((depth, K, pose, 0.08, 0.05, keys[:3]), ValueError),
-        ((depth, K, pose, 0.0, 0.05, keys), ValueError),
-        ((depth, K, pose, 0.08, np.nan, keys), ValueError),
-        ((depth, K, np.eye(4), 0.08, 0.05, keys), ValueError),
-        ((depth.astype(np.float64), K, pose, 0.08, 0.05, keys), TypeError),
-        ((depth, K, pose.astype(np.float32), 0.08, 0.05, keys), TypeError),
+        ((depth, normal, K, pose, 0.08, 0.05, keys[:15]), ValueError),
+        ((depth, normal, K, pose, 0.0, 0.05, keys), ValueError),
+        ((depth, normal, K, pose, 0.08, np.nan, keys), ValueError),
+        ((depth, normal, K, np.eye(4), 0.08, 0.05, keys), ValueError),
+        ((depth.astype(np.float64), normal, K, pose, 0.08, 0.05, keys), TypeError),
+        ((depth, normal, K, pose.astype(np.float32), 0.08, 0.05, keys), TypeError),
     ):
         with pytest.raises(kind):
             _C.device.touched_blocks(*wrong)
     parts = [np.zeros((2, count), np.float32) for count in PARTS]
     block, row, photo = np.zeros((1, 3), np.int32), np.zeros(1, np.int64), np.ones((8, 9, 3), np.float32)
     for wrong in (
-        (block, row, *parts, depth, depth[:4], photo, pose, 0.05),
-        (block, row[:0], *parts, depth, depth, photo, pose, 0.05),
-        (block, row, parts[0], *parts[:1], *parts[2:], depth, depth, photo, pose, 0.05),
-        (block, row, *parts, depth, depth, photo, pose, 0.0),
+        (block, row, *parts, depth, normal, depth[:4], photo, pose, 0.01, 0.05),
+        (block, row, *parts, depth, normal[:4], depth, photo, pose, 0.01, 0.05),
+        (block, row, *parts, depth, normal, depth, photo, np.zeros((3, 4)), 0.01, 0.05),
+        (block, row, *parts, depth, normal, depth, photo, pose, 0.0, 0.05),
+        (block, row[:0], *parts, depth, normal, depth, photo, pose, 0.01, 0.05),
+        (block, row, parts[0], *parts[:1], *parts[2:], depth, normal, depth, photo, pose, 0.01, 0.05),
+        (block, row, *parts, depth, normal, depth, photo, pose, 0.01, 0.0),
     ):
         with pytest.raises(ValueError):
             _C.device.fuse_depth(*wrong)

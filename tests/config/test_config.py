@@ -76,7 +76,7 @@ def test_override_reaches_its_field():
         ("eval.protocols=area", "eval.protocols wants a list such as [a,b]"),
         ("eval.protocols=[]", "choose from area, neuris, manhattan"),
         ("eval.protocols=[chamfer]", "choose from area, neuris, manhattan"),
-        ("mesh.depth=mean", "choose from median, expected"),
+        ("mesh.depth=mean", "choose from smooth, median, expected"),
         ("mesh.source=network", "choose from surfels, depth, stereo, points"),
         ("mesh.voxel_m=nan", "mesh.voxel_m=nan is impossible"),
         ("eval.threshold_m=inf", "eval.threshold_m=inf is impossible"),

@@ -1,4 +1,4 @@
-"""Fusion by block code as plain C++: open3d's blocks, the CPU kernel's bits, the same mesh."""
+"""Fusion by block code as plain C++: the CPU kernel's blocks and bits, the same mesh."""
 
 from __future__ import annotations
 
@@ -48,23 +48,41 @@ def views(count: int, seed: int = 0) -> list[FusedView]:
         depth[0, 0], depth[4, 4] = np.nan, np.inf
         color = random.integers(0, 256, (height, width, 3)).astype(np.uint8)
         weight = random.random(depth.shape).astype(np.float32) if k % 2 else None
-        made.append(FusedView(camera, depth.astype(np.float32), color if k % 3 else color / 255, weight))
+        normal = -rays / np.linalg.norm(rays, axis=-1, keepdims=True) if k % 4 else None
+        normal = None if normal is None else normal.astype(np.float32)
+        made.append(FusedView(camera, depth.astype(np.float32), color if k % 3 else color / 255, weight, normal))
     return made
 
 
+def blocks_across(view: FusedView, origin: np.ndarray, voxel: float, reach: float, shift: np.ndarray) -> set:
+    """Of four points across the surface at every second pixel, each moved by `shift`."""
+    camera, each = view.camera, (slice(0, view.camera.height // 2 * 2, 2), slice(0, view.camera.width // 2 * 2, 2))
+    rays, depth = camera.world_rays()[each], view.depth[each][..., None].astype(np.float64)
+    facing = (view.normal * camera.world_rays()).sum(axis=-1)[each] < 0
+    across = np.where(facing[..., None], view.normal[each], rays)
+    points = camera.centre - origin + rays * depth
+    points = np.stack([points + reach * s * across for s in (-1, -1 / 3, 1 / 3, 1)])[:, depth[..., 0] > 0]
+    return {*map(tuple, np.floor((points.reshape(-1, 3) + shift) / (8 * voxel)).astype(int))}
+
+
 @pytest.mark.parametrize("voxel", [0.005, 0.02, 0.11])
-def test_the_blocks_are_open3ds(voxel):
-    config, volume = make_config(voxel_m=voxel, truncation_voxels=5.0), tsdf.empty_volume(voxel)
-    for view in views(4):
-        depth = np.where(view.depth < 9, view.depth, 0).astype(np.float32)
+def test_blocks_lie_across_the_surface(voxel):
+    reach = 5 * voxel
+    shifts = 1e-5 * np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # float32 on a border
+    for k, made in enumerate(views(4)):
+        normal = np.random.default_rng(k).normal(size=(*made.depth.shape, 3))
+        normal[normal[..., 0] > 1] = 0
+        normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-9)
+        depth = np.where(made.depth < 9, made.depth, 0).astype(np.float32)
+        view = replace(made, depth=depth, normal=normal.astype(np.float32))
         origin = tsdf.start_of(view.camera, voxel)
         cam_from_local, _ = tsdf.camera_in_volume(view.camera, origin, voxel)
-        expected = tsdf._touched(volume, view.camera.K, cam_from_local, depth, config).numpy()
-        found = device_volume.touched(
-            torch.from_numpy(depth), view.camera.K, cam_from_local, voxel, config.truncation_voxels, PLAIN
-        )
-        found = device_volume.coordinates(found).numpy()
-        assert len(found) > 10 and {*map(tuple, found)} == {*map(tuple, expected)}
+        at = (view.camera.K, cam_from_local, voxel, reach)
+        found = {*map(tuple, tsdf.touched(view.depth, view.normal, *at))}
+        moved = [blocks_across(view, origin, voxel, reach, shift) for shift in shifts]
+        assert len(found) > 10 and set.intersection(*moved) <= found <= set.union(*moved)
+        on_device = device_volume.touched(*map(torch.from_numpy, (view.depth, view.normal)), *at, PLAIN)
+        assert {*map(tuple, device_volume.coordinates(on_device).numpy())} == found
 
 
 def test_voxels_have_the_cpu_kernels_bits_in_any_order():
@@ -75,7 +93,8 @@ def test_voxels_have_the_cpu_kernels_bits_in_any_order():
     start = [random.random((len(block) + 7, size), np.float32) for size in (512, 512, 512, 1536)]
     photo = random.random((*view.depth.shape, 3), np.float32)
     _, matrix = tsdf.camera_in_volume(view.camera, WORLD, 0.03)
-    view_of = (view.depth, view.weight, photo, matrix, 0.15)
+    normal = random.normal(size=(*view.depth.shape, 3)).astype(np.float32)
+    view_of = (view.depth, normal, view.weight, photo, matrix, 0.03, 0.15)
 
     def fused(kernel, rows, *queue):
         parts = [part.copy() for part in start]
@@ -105,7 +124,9 @@ def test_the_mesh_is_the_cpus_bit_for_bit(monkeypatch):
     finally:
         set_order(0)
     as_tensors = [
-        FusedView(v.camera, *(None if x is None else torch.as_tensor(x) for x in (v.depth, v.color, v.weight)))
+        FusedView(
+            v.camera, *(None if x is None else torch.as_tensor(x) for x in (v.depth, v.color, v.weight, v.normal))
+        )
         for v in made
     ]
     again = fuse(iter(as_tensors), config, lambda _: None, "blocks")
@@ -117,7 +138,7 @@ def test_the_mesh_is_the_cpus_bit_for_bit(monkeypatch):
 def test_a_contracted_volume_takes_tensors_too():
     config = make_config(space="contracted", voxel_m=0.08, max_depth_m=50.0)
     made = views(2)
-    tensors = [replace(v, depth=torch.from_numpy(v.depth), color=torch.from_numpy(v.color)) for v in made]
+    tensors = [replace(v, depth=torch.from_numpy(v.depth), color=torch.from_numpy(v.color), normal=None) for v in made]
     made, tensors = ([replace(v, weight=None) for v in both] for both in (made, tensors))
     expected, found = (fuse(which, config, lambda _: None, "blocks") for which in (made, tensors))
     assert np.array_equal(found.vertices, expected.vertices)

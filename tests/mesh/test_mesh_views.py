@@ -77,6 +77,25 @@ def test_fused_view_takes_the_chosen_depth_and_clips_colour(kind, metres):
     assert view.color.max() == 1.0
 
 
+def test_smooth_depth_is_expected_on_one_surface_and_median_across_an_edge():
+    camera = make_camera()
+    rendering = make_rendering(camera)
+    rendering.depth[:] = 2.015
+    rendering.depth[0], rendering.depth[1], rendering.depth[2] = 2.03, 1.97, float("nan")
+    view = fused_view(rendering, camera, make_config(depth="smooth"))
+    assert view.depth[3, 18] == np.float32(2.015)
+    assert (view.depth[:3, 18] == 2.0).all()
+
+
+def test_normals_are_unit_and_never_nan():
+    camera = make_camera()
+    rendering = make_rendering(camera, (0.0, 0.3, -0.4))
+    rendering.normal[0, 0], rendering.normal[0, 1] = float("nan"), 0.0
+    normal = fused_view(rendering, camera, make_config()).normal
+    assert (normal[0, :2] == 0).all()
+    assert np.allclose(normal[1, 1], [0, 0.6, -0.8])
+
+
 def test_own_depth_is_fused_where_it_is_trusted():
     camera = make_camera()
     depth = np.full((camera.height, camera.width), 2.0, np.float32)

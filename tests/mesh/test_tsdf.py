@@ -130,7 +130,11 @@ def test_the_kernel_is_the_plain_sum():
     for k in range(3):
         view = box_view(make_camera((0.0137 + 0.1 * k, 0.0511, -0.1), 1.3 + 25 * k, 117.31))
         depth = np.where(rng.random(view.depth.shape) < 0.1, 0, view.depth).astype(np.float32)
-        views.append(replace(view, depth=depth, weight=rng.random(depth.shape).astype(np.float32)))
+        normal = rng.normal(size=(*depth.shape, 3))  # half of them look away
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        normal[rng.random(depth.shape) < 0.1] = 0
+        weight = rng.random(depth.shape).astype(np.float32)
+        views.append(replace(view, depth=depth, weight=weight, normal=normal.astype(np.float32) if k else None))
     block = np.array([[x, y, z] for x in range(-8, 8, 3) for y in (-4, 0, 3) for z in range(-2, 12, 2)], np.int32)
     parts = [np.zeros((len(block), size), np.float32) for size in (512, 512, 512, 1536)]
     for view in views:
@@ -138,7 +142,9 @@ def test_the_kernel_is_the_plain_sum():
         pixel_from_voxel[:, :3] *= VOXEL
         photo = np.ones((*view.depth.shape, 3), np.float32)
         rows = np.arange(len(block))
-        _C.fuse_depth(block, rows, *parts, view.depth, view.weight, photo, pixel_from_voxel, 5 * VOXEL)
+        normal = np.zeros_like(photo) if view.normal is None else view.normal
+        maps = (view.depth, normal, view.weight, photo)
+        _C.fuse_depth(block, rows, *parts, *maps, pixel_from_voxel, VOXEL, 5 * VOXEL)
     inner = np.stack(np.meshgrid(*[np.arange(8)] * 3, indexing="ij"), axis=-1)[..., ::-1].reshape(-1, 3)  # z, y, x
     voxels = VOXEL * (8 * block[:, None] + inner).reshape(-1, 3)
     distance, weight, count = fused_voxels(views, voxels, 5 * VOXEL)
@@ -151,9 +157,37 @@ def test_the_kernel_is_the_plain_sum():
 @pytest.mark.parametrize("rows, words", [([0, 2], "not there"), ([-1, 0], "not there"), ([1, 1], "twice")])
 def test_a_block_is_taken_once_and_must_be_there(rows, words):
     parts = [np.zeros((2, size), np.float32) for size in (512, 512, 512, 1536)]
-    maps = [np.ones((4, 5), np.float32), np.ones((4, 5), np.float32), np.ones((4, 5, 3), np.float32)]
+    maps = [np.ones((4, 5, *channels), np.float32) for channels in ((), (3,), (), (3,))]
     with pytest.raises(ValueError, match=words):
-        _C.fuse_depth(np.zeros((2, 3), np.int32), np.array(rows), *parts, *maps, np.eye(3, 4), 0.1)
+        _C.fuse_depth(np.zeros((2, 3), np.int32), np.array(rows), *parts, *maps, np.eye(3, 4), 0.02, 0.1)
+
+
+def with_normals(view: FusedView, normal: np.ndarray) -> FusedView:
+    return replace(view, normal=np.broadcast_to(normal, (*view.depth.shape, 3)).astype(np.float32))
+
+
+def test_with_its_normals_a_slanted_plane_is_flat():
+    """Without them a voxel has the distance of the middle of the pixel that sees it: steps."""
+    normal = np.array([np.sin(1.0), 0.0, -np.cos(1.0)])
+    view = plane_view(make_camera(), normal, normal @ [0.0, 0.0, 1.5])
+    meshes = [clean(integrate([one], make_config())) for one in (view, with_normals(view, normal))]
+    stepped, flat = (np.abs(mesh.vertices @ normal - normal @ [0.0, 0.0, 1.5]).max() for mesh in meshes)
+    assert stepped > 0.1 * VOXEL and flat < 0.005 * VOXEL
+
+
+def test_views_from_different_angles_count_alike():
+    """Along the axis a surface seen at 60 degrees is twice as far away: that view would have twice the say."""
+    cameras = make_camera((0.0, 0.0, 0.0)), make_camera((-1.5 * np.tan(1.05), 0.0, 0.0), turn_deg=60)
+    normal = np.array([0.0, 0.0, -1.0])
+    apart = 0.4 * VOXEL
+    views = [plane_view(camera, normal, -1.5 + side * apart) for camera, side in zip(cameras, (1, -1), strict=True)]
+    middles = []
+    for both in (views, [with_normals(view, normal) for view in views]):
+        mesh = clean(integrate(both, make_config(min_weight=2)))
+        near = (np.abs(mesh.vertices[:, :2]) < 0.2).all(axis=1)
+        assert near.sum() > 100
+        middles.append(mesh.vertices[near, 2].mean() - 1.5)
+    assert abs(middles[0]) > 0.1 * apart and abs(middles[1]) < 0.05 * apart
 
 
 def test_far_depth_is_left_out():

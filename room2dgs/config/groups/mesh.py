@@ -25,7 +25,9 @@ class MeshConfig:
         description="bounded | contracted: outside the room voxels grow with the distance"
     )
     truncation_voxels: Float = Field(ge=1, le=20, description="truncation distance of the TSDF, in voxels")
-    depth: Literal["median", "expected"] = Field(description="median | expected")
+    depth: Literal["smooth", "median", "expected"] = Field(
+        description="smooth (expected where that is within 1 % of the median, else median) | median | expected"
+    )
     max_depth_m: Float = Field(ge=0.1, description="farther pixels are not fused")
     min_alpha: Float = Field(ge=0, le=1, description="pixels less covered are not fused")
     min_confidence: Float = Field(ge=0, le=1, description="source=depth: pixels trusted less are not fused")

@@ -11,21 +11,10 @@ using namespace room2dgs;
 
 namespace {
 
-void touched(const Input& depth, const Input& K, const Input& local_from_cam, double side, double truncation,
-             const Output& keys, uint64_t queue) {
+void touched(const Input& depth, const Input& normal, const Input& K, const Input& local_from_cam, double side,
+             double truncation, const Output& keys, uint64_t queue) {
   Arguments check = on_device(depth), host;
-  const auto size = lengths("depth", depth, 2);
-  TouchJob job{};
-  job.height = size[0], job.width = size[1];
-  job.depth = check.input<float>("depth", depth, {size[0], size[1]});
-  job.keys = check.output<int64_t>("keys", keys, {touched_pixels(size[0], size[1]), kTouchSteps});
-  const double *k = host.input<double>("K", K, {3, 3}), *pose = host.input<double>("local_from_cam", local_from_cam, {3, 4});
-  job.fx = static_cast<float>(k[0]), job.fy = static_cast<float>(k[4]);
-  job.cx = static_cast<float>(k[2]), job.cy = static_cast<float>(k[5]);
-  for (int i = 0; i < 12; ++i) job.local_from_cam[i] = static_cast<float>(pose[i]);
-  require(std::isfinite(side) && side > 0 && std::isfinite(truncation) && truncation > 0,
-          "side or truncation is not above 0");
-  job.side = static_cast<float>(side), job.truncation = static_cast<float>(truncation);
+  const TouchJob job = touch_job(check, host, depth, normal, K, local_from_cam, side, truncation, keys);
   nb::gil_scoped_release unlocked;
   const Queue on(queue, depth.device_id());
   const OnDevice current(on);
@@ -33,12 +22,12 @@ void touched(const Input& depth, const Input& K, const Input& local_from_cam, do
 }
 
 void fuse(const Input& block, const Input& row, const Output& distance, const Output& weight, const Output& views,
-          const Output& color, const Input& depth, const Input& trust, const Input& photo,
-          const Input& pixel_from_voxel, double truncation, uint64_t queue) {
+          const Output& color, const Input& depth, const Input& normal, const Input& trust,
+          const Input& photo, const Input& pixel_from_voxel, double voxel, double truncation, uint64_t queue) {
   Arguments check = on_device(depth), host;
   const int64_t blocks = lengths("block", block, 2)[0], rows = lengths("distance", distance, 2)[0];
-  const FusionJob job = fusion_job(check, host, block, row, distance, weight, views, color, depth, trust, photo,
-                                   pixel_from_voxel, truncation);
+  const FusionJob job = fusion_job(check, host, block, row, distance, weight, views, color, depth, normal, trust,
+                                   photo, pixel_from_voxel, voxel, truncation);
   nb::gil_scoped_release unlocked;
   const Queue on(queue, depth.device_id());
   const OnDevice current(on);
@@ -48,14 +37,14 @@ void fuse(const Input& block, const Input& row, const Output& distance, const Ou
 }  // namespace
 
 void bind_block_fusion(nb::module_& m) {
-  m.def("touched_blocks", &touched, as_is("depth"), as_is("K"), as_is("local_from_cam"), nb::arg("side"),
+  m.def("touched_blocks", &touched, as_is("depth"), as_is("normal"), as_is("K"), as_is("local_from_cam"), nb::arg("side"),
         nb::arg("truncation"), as_is("keys"), nb::arg("queue") = 0,
-        "Writes the blocks near a depth map's surface to keys, (pixels of every fourth row and column, 4) int64: "
+        "Writes the blocks near a depth map's surface to keys, (pixels of every second row and column, 4) int64: "
         "((x + h) 2h + y + h) 2h + z + h with h = 2^20, or -1; some more than once. K and local_from_cam, (3, 4), are "
         "float64 on the CPU. queue: as in BlockFrame.");
   m.def("fuse_depth", &fuse, as_is("block"), as_is("row"), as_is("distance"), as_is("weight"), as_is("views"),
-        as_is("color"), as_is("depth"), as_is("trust"), as_is("photo"), as_is("pixel_from_voxel"),
-        nb::arg("truncation"), nb::arg("queue") = 0,
+        as_is("color"), as_is("depth"), as_is("normal"), as_is("trust"), as_is("photo"), as_is("pixel_from_voxel"),
+        nb::arg("voxel"), nb::arg("truncation"), nb::arg("queue") = 0,
         "As the CPU's `fuse_depth`; no row may come twice, and one that is not there is passed over. pixel_from_voxel "
         "is on the CPU. queue: as in BlockFrame.");
 }

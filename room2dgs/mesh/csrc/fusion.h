@@ -17,18 +17,42 @@ struct FusionJob {
   float* views;            // (rows, 512), how many depth maps have seen the voxel
   float* color;            // (rows, 512, 3)
   const float* depth;      // (height, width), 0 = invalid
+  const float* normal;     // (height, width, 3), unit, in the volume's axes, towards the camera; 0 = unknown
   const float* trust;      // (height, width), what the pixel weighs
   const float* photo;      // (height, width, 3)
   int64_t height, width;
   double pixel_from_voxel[12];  // 3 x 4, from voxels to (u z, v z, z), z in metres
-  float truncation;        // metres
+  double voxel_from_pixel[9];   // inverse of its left three columns
+  float voxel, truncation;      // metres
 };
+
+constexpr int kTouchStride = 2;   // pixels between those that are looked at
+constexpr int kTouchSteps = 4;    // points across the truncation at each, its ends among them
+constexpr int64_t kTouchHalf = int64_t{1} << 20;  // blocks on either side of the origin, at most
+
+// Which blocks a depth map's surface is near.
+struct TouchJob {
+  const float* depth;   // (height, width), 0 = invalid
+  const float* normal;  // (height, width, 3), as in FusionJob
+  int64_t height, width;
+  float fx, fy, cx, cy;
+  float local_from_cam[12];  // 3 x 4
+  float side, truncation;    // of a block, and on either side of the surface; metres
+  // (rows of pixels, columns, kTouchSteps): ((x + half) * 2 half + y + half) * 2 half + z + half, or -1; with repeats
+  int64_t* keys;
+};
+
+inline int64_t touched_pixels(int64_t height, int64_t width) {
+  return (height / kTouchStride) * (width / kTouchStride);
+}
 
 }  // namespace room2dgs
 
 namespace isa_baseline {
 void fuse_block(const room2dgs::FusionJob& job, int64_t index);
+void touch_row(const room2dgs::TouchJob& job, int64_t row);
 }
 namespace isa_avx2 {
 void fuse_block(const room2dgs::FusionJob& job, int64_t index);
+void touch_row(const room2dgs::TouchJob& job, int64_t row);
 }
