@@ -18,7 +18,7 @@ from room2dgs.train.schedule import has_shares
 
 # `train.iterations` is not among them, unless times are shares of it: a run may be prolonged.
 SECTIONS = ("scene", "sfm", "points", "seeds", "render", "loss", "strategy")
-TRAIN_KEYS = ("seed", "rates", "refine_poses", "exposure", "resolutions", "coarsest_px")
+TRAIN_KEYS = ("seed", "rates", "refine_poses", "exposure", "random_background", "resolutions", "coarsest_px")
 FREE = ("scene.gt_mesh", "scene.split", "scene.test_every", "render.threads")
 VIEWS = "training views"
 PRIORS = "prior maps"

@@ -31,9 +31,11 @@ def grey_photo(image: Tensor, patch: int, min_std: float, mask: Tensor | None = 
         image: (H, W, 3) uint8 RGB.
         patch: side of a patch, pixels.
         min_std: in grey levels of 0..1.
-        mask: (H, W) bool; patches with a pixel that it hides count as flat.
+        mask: (H, W) bool; patches with a pixel that it hides count as flat, and what it hides is black.
     """
     grey = image.numpy() @ LUMA
+    if mask is not None:  # sums and interpolation round: what is hidden is not to show in their last bits
+        grey = np.where(mask.numpy(), grey, np.zeros_like(grey))
     mean, square = (cv2.blur(values, (patch, patch)) for values in (grey, grey * grey))
     textured = np.zeros(grey.shape, bool)
     inner = (slice(patch // 2, -(patch // 2)),) * 2

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -20,6 +21,9 @@ from room2dgs.train.objective import Term, loss_terms, needed_maps, total_loss
 from room2dgs.train.progress import StageClock
 from room2dgs.train.schedule import active_sh_degree, learning_rates
 from room2dgs.train.views import View, Views
+
+BACKGROUND = 0x6267  # tells these draws from others of the same seed
+BACKGROUNDS = 1009  # colours, after which they come again
 
 
 class Step(NamedTuple):
@@ -72,7 +76,8 @@ def forward_backward(
     def rendered() -> tuple[Surfels, Rendering]:
         surfels = model.surfels(active_sh_degree(iteration, config.render))
         maps = needed_maps(view, config, iteration, pair)
-        return surfels, render_view(surfels, view, config.render, center_px=center_px, **maps)
+        behind = background(iteration, config, view.K.device)
+        return surfels, render_view(surfels, view, config.render, background=behind, center_px=center_px, **maps)
 
     # a pose that wants a gradient gets that of the rendering; the terms themselves take it as it is
     compared = view._replace(cam_from_world=view.cam_from_world.detach())
@@ -111,23 +116,39 @@ def render_view(
     view: View,
     render: RenderConfig,
     *,
+    background: Tensor | None = None,
     center_px: Tensor | None = None,
     with_normal: bool = False,
     with_distortion: bool = False,
 ) -> Rendering:
-    """Render one view over the configured background; maps that are not asked for are zeros."""
+    """Render one view, over `render.background` unless another is given; maps that are not asked for are zeros."""
     return splat.render(
         surfels,
         view.K,
         view.cam_from_world,
         view.width,
         view.height,
-        background=_background(tuple(render.background), view.K.device),
+        background=_background(tuple(render.background), view.K.device) if background is None else background,
         near_m=render.near_m,
         center_px=center_px,
         with_normal=with_normal,
         with_distortion=with_distortion,
     )
+
+
+def background(iteration: int, config: Config, device: torch.device) -> Tensor:
+    """(3,) what a training view is rendered over: with train.random_background a colour of the iteration's own, so that
+    no surface can pass for a dark one by being transparent."""
+    if not config.train.random_background:
+        return _background(tuple(config.render.background), device)
+    return _backgrounds(config.train.seed % 2**63, device)[iteration % BACKGROUNDS]
+
+
+@lru_cache(maxsize=4)
+def _backgrounds(seed: int, device: torch.device) -> Tensor:
+    """(BACKGROUNDS, 3), all at once: a GPU would wait for each."""
+    random = np.random.default_rng([seed, BACKGROUND])
+    return torch.from_numpy(random.random((BACKGROUNDS, 3), np.float32)).to(device)
 
 
 @lru_cache(maxsize=4)

@@ -27,7 +27,7 @@ def test_the_table_of_calls_is_complete():
     plain = {name for name, call in CALLS.items() if not call.method and not call.bench}
     # dense stereo, fusion, Adam and the kernels for CUDA stand with their own tests
     others = {"RasterFrame", "bench", "isa", "threads", "set_threads"}
-    others |= {"StereoPhoto", "PatchMatch", "agree", "fuse_depth", "adam", "device"}
+    others |= {"StereoPhoto", "PatchMatch", "agree", "touched_blocks", "fuse_depth", "adam", "device"}
     assert plain | others == functions
     assert {name for name, call in CALLS.items() if call.bench} == measuring - {"operations"}  # it takes no frame
     assert {name for name, call in CALLS.items() if call.method} == methods

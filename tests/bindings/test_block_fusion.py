@@ -89,6 +89,8 @@ def test_arguments_are_checked():
     ):
         with pytest.raises(kind):
             _C.device.touched_blocks(*wrong)
+        with pytest.raises(kind):
+            _C.touched_blocks(*wrong)
     parts = [np.zeros((2, count), np.float32) for count in PARTS]
     block, row, photo = np.zeros((1, 3), np.int32), np.zeros(1, np.int64), np.ones((8, 9, 3), np.float32)
     for wrong in (

@@ -54,6 +54,10 @@ class TrainConfig:
     rates: RatesConfig = Field()
     refine_poses: bool = Field(description="learn a small correction of each training view's pose")
     exposure: bool = Field(description="learn gains and offsets of each training photo's colours")
+    random_background: bool = Field(
+        description="render each training view over a colour of its own: over one colour for all, what has that colour "
+        "becomes transparent"
+    )
     resolutions: list[ResolutionConfig] = Field(description="coarse to fine; after the last: full size ([]: always)")
     coarsest_px: Int = Field(ge=1, description="resolutions make no photo narrower than this, and enlarge none")
     log_every: Int = Field(ge=1, description="iterations between two log lines")
