@@ -43,6 +43,10 @@ inline FusionJob fusion_job(Arguments& check, Arguments& host, const Input& bloc
   for (int k = 0; k < 12; ++k) job.pixel_from_voxel[k] = matrix[k];
   const double determinant = inverse(matrix, job.voxel_from_pixel);
   require(std::isfinite(determinant) && determinant != 0, "pixel_from_voxel has no inverse");
+  for (int k = 0; k < 3; ++k) {
+    const double* back = job.voxel_from_pixel + 3 * k;
+    job.eye[k] = -(back[0] * matrix[3] + back[1] * matrix[7] + back[2] * matrix[11]);
+  }
   require(std::isfinite(voxel) && voxel > 0 && std::isfinite(truncation) && truncation > 0,
           "voxel or truncation is not above 0");
   job.voxel = static_cast<float>(voxel), job.truncation = static_cast<float>(truncation);

@@ -23,6 +23,7 @@ struct FusionJob {
   int64_t height, width;
   double pixel_from_voxel[12];  // 3 x 4, from voxels to (u z, v z, z), z in metres
   double voxel_from_pixel[9];   // inverse of its left three columns
+  double eye[3];                // the camera, voxels
   float voxel, truncation;      // metres
 };
 

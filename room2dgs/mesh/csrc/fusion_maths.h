@@ -20,19 +20,18 @@ using room2dgs::TouchJob;
 // where nobody knows its normal. NaN where the pixel says nothing of the place.
 R2_HD double in_front(const FusionJob& job, const double* at, int64_t pixel, double depth, double near) {
   const float* n = job.normal + 3 * pixel;
-  const double *m = job.pixel_from_voxel, *back = job.voxel_from_pixel;
+  const double* back = job.voxel_from_pixel;
   const double u = static_cast<double>(pixel % job.width) + 0.5, v = static_cast<double>(pixel / job.width) + 0.5;
-  double ahead = 0, towards = 0;
+  double before_eye = 0, towards = 0;  // along the normal: the voxel from the camera, the camera from depth 1
   for (int k = 0; k < 3; ++k) {
-    const double ray = back[3 * k] * u + back[3 * k + 1] * v + back[3 * k + 2];  // of depth 1, from the camera
-    const double eye = -(back[3 * k] * m[3] + back[3 * k + 1] * m[7] + back[3 * k + 2] * m[11]);
-    towards -= static_cast<double>(n[k]) * ray;
-    ahead += static_cast<double>(n[k]) * (at[k] - eye - depth * ray);
+    before_eye += static_cast<double>(n[k]) * (at[k] - job.eye[k]);
+    towards -= static_cast<double>(n[k]) * (back[3 * k] * u + back[3 * k + 1] * v + back[3 * k + 2]);
   }
   if (!(towards > 0)) return depth - near;
   // a slanted surface reaches further back along the axis, but what is there is often hidden by another one
-  return near - depth > static_cast<double>(job.truncation) ? static_cast<double>(NAN)
-                                                            : ahead * static_cast<double>(job.voxel);
+  return near - depth > static_cast<double>(job.truncation)
+             ? static_cast<double>(NAN)
+             : (before_eye + depth * towards) * static_cast<double>(job.voxel);
 }
 
 // Curless and Levoy 1996: the weighted mean of truncated distances. `inner` is the voxel's number in its block, `voxel`
