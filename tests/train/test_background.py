@@ -11,17 +11,19 @@ from room2dgs import splat
 from room2dgs.train import load_surfels, train
 from room2dgs.train.step import background
 
+RANDOM = "train.random_background=true"
+
 
 def test_each_iteration_has_a_colour_of_its_own_and_always_the_same(configure):
-    config = configure()
+    config = configure(RANDOM)
     colors = [tuple(background(number, config, torch.device("cpu")).tolist()) for number in range(20)]
     assert colors == [tuple(background(number, config, torch.device("cpu")).tolist()) for number in range(20)]
     assert len(set(colors)) == 20 and np.ptp(colors) > 0.7
-    assert tuple(background(0, configure("train.seed=1"), torch.device("cpu")).tolist()) != colors[0]
+    assert tuple(background(0, configure(RANDOM, "train.seed=1"), torch.device("cpu")).tolist()) != colors[0]
 
 
 def test_without_it_is_the_configured_one(configure):
-    config = configure("train.random_background=false", "render.background=[0.25,0.5,1.0]")
+    config = configure("render.background=[0.25,0.5,1.0]")
     assert background(3, config, torch.device("cpu")).tolist() == [0.25, 0.5, 1.0]
 
 

@@ -57,8 +57,10 @@ def touched_voxels(width: int, height: int) -> int:
     y, x = torch.meshgrid(torch.arange(height) + 0.5, torch.arange(width) + 0.5, indexing="ij")
     rays = torch.stack([x, y, torch.ones_like(x)], -1).double() @ (world_from_cam[:3, :3] @ torch.linalg.inv(K)).T
     room = torch.tensor(ROOM_M, dtype=torch.float64)
-    depth = ((torch.where(rays > 0, room, 0.0) - world_from_cam[:3, 3]) / rays).amin(-1).float()
-    keys = touched(depth, K.numpy(), cam_from_world.numpy(), VOXEL_M, TRUNCATION_VOXELS, PLAIN)
+    depth, wall = ((torch.where(rays > 0, room, 0.0) - world_from_cam[:3, 3]) / rays).min(-1)
+    normal = -torch.nn.functional.one_hot(wall, 3) * rays.sign()
+    at = (K.numpy(), cam_from_world.numpy(), VOXEL_M, TRUNCATION_VOXELS * VOXEL_M)
+    keys = touched(depth.float(), normal.float(), *at, PLAIN)
     return len(keys) * VOXELS
 
 
@@ -114,18 +116,19 @@ def kernels() -> list[Kernel]:
         ),
         Kernel(
             "fusion: blocks touched", False,
-            # four points of a ray: three divisions and numbers of cells each; what sorts their keys is torch's
+            # four points of a line: three divisions and numbers of cells each; what sorts their keys is torch's
             {"followed": Cost(
-                flops=20 + 4 * 3 * 4, instructions=30 + 2 * DIVIDE + 4 * (3 * (14 + DIVIDE) + 6), mufu=14,
-                dram=16 + 32,
+                flops=26 + 4 * 3 * 5, instructions=40 + 2 * DIVIDE + 4 * (3 * (15 + DIVIDE) + 6), mufu=14,
+                dram=8 + 24 + 32,
             )}, launches=1,
         ),
         Kernel(
             "fusion: depth taken in", False,
-            # where the voxel is seen, in double; its six numbers read and written, the pixel's five from the cache
+            # where the voxel is seen and how far it is from the pixel's plane, in double; its six numbers read and
+            # written, the pixel's eight from the cache
             {"voxels": Cost(
-                flops=24 + 20, instructions=70 + 2 * DOUBLE_DIVIDE + 2 * DIVIDE, fp64=26 + 2 * DOUBLE_DIVIDE, mufu=4,
-                dram=2 * 24, l2=20,
+                flops=24 + 20 + 34, instructions=115 + 2 * DOUBLE_DIVIDE + 2 * DIVIDE,
+                fp64=60 + 2 * DOUBLE_DIVIDE, mufu=4, dram=2 * 24, l2=32,
             )}, launches=1,
         ),
     ]  # fmt: skip
