@@ -1,8 +1,8 @@
 """Fusion by block code: `tsdf.integrate` on a GPU, or by a GPU's kernels as plain C++ (`render.device`).
 
 Voxels, and the table of the blocks that hold them, stay on the device while views come; open3d meshes them on the CPU
-at the end. Blocks are found, and a voxel takes a view in, by the CPU's own functions, so the same
-views give the same mesh.
+at the end. Blocks are found, and a voxel takes a view in, by the CPU's own functions, so the same views give the same
+mesh.
 """
 
 from __future__ import annotations

@@ -37,6 +37,8 @@ def fingerprint(config: Config, scene: Scene, priors: Mapping[str, ViewMaps] | N
         flat["train.iterations"] = config.train.iterations
     if config.render.device == "cpu":  # as in runs from before there was another
         flat.pop("render.device")
+    if not config.train.random_background:  # likewise
+        flat.pop("train.random_background")
     for key in FREE:
         flat.pop(key, None)
     flat[VIEWS] = _views_digest(scene)
