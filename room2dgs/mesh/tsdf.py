@@ -87,7 +87,7 @@ def camera_in_volume(camera: Camera, origin: np.ndarray, voxel_m: float) -> tupl
 
 
 def local_from_cam(cam_from_local: np.ndarray) -> np.ndarray:
-    """(3, 4), of a (4, 4)."""
+    """(3, 4) metres, the inverse of a rigid (4, 4)."""
     rotation, translation = cam_from_local[:3, :3], cam_from_local[:3, 3:]
     return np.ascontiguousarray(np.concatenate([rotation.T, -rotation.T @ translation], axis=1))
 
@@ -125,7 +125,7 @@ def _integrate_one(
 ) -> None:
     reach = config.voxel_m * config.truncation_voxels
     cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, config.voxel_m)
-    normal = np.zeros((*depth.shape, 3)) if view.normal is None else view.normal
+    normal = np.zeros((*depth.shape, 3), np.float32) if view.normal is None else view.normal
     normal = np.ascontiguousarray(normal, np.float32)
     blocks = touched(depth, normal, view.camera.K, cam_from_local, config.voxel_m, reach)
     if not len(blocks):

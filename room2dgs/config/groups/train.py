@@ -56,7 +56,7 @@ class TrainConfig:
     exposure: bool = Field(description="learn gains and offsets of each training photo's colours")
     random_background: bool = Field(
         description="render each training view over a colour of its own: over one colour for all, what has that colour "
-        "becomes transparent"
+        "may become transparent"
     )
     resolutions: list[ResolutionConfig] = Field(description="coarse to fine; after the last: full size ([]: always)")
     coarsest_px: Int = Field(ge=1, description="resolutions make no photo narrower than this, and enlarge none")
