@@ -7,8 +7,6 @@
 
 namespace room2dgs {
 
-bool has_avx2_kernels() { return has_avx2(); }
-
 namespace {
 
 Camera camera_of(const ViewArrays& view) {

@@ -1,21 +1,6 @@
-#include <cstdlib>
-#include <cstring>
-
 #include "bind.h"
+#include "isa.h"
 #include "parallel.h"
-
-namespace room2dgs {
-bool has_avx2() {
-  // ROOM2DGS_ISA=baseline turns the wider kernels off, for tests and for a doubtful processor
-  const char* wanted = std::getenv("ROOM2DGS_ISA");
-  if (wanted && std::strcmp(wanted, "baseline") == 0) return false;
-#if defined(__x86_64__) || defined(_M_X64)
-  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2");
-#else
-  return false;
-#endif
-}
-}  // namespace room2dgs
 
 namespace isa_blocks {
 void bind_device(nanobind::module_& m);
@@ -24,7 +9,7 @@ void bind_device(nanobind::module_& m);
 NB_MODULE(_C, m) {
   nanobind::set_leak_warnings(false);  // graphs that are alive when the interpreter ends hold frames
   m.doc() = "Compiled kernels of room2dgs; use the Python functions that wrap them.";
-  m.def("isa", [] { return room2dgs::has_avx2() ? "avx2" : "baseline"; }, "Instruction set of the kernels in use.");
+  m.def("isa", [] { return room2dgs::isa_name(room2dgs::best_isa()); }, "Instruction set of the kernels in use.");
   m.def(
       "set_threads",
       [](int64_t count) {

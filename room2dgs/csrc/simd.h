@@ -62,7 +62,9 @@ R2_INLINE f8 fma(f8 a, f8 b, f8 c) {
 R2_INLINE f8 as_float(i8 x) { f8 r; std::memcpy(&r, &x, 32); return r; }
 R2_INLINE i8 as_int(f8 x) { i8 r; std::memcpy(&r, &x, 32); return r; }
 R2_INLINE f8 select(i8 mask, f8 yes, f8 no) {
-#if defined(__AVX2__)
+#if defined(__AVX512VL__)
+  return mask ? yes : no;  // the compiler keeps the mask in a register of a bit a lane
+#elif defined(__AVX2__)
   return _mm256_blendv_ps(no, yes, _mm256_castsi256_ps(reinterpret_cast<__m256i>(mask)));
 #else
   return as_float((mask & as_int(yes)) | (~mask & as_int(no)));
@@ -70,7 +72,13 @@ R2_INLINE f8 select(i8 mask, f8 yes, f8 no) {
 }
 R2_INLINE i8 select(i8 mask, i8 yes, i8 no) { return (mask & yes) | (~mask & no); }
 // `x` where the mask is set, 0 elsewhere.
-R2_INLINE f8 masked(i8 mask, f8 x) { return as_float(mask & as_int(x)); }
+R2_INLINE f8 masked(i8 mask, f8 x) {
+#if defined(__AVX512VL__)
+  return mask ? x : splat(0.0f);
+#else
+  return as_float(mask & as_int(x));
+#endif
+}
 R2_INLINE f8 vmin(f8 a, f8 b) {  // b where a is NaN
 #if defined(__AVX2__)
   return _mm256_min_ps(a, b);

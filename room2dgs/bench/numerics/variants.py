@@ -122,6 +122,7 @@ VARIANTS = (
     Variant("16 bits", "gradients of a tile", (
         _WITH_SHORT, Edit(_PROJECT, "sum[k] += entry[k];", "sum[k] += shortened(entry[k]);"),
     ), timed=False),
+    Variant("SIMD", "AVX2 alone", isa="avx2"),
     Variant("SIMD", "4 lanes, no fused multiply-add", isa="baseline"),
 )  # fmt: skip
 

@@ -3,6 +3,8 @@
 
 #include <cstdint>
 
+#include "isa.h"
+
 namespace room2dgs {
 
 // Everything that a strip reads and writes. Images are (height, width, 3), so a row is `row_floats` = 3 width floats.
@@ -30,9 +32,9 @@ static inline int64_t rgb_loss_scratch(int64_t row_floats) {
 
 }  // namespace room2dgs
 
-namespace isa_baseline {
-void rgb_loss_strip(const room2dgs::RgbLossJob& job, int64_t strip, int worker);
-}
-namespace isa_avx2 {
-void rgb_loss_strip(const room2dgs::RgbLossJob& job, int64_t strip, int worker);
-}
+#define R2_PHOTOMETRIC_KERNELS(isa)                                                \
+  namespace isa {                                                                  \
+  void rgb_loss_strip(const room2dgs::RgbLossJob& job, int64_t strip, int worker); \
+  }
+R2_EACH_ISA(R2_PHOTOMETRIC_KERNELS)
+#undef R2_PHOTOMETRIC_KERNELS

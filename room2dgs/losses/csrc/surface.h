@@ -3,6 +3,8 @@
 
 #include <cstdint>
 
+#include "isa.h"
+
 namespace room2dgs {
 
 struct Pinhole {
@@ -42,11 +44,10 @@ static inline int64_t normal_consistency_scratch(int64_t width, int64_t strip_ro
 
 }  // namespace room2dgs
 
-namespace isa_baseline {
-void depth_normals_strip(const room2dgs::DepthNormalsJob& job, int64_t strip, int worker);
-void normal_consistency_strip(const room2dgs::NormalConsistencyJob& job, int64_t strip, int worker);
-}
-namespace isa_avx2 {
-void depth_normals_strip(const room2dgs::DepthNormalsJob& job, int64_t strip, int worker);
-void normal_consistency_strip(const room2dgs::NormalConsistencyJob& job, int64_t strip, int worker);
-}
+#define R2_SURFACE_KERNELS(isa)                                                                        \
+  namespace isa {                                                                                      \
+  void depth_normals_strip(const room2dgs::DepthNormalsJob& job, int64_t strip, int worker);           \
+  void normal_consistency_strip(const room2dgs::NormalConsistencyJob& job, int64_t strip, int worker); \
+  }
+R2_EACH_ISA(R2_SURFACE_KERNELS)
+#undef R2_SURFACE_KERNELS

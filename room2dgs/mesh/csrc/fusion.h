@@ -3,6 +3,8 @@
 
 #include <cstdint>
 
+#include "isa.h"
+
 namespace room2dgs {
 
 constexpr int kBlockSide = 8;
@@ -49,11 +51,10 @@ inline int64_t touched_pixels(int64_t height, int64_t width) {
 
 }  // namespace room2dgs
 
-namespace isa_baseline {
-void fuse_block(const room2dgs::FusionJob& job, int64_t index);
-void touch_row(const room2dgs::TouchJob& job, int64_t row);
-}
-namespace isa_avx2 {
-void fuse_block(const room2dgs::FusionJob& job, int64_t index);
-void touch_row(const room2dgs::TouchJob& job, int64_t row);
-}
+#define R2_FUSION_KERNELS(isa)                                    \
+  namespace isa {                                                 \
+  void fuse_block(const room2dgs::FusionJob& job, int64_t index); \
+  void touch_row(const room2dgs::TouchJob& job, int64_t row);     \
+  }
+R2_EACH_ISA(R2_FUSION_KERNELS)
+#undef R2_FUSION_KERNELS

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "dissection.h"
+#include "isa.h"
 
 namespace room2dgs {
 
@@ -36,6 +37,5 @@ inline int64_t completion_scratch(const Dissection& order) {
   /* Four images from `first` on; scratch of four numbers a vector, aligned to 32 bytes. */                      \
   void complete_images(const room2dgs::CompletionJob& job, int64_t first, double* scratch);                     \
   }
-R2_COMPLETION_KERNELS(isa_baseline)
-R2_COMPLETION_KERNELS(isa_avx2)
+R2_EACH_ISA(R2_COMPLETION_KERNELS)
 #undef R2_COMPLETION_KERNELS

@@ -4,6 +4,8 @@
 
 #include <cstdint>
 
+#include "isa.h"
+
 namespace room2dgs {
 
 struct Cells {
@@ -36,6 +38,5 @@ struct SeenThroughJob {
   void count_rays(const room2dgs::RaysJob& job, int64_t view, uint8_t* marks);         \
   void seen_through(const room2dgs::SeenThroughJob& job, int64_t first, int64_t last); \
   }
-R2_FREE_SPACE_KERNELS(isa_baseline)
-R2_FREE_SPACE_KERNELS(isa_avx2)
+R2_EACH_ISA(R2_FREE_SPACE_KERNELS)
 #undef R2_FREE_SPACE_KERNELS

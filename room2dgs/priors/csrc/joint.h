@@ -8,6 +8,7 @@
 
 #include <cstdint>
 
+#include "isa.h"
 #include "scalar.h"
 
 namespace room2dgs {
@@ -97,6 +98,5 @@ R2_HD int64_t joint_scratch(int64_t rows, int64_t columns) { return 5 * (rows + 
   /* Numbers from `first` up to `last`. */                                                                        \
   void adam_step(const room2dgs::AdamStep& step, int64_t first, int64_t last);                                    \
   }
-R2_JOINT_KERNELS(isa_baseline)
-R2_JOINT_KERNELS(isa_avx2)
+R2_EACH_ISA(R2_JOINT_KERNELS)
 #undef R2_JOINT_KERNELS

@@ -4,6 +4,8 @@
 
 #include <cstdint>
 
+#include "isa.h"
+
 namespace room2dgs {
 
 struct OtherViewsJob {
@@ -35,6 +37,5 @@ struct OtherViewsScratch {
   namespace isa {                                                                                                 \
   void depth_of_other_views(const room2dgs::OtherViewsJob& job, int64_t view, const room2dgs::OtherViewsScratch&); \
   }
-R2_OTHER_VIEWS_KERNELS(isa_baseline)
-R2_OTHER_VIEWS_KERNELS(isa_avx2)
+R2_EACH_ISA(R2_OTHER_VIEWS_KERNELS)
 #undef R2_OTHER_VIEWS_KERNELS

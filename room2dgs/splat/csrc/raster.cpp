@@ -27,11 +27,7 @@ uint32_t depth_key(float depth) {  // positive floats sort as their bits do
 }  // namespace
 
 const Kernels& kernels() {
-#if defined(__x86_64__) || defined(_M_X64)
-  static const Kernels table = has_avx2_kernels() ? isa_avx2::raster_kernels() : isa_baseline::raster_kernels();
-#else
-  static const Kernels table = isa_baseline::raster_kernels();
-#endif
+  static const Kernels table = R2_BEST(raster_kernels)();
   return table;
 }
 

@@ -3,6 +3,8 @@
 
 #include <cstdint>
 
+#include "isa.h"
+
 namespace room2dgs {
 
 constexpr int kTile = 16;               // pixels
@@ -110,9 +112,9 @@ struct Kernels {
 
 }  // namespace room2dgs
 
-namespace isa_baseline {
-room2dgs::Kernels raster_kernels();
-}
-namespace isa_avx2 {
-room2dgs::Kernels raster_kernels();
-}
+#define R2_RASTER_KERNELS(isa)        \
+  namespace isa {                     \
+  room2dgs::Kernels raster_kernels(); \
+  }
+R2_EACH_ISA(R2_RASTER_KERNELS)
+#undef R2_RASTER_KERNELS

@@ -15,7 +15,6 @@
 
 namespace room2dgs {
 
-bool has_avx2_kernels();
 const Kernels& kernels();
 
 // Uninitialised memory that only grows; trivially copyable elements.

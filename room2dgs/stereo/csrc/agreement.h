@@ -3,6 +3,8 @@
 
 #include <cstdint>
 
+#include "isa.h"
+
 namespace room2dgs {
 
 struct AgreementJob {
@@ -24,6 +26,5 @@ struct AgreementJob {
   namespace isa {                                                  \
   void agree_row(const room2dgs::AgreementJob& job, int64_t row); \
   }
-R2_AGREEMENT_KERNELS(isa_baseline)
-R2_AGREEMENT_KERNELS(isa_avx2)
+R2_EACH_ISA(R2_AGREEMENT_KERNELS)
 #undef R2_AGREEMENT_KERNELS

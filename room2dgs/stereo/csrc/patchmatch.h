@@ -11,6 +11,7 @@
 
 #include <cstdint>
 
+#include "isa.h"
 #include "scalar.h"
 
 namespace room2dgs {
@@ -96,6 +97,5 @@ struct StereoSweep {
   /* Photometric cost of the planes, and variance of the windows, into (height, width) maps. */                  \
   void stereo_cost_row(const room2dgs::StereoJob& job, int64_t row, float* cost, float* variance);               \
   }
-R2_STEREO_KERNELS(isa_baseline)
-R2_STEREO_KERNELS(isa_avx2)
+R2_EACH_ISA(R2_STEREO_KERNELS)
 #undef R2_STEREO_KERNELS
