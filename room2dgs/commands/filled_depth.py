@@ -50,8 +50,10 @@ def filled(
 
     def compare(first: FirstLook | None) -> StereoPoints:
         if first:
-            device = config.render.device
-            return stereo_points(scene.keyframes, points, config.stereo, log, device, first, beside=scene.beside)
+            looks, device = config.prior.depth.looks, config.render.device
+            return stereo_points(
+                scene.keyframes, points, config.stereo, log, device, first, looks=looks, beside=scene.beside
+            )
         maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(scene.keyframes, views, strict=True)}
         return StereoPoints(with_stereo(points, scene.keyframes, cameras, maps), maps)
 
