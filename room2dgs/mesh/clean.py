@@ -37,7 +37,8 @@ def clean(mesh: trimesh.Trimesh, min_triangles: int = 0, keep_clusters: int | No
 def _sorted_vertices(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
     """Finite vertices in lexicographic order without repeats, their colours, and the faces renumbered."""
     vertices = np.asarray(mesh.vertices, dtype=np.float64) + 0.0  # -0.0 becomes 0.0
-    faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
+    index = np.int32 if len(vertices) <= np.iinfo(np.int32).max else np.int64  # sorting takes several copies
+    faces = np.asarray(mesh.faces).astype(index).reshape(-1, 3)
     colors = np.asarray(mesh.visual.vertex_colors) if mesh.visual.kind == "vertex" else None
     finite = np.isfinite(vertices).all(axis=1)
     faces = faces[finite[faces].all(axis=1)]
@@ -48,7 +49,7 @@ def _sorted_vertices(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray | No
     ordered = vertices[order]
     first = np.ones(len(order), dtype=bool)
     first[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    renumbered = np.full(len(vertices), -1, dtype=np.int64)
+    renumbered = np.full(len(vertices), -1, dtype=index)
     renumbered[order] = np.cumsum(first) - 1
     if colors is not None:  # the maximum does not depend on the order of coinciding vertices
         colors = np.maximum.reduceat(colors[order], np.flatnonzero(first), axis=0)
@@ -62,15 +63,17 @@ def _sorted_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
     faces = faces[_with_an_area(vertices, faces)]
-    start = faces.argmin(axis=1)
-    rows = np.arange(len(faces))
-    a, b, c = (faces[rows, (start + k) % 3] for k in range(3))
+    start = faces.argmin(axis=1).astype(np.uint8)
+    a, b, c = (np.take_along_axis(faces, (start[:, None] + k) % 3, axis=1)[:, 0] for k in range(3))
     low, high = np.minimum(b, c), np.maximum(b, c)
     order = np.lexsort((b, high, low, a))  # both windings of a face are neighbours
-    key = np.stack([a, low, high], axis=1)[order]
     first = np.ones(len(order), dtype=bool)
-    first[1:] = (key[1:] != key[:-1]).any(axis=1)
-    return np.stack([a, b, c], axis=1)[order[first]]
+    first[1:] = False
+    for key in (a, low, high):
+        in_order = key[order]
+        first[1:] |= in_order[1:] != in_order[:-1]
+    order = order[first]
+    return np.stack([a[order], b[order], c[order]], axis=1)
 
 
 def _with_an_area(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
