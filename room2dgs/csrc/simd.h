@@ -1,4 +1,5 @@
-// Eight-lane vectors, written with the compiler's vector extensions: one source for AVX2, SSE2 and NEON.
+// Eight-lane vectors, written with the compiler's vector extensions: one source for AVX-512, AVX2,
+// SSE2 and NEON.
 //
 // Fused multiply-add is explicit (`fma`), because forward and backward must take the same branch for the same
 // pixel, bit for bit; the build forbids contraction by the compiler.

@@ -156,7 +156,7 @@ def test_the_same_scene_in_every_layout_gives_the_same_mesh_and_score(written, w
         for one, other in zip(_numbers(scenes[name]), _numbers(scenes["scannet"]), strict=True):
             np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
     assert meshes["tum"][1] > 0.8
-    # the last bits of a pose decide which faces at the wall's rim there are: 0.0011 on one processor
+    # poses that differ by 1e-12 train to other last bits: 0.0011 on one processor
     assert abs(meshes["nerfstudio"][1] - meshes["tum"][1]) < 0.005, meshes
     assert abs(meshes["scannet"][1] - meshes["tum"][1]) < 0.02, meshes
 
