@@ -26,9 +26,10 @@ from torch import Tensor, nn
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.tools.prior_network.checkpoint import average_network, load_checkpoint
-from room2dgs.tools.prior_network.network import FullSize, PriorNetwork
+from room2dgs.tools.prior_network.network import FullSize
 
 INPUTS, OUTPUTS = ("image", "intrinsics"), ("depth", "depth_error", "normal", "normal_error")
+OUTPUT_AXES = dict.fromkeys(OUTPUTS, 4)
 OPSET = 17
 # smaller constants stay floats: biases and sizes cost nothing
 LEAST_HALF = 256
@@ -53,7 +54,8 @@ def export_prior(checkpoint: Path, out: Path) -> dict[str, float]:
     """
     network = average_network(load_checkpoint(checkpoint))
     round_weights(network)
-    model = with_half_weights(as_onnx(FullSize(network)))
+    example = example_inputs(*CHECK_SIZES[0], seed=0)
+    model = with_half_weights(as_onnx(FullSize(network), example, INPUTS, OUTPUTS, {"image": 4, **OUTPUT_AXES}))
     data = model.SerializeToString()
     session = open_session(data, TIMED_THREADS)
     error = max(difference(session, FullSize(network), size, seed) for seed, size in enumerate(CHECK_SIZES))
@@ -64,7 +66,7 @@ def export_prior(checkpoint: Path, out: Path) -> dict[str, float]:
     return {"error": error, "megabytes": len(data) / 2**20, "milliseconds": milliseconds(session)}
 
 
-def round_weights(network: PriorNetwork) -> None:
+def round_weights(network: nn.Module) -> None:
     """Rounds in place what `with_half_weights` will store as half floats."""
     with torch.no_grad():
         for parameter in network.parameters():
@@ -72,10 +74,21 @@ def round_weights(network: PriorNetwork) -> None:
                 parameter.copy_(parameter.half().float())
 
 
-def as_onnx(network: nn.Module) -> onnx.ModelProto:
-    """Traces the network; height and width stay free."""
-    example = example_inputs(*CHECK_SIZES[0], seed=0)
-    axes = {name: {2: "height", 3: "width"} for name in ("image", *OUTPUTS)}
+def as_onnx(
+    network: nn.Module,
+    example: tuple[Tensor, ...],
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    images: dict[str, int],
+) -> onnx.ModelProto:
+    """Traces a network; height and width of its images stay free.
+
+    Args:
+        example: what it is traced with.
+        inputs, outputs: their names.
+        images: name -> number of axes, of which height and width are the last.
+    """
+    axes = {name: {count - 2: "height", count - 1: "width"} for name, count in images.items()}
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         # the tracing exporter warns that it is no longer the newest; the newer one needs onnxscript
@@ -84,8 +97,8 @@ def as_onnx(network: nn.Module) -> onnx.ModelProto:
             network,
             example,
             buffer,
-            input_names=list(INPUTS),
-            output_names=list(OUTPUTS),
+            input_names=list(inputs),
+            output_names=list(outputs),
             dynamic_axes=axes,
             opset_version=OPSET,
             dynamo=False,

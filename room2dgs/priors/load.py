@@ -23,6 +23,7 @@ from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.priors.align.depths import aligned_depths
 from room2dgs.priors.align.scale_shift import Fit
+from room2dgs.priors.completion.correction import Correct, correction_by_network
 from room2dgs.priors.completion.free_space import FreeSpace, free_space, less_where_seen_through, rays_to
 from room2dgs.priors.completion.planes import Plane
 from room2dgs.priors.completion.views import complete_views
@@ -71,6 +72,7 @@ def load_priors(
     log: Log = print,
     compare: Callable[[FirstLook | None], StereoPoints] | None = None,
     timed: Timed = nullcontext,
+    correct: Correct | None = None,
 ) -> Priors:
     """Read and align the priors of some frames.
 
@@ -83,6 +85,7 @@ def load_priors(
             are depth maps that they could hold in place.
         timed: gives, for a stage's name, what to do that stage in: "stereo", "maps" (read or predicted, and aligned),
             "joint" and "completion".
+        correct: corrects what completion has made of the views that stereo has seen; None: what the settings say.
 
     Raises:
         InputError: no map for any frame, an unusable map, or normals in another convention than configured.
@@ -91,10 +94,10 @@ def load_priors(
     config = replace(config, depth=depth_settings)
     settings = config.depth
     models = read_models(config)
-    label = _label(config)
-    if label == "simulated":
-        log("simulated priors: made from ground truth, for studies only")
+    label = _label(config, log)
     compare = compare if settings.joint and not sensor and settings.source != "none" else None
+    if compare and settings.completion and settings.correction:
+        correct = correct or correction_by_network()
     stored = StoredMaps(next((frame.cache for frame in frames if frame.cache), None))
     depths: LazyMaps[np.ndarray] = LazyMaps()
     confidences: LazyMaps[np.ndarray] = LazyMaps()
@@ -149,6 +152,7 @@ def load_priors(
                     relief=settings.relief,
                     other_views=settings.other_views,
                     space=held.space,
+                    correct=correct,
                 )
             depths = {}
     if settings.joint and depths and not len(held.points):
@@ -188,9 +192,10 @@ def _stored_depths(stored: StoredMaps) -> LazyMaps[np.ndarray]:
     return depths
 
 
-def _label(config: PriorConfig) -> str:
+def _label(config: PriorConfig, log: Log) -> str:
     parts = [part for part in (config.depth, config.normal) if part.source != "none"]
     if any(part.source == "files" and simulated(Path(part.path or "")) for part in parts):
+        log("simulated priors: made from ground truth, for studies only")
         return "simulated"
     return "+".join(sorted({part.source for part in parts})) or "none"
 

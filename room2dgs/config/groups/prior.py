@@ -50,6 +50,9 @@ class DepthPriorConfig:
     second_look: bool = Field(
         description="and stereo looks again, from the completed depth; then all of the above anew"
     )
+    correction: bool = Field(
+        description="and a network corrects what comes of this at each look; it has learnt from room_prior's depth"
+    )
     sensor: SensorConfig = Field()
     onnx: OnnxConfig = Field()
 

@@ -41,6 +41,7 @@ class SmallMaps(NamedTuple):
     """What a `system` is made of, float32, and the camera of that size."""
 
     camera: Camera
+    photo: np.ndarray  # (h, w, 3) RGB 0..1
     normal: np.ndarray  # (h, w, 3) unit, world frame; 0 = none
     anchor: np.ndarray  # from here on as `system` takes them
     trust: np.ndarray
@@ -74,9 +75,12 @@ def small_maps(
         in_cam = camera.turned_to_camera(unit)
         slopes = normal_slopes(in_cam, camera.rays(), (camera.K[0, 0], camera.K[1, 1]))
         tie = tie if normal_sure is None else _small(normal_sure, camera)
-    edges = ties_across_edges(cv2.resize(frame.color(), camera.size, interpolation=cv2.INTER_AREA))
+    photo = cv2.resize(frame.color(), camera.size, interpolation=cv2.INTER_AREA)
+    edges = ties_across_edges(photo)
     one, pair = _single, lambda parts: (_single(parts[0]), _single(parts[1]))
-    return SmallMaps(camera, *map(one, (unit, anchor, trust, prior, weight)), pair(slopes), one(tie), pair(edges))
+    return SmallMaps(
+        camera, *map(one, (photo / 255, unit, anchor, trust, prior, weight)), pair(slopes), one(tie), pair(edges)
+    )
 
 
 def _single(values: np.ndarray) -> np.ndarray:

@@ -17,6 +17,8 @@ from room2dgs.captures.seen_points import seen_points
 from room2dgs.freed_memory import give_back
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
+from room2dgs.priors.completion.correction import Correct
+from room2dgs.priors.completion.evidence import ASKED, evidence
 from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.on_planes import flattened, on_planes
@@ -32,12 +34,11 @@ from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.torch_threads import one_torch_thread
 
 AT_ONCE = 16  # images, whose systems are in memory
-ASKED = 10  # views that are asked whether they agree
 MAX_PX, MAX_RELATIVE = 2.0, 0.03
 MOVED = 0.5  # of what other views moved a depth by, relatively, it is expected to be off
 ROUNDS = 2  # planes are found in the completed depth, which then bends to them and to what other views have
 LEAST_SURE = 0.3  # confidence of a pixel that takes part in finding planes
-FINE = 0.01  # relative difference from a plane at which stereo's own pixel starts to count as detail, not as noise
+FINE = 0.01  # relative difference at which half of stereo's own pixel counts as noise
 LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
 
 
@@ -59,6 +60,7 @@ def complete_views(
     relief: bool,
     other_views: bool,
     space: FreeSpace | None,
+    correct: Correct | None = None,
 ) -> list[Plane]:
     """Depth of every view that has a map, and the confidence in each pixel.
 
@@ -77,6 +79,7 @@ def complete_views(
         relief: and each bends by centimetres to what stereo finds on it.
         other_views: depth is drawn to what is sure in other views.
         space: depth that other views look through counts for less; None = not asked.
+        correct: corrects what comes of all this; None = nothing does.
 
     Returns:
         The planes that depth was drawn to.
@@ -107,7 +110,12 @@ def complete_views(
             small = _completed(drawn, pool) if drawn else alone
         flat = partial(_flat, planes=found)
         small, alone = list(pool.map(flat, given, small)), list(pool.map(flat, given, alone))
-    expected = _expecting(small, alone, near, space)
+        expected = _expecting(small, alone, near, space)
+        if correct:
+            small, errors = _corrected(
+                given, small, alone, near, space, found, correct, [frame.name for frame in frames], pool
+            )
+            expected = errors.__getitem__
 
     def whole(index: int) -> tuple[float, np.ndarray, np.ndarray]:
         frame, part, error = frames[index], small[index], expected(index)
@@ -117,7 +125,7 @@ def complete_views(
         sure = large(confidence(error))
         full = (depth * np.exp(large(part.log_scale))).astype(np.float32)
         if frame.name in stereo:
-            full = _with_fine(full, *stereo[frame.name], large(part.flat), frame.camera)
+            full = _with_fine(full, *stereo[frame.name], frame.camera)
         return median, full, np.where(full > 0, sure, 0).astype(np.float32)
 
     medians = []
@@ -128,6 +136,40 @@ def complete_views(
         on = f"; planes: {len(found)}, with {sum(one.share for one in found):.0%} of the surface" if found else ""
         log(f"completion: depth of {len(frames)} views, expected error {np.nanmedian(medians):.1%} (median){on}")
     return found
+
+
+def _corrected(
+    given: Sequence[SmallMaps],
+    small: Sequence[Completed],
+    alone: Sequence[Completed],
+    near: Sequence[Sequence[int]],
+    space: FreeSpace | None,
+    planes: Sequence[Plane],
+    correct: Correct,
+    names: Sequence[str],
+    pool: Executor,
+) -> tuple[list[Completed], list[np.ndarray]]:
+    """What the network makes of each view, and the relative errors that it expects then."""
+    errors = list(pool.map(_expecting(small, alone, near, space), range(len(small))))
+    sure = [SureView(part.camera, part.depth, confidence(error)) for part, error in zip(alone, errors, strict=True)]
+    lent = depth_of_other_views(sure, near)
+    inverse = [_inverse(part.depth) for part in alone]
+
+    def one(view: int) -> tuple[Completed, np.ndarray]:
+        maps, part = given[view], small[view]
+        beside = [(alone[other].camera, inverse[other]) for other in near[view][:ASKED]]
+        said = agreement(part.camera, _inverse(part.depth), beside, MAX_PX, MAX_RELATIVE)
+        through = seen_through(space, part.camera.unproject_map(part.depth))
+        on = on_planes(part.depth, maps.normal, maps.camera, planes)
+        shift, error = correct(names[view], evidence(maps, part, said, through, lent[view], on, errors[view]))
+        return part._replace(log_scale=part.log_scale + shift, depth=part.depth * np.exp(shift)), error
+
+    found = list(pool.map(one, range(len(small))))
+    return [part for part, _ in found], [error for _, error in found]
+
+
+def _inverse(depth: np.ndarray) -> np.ndarray:
+    return np.divide(1, depth, out=np.zeros_like(depth), where=depth > 0)
 
 
 def _near_views(frames: Sequence[Frame], points: PointCloud) -> list[list[int]]:
@@ -144,7 +186,7 @@ def _expecting(
 ) -> Callable[[int], np.ndarray]:
     """What gives a view's (h, w) relative error: that of the depth that it finds alone, and more where others moved
     it."""
-    inverse = [np.divide(1, part.depth, out=np.zeros_like(part.depth), where=part.depth > 0) for part in alone]
+    inverse = [_inverse(part.depth) for part in alone]
 
     def expected(view: int) -> np.ndarray:
         part = alone[view]
@@ -218,7 +260,7 @@ def _completed(given: Iterable[SmallMaps], pool: Executor) -> list[Completed]:
 
 
 def _system(maps: SmallMaps) -> System:
-    anchor, trust, prior, weight, slopes, tie, edges = maps[2:]
+    anchor, trust, prior, weight, slopes, tie, edges = maps[3:]
     double = partial(np.asarray, dtype=np.float64)
     return system(*map(double, (anchor, trust, prior, weight)), tuple(map(double, slopes)), double(tie), edges)
 
@@ -234,14 +276,11 @@ def _flat(maps: SmallMaps, before: Completed, planes: Sequence[Plane]) -> Comple
     return before._replace(log_scale=before.log_scale + shift, depth=before.depth * np.exp(shift), flat=share)
 
 
-def _with_fine(
-    depth: np.ndarray, stereo: np.ndarray, agreeing: np.ndarray, flat: np.ndarray, camera: Camera
-) -> np.ndarray:
-    """Stereo's own pixels where completion does not contradict them: they have the fine detail. What little they differ
-    from a plane by is noise."""
+def _with_fine(depth: np.ndarray, stereo: np.ndarray, agreeing: np.ndarray, camera: Camera) -> np.ndarray:
+    """Stereo's own pixels where they hardly differ: they have the fine detail. What differs by more is noise, or what
+    completion has mended."""
     kept = np.where(agreeing >= LEAST_STEREO, stereo, 0)
     fine, there = resize_depth(kept, kept > 0, camera)
     there &= np.abs(fine - depth) < MAX_RELATIVE * depth
     detail = np.log(np.where(there, fine, 1) / np.where(there, depth, 1))
-    noise = flat / (1 + (detail / FINE) ** 2)
-    return (depth * np.exp((1 - noise) * detail)).astype(np.float32)
+    return (depth * np.exp(detail / (1 + (detail / FINE) ** 2))).astype(np.float32)

@@ -57,7 +57,7 @@ def open_network(
         InputError: onnxruntime cannot load it, the provider is not there, or a named input or output is not.
     """
     key = f"prior.{kind}.onnx"
-    session = session or _session(path, threads, provider)
+    session = session or session_of(path, threads, provider)
     has = described(session)
     inputs, outputs = session.get_inputs(), session.get_outputs()
     extra = [name for name in (settings.intrinsics, settings.tokens) if name]
@@ -100,7 +100,15 @@ def described(session: Any) -> str:
     return f"in: {each(session.get_inputs())}; out: {each(session.get_outputs())}"
 
 
-def _session(path: Path, threads: int | None, provider: str) -> Any:
+def session_of(path: Path, threads: int | None, provider: str) -> Any:
+    """onnxruntime's session of a file.
+
+    Args:
+        threads, provider: as `open_network`.
+
+    Raises:
+        InputError: it cannot be loaded, or the provider is not there.
+    """
     import onnxruntime as ort
 
     present = ort.get_available_providers()

@@ -33,7 +33,8 @@ def maps_of(camera: Camera, anchor: np.ndarray) -> SmallMaps:
     tie[:, 19:21] = 0
     normal = np.broadcast_to(-camera.forward, (*SHAPE, 3)).astype(np.float32)
     edges = (np.ones((40, 39)), np.ones((39, 40)))
-    return SmallMaps(camera, normal, anchor, ones * (anchor > 0), prior, ones, prior_slopes(prior), tie, edges)
+    photo = np.zeros((*SHAPE, 3), np.float32)
+    return SmallMaps(camera, photo, normal, anchor, ones * (anchor > 0), prior, ones, prior_slopes(prior), tie, edges)
 
 
 def completed_at_prior(maps: SmallMaps) -> Completed:

@@ -1,0 +1,1 @@
+"""The network that corrects completed depth, and how it is trained."""

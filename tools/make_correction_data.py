@@ -1,0 +1,152 @@
+"""Makes what the correction of depth learns from: completed depth of filmed random rooms, and how far off it is.
+
+    python -m room2dgs.tools.make_correction_data OUT --rooms 60 --seed 1
+
+Each room is filmed (`make_captures`) with its own noise, exposures and, for some, poses that are a little off; the
+depth of its photos is found as a run finds it; then the film is deleted. A room is a folder of .npy files, with N the
+photos of both looks:
+    evidence.npy (N, CHANNELS, h, w) float16, see `room2dgs.priors.completion.evidence`;
+    shift.npy    (N, h, w) float16, ln of true over completed depth, NaN = unknown.
+Rooms that are there already are kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Lock
+
+import numpy as np
+
+from room2dgs.captures.depth_maps import depth_file
+from room2dgs.captures.scene import Frame, Scene
+from room2dgs.commands.stages import points_of_run, read, read_priors
+from room2dgs.config import load_config
+from room2dgs.errors import InputError
+from room2dgs.files import whole_folder
+from room2dgs.priors.completion.correction import Correct
+from room2dgs.priors.completion.evidence import ERROR, KNOWN, LN_DEPTH, LN_MEDIAN
+from room2dgs.splat import set_threads
+from room2dgs.tools.correction_network.samples import EVIDENCE, SHIFT
+from room2dgs.tools.make_captures import CaptureOptions, make_capture
+
+PHOTOS = (40, 60)
+BLANK = (0.5, 0.95)
+SENSOR_NOISE = (1.0, 4.0)
+EXPOSURE_DRIFT = (0.0, 0.3)
+JPEG_QUALITY = (85, 96)
+SHAKEN = 0.4  # of the rooms
+POSE_NOISE_DEG, POSE_NOISE_CM = (0.05, 0.2), (0.1, 0.5)
+WHOLE = 0.3  # of the rooms, at the photos' own size; the others at `DRAFT`
+DRAFT = 320
+# Poses stay a little off where they are: real ones are, refined or not.
+SETTINGS = ("prior=room_prior", "prior.depth.correction=false", "sfm.refine_poses=false", "out=unused")
+
+
+def make_room(out: Path, seed: int, number: int) -> Path:
+    """Writes the folder `room_<number>` of `out`, whole or not at all; keeps one that is there."""
+    folder = out / f"room_{number:04d}"
+    if folder.is_dir():
+        return folder
+    random = np.random.default_rng([seed, number])
+    options = capture_options(seed, random)
+    width = None if random.random() < WHOLE else DRAFT
+    with TemporaryDirectory() as scratch:
+        capture = make_capture(Path(scratch) / "capture", number, options)
+        evidence, shift = views(capture, width, Path(scratch))
+    with whole_folder(folder) as unfinished:
+        np.save(unfinished / EVIDENCE, evidence)
+        np.save(unfinished / SHIFT, shift)
+    return folder
+
+
+def capture_options(seed: int, random: np.random.Generator) -> CaptureOptions:
+    """How a room is filmed."""
+    shaken = random.random() < SHAKEN
+    return CaptureOptions(
+        seed=seed,
+        photos=int(random.integers(*PHOTOS)),
+        blank=random.uniform(*BLANK),
+        sensor_noise=random.uniform(*SENSOR_NOISE),
+        exposure_drift=random.uniform(*EXPOSURE_DRIFT),
+        pose_noise_deg=random.uniform(*POSE_NOISE_DEG) if shaken else 0.0,
+        pose_noise_cm=random.uniform(*POSE_NOISE_CM) if shaken else 0.0,
+        jpeg_quality=int(random.integers(*JPEG_QUALITY)),
+    )
+
+
+def views(capture: Path, width: int | None, out: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Evidence and true correction of a capture's training views at both looks, as `make_room` writes them."""
+    given = [f"scene.path={capture}", *SETTINGS, *([f"scene.image_width={width}"] if width else [])]
+    config = load_config(given)
+    scene = read(config)
+    points = points_of_run(scene, config, out, _quiet, {})
+    seen: list[tuple[np.ndarray, np.ndarray]] = []
+    read_priors(scene, points, config, out, _quiet, recording(scene, seen))
+    return np.stack([one for one, _ in seen]), np.stack([one for _, one in seen])
+
+
+def recording(scene: Scene, seen: list[tuple[np.ndarray, np.ndarray]]) -> Correct:
+    """What corrects nothing and keeps evidence and truth."""
+    frames, lock = {frame.name: frame for frame in scene.keyframes}, Lock()
+
+    def correct(name: str, evidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        shift = true_shift(frames[name], evidence)
+        with lock:
+            seen.append((evidence.astype(np.float16), shift.astype(np.float16)))
+        return np.zeros_like(shift), evidence[ERROR]
+
+    return correct
+
+
+def true_shift(frame: Frame, evidence: np.ndarray) -> np.ndarray:
+    """(h, w) float32 ln of true over completed depth, the nearest pixel's; NaN = unknown."""
+    height, width = evidence.shape[1:]
+    truth = depth_file(frame.depth_path, frame.depth_unit_m).seen_by(frame.camera.resized(width, height), None)
+    known = (truth > 0) & (evidence[KNOWN] > 0)
+    return np.where(known, np.log(np.where(known, truth, 1)) - evidence[LN_DEPTH] - evidence[LN_MEDIAN], np.nan)
+
+
+def _quiet(_line: str) -> None:
+    pass
+
+
+def _made(out: Path, seed: int, number: int) -> Path:
+    set_threads(1)
+    return make_room(out, seed, number)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code (0 done, 2 bad input)."""
+    parser = argparse.ArgumentParser(
+        prog="make_correction_data",
+        description="Make completed depth of random rooms, and how far off it is.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    parser.add_argument("out", type=Path, help="folder of rooms")
+    parser.add_argument("--rooms", type=int, default=60, help="rooms in all")
+    parser.add_argument("--seed", type=int, default=1, help="fixes everything")
+    parser.add_argument("--first", type=int, default=0, help="number of the first room")
+    parser.add_argument("--workers", type=int, default=1, help="processes, each on one core")
+    options = parser.parse_args(arguments)
+    try:
+        if options.out.exists() and not options.out.is_dir():
+            raise InputError(f"{options.out} is not a folder; choose another name")
+        if options.rooms < 1 or options.workers < 1:
+            raise InputError("--rooms and --workers are at least 1")
+        with ProcessPoolExecutor(options.workers) as processes:
+            numbers = range(options.first, options.first + options.rooms)
+            for path in processes.map(partial(_made, options.out, options.seed), numbers):
+                print(path, flush=True)
+    except InputError as error:
+        print(f"make_correction_data: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,65 @@
+"""Trains the network that corrects completed depth.
+
+    python -m room2dgs.tools.train_correction DATA OUT --minutes 60
+
+DATA holds the rooms that `make_correction_data` has made. OUT gets checkpoint.safetensors, every two minutes and at the
+end. With --from, training starts from another run's weights. It ends by the clock, so it gives other bits each time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import torch
+
+from room2dgs.errors import InputError
+from room2dgs.tools.correction_network.samples import read_rooms
+from room2dgs.tools.correction_network.training import Options, load, train
+from room2dgs.tools.prior_network.memory import keep_freed_memory
+
+HELP = {
+    "minutes": "of training",
+    "batch": "views a step",
+    "lr": "learning rate",
+    "weight_decay": "of AdamW",
+    "seed": "decides order and variation",
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code (0 done, 2 bad input)."""
+    parser = argparse.ArgumentParser(
+        prog="train_correction",
+        description="Train the network that corrects completed depth.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    parser.add_argument("data", type=Path, help="folder of rooms")
+    parser.add_argument("out", type=Path, help="folder of the run")
+    for option in fields(Options):
+        flag = "--" + option.name.replace("_", "-")
+        parser.add_argument(flag, type=type(option.default), default=option.default, help=HELP[option.name])
+    parser.add_argument("--held-out", type=Path, help="folder of rooms to validate on")
+    parser.add_argument("--from", dest="start_from", type=Path, help="run, or its checkpoint, to start from")
+    parser.add_argument("--threads", type=int, default=torch.get_num_threads(), help="cores to use")
+    given = vars(parser.parse_args(arguments))
+    data, out, held_out, start_from, threads = (
+        given.pop(name) for name in ("data", "out", "held_out", "start_from", "threads")
+    )
+    keep_freed_memory()
+    torch.set_num_threads(threads)
+    try:
+        start = load(start_from) if start_from else None
+        others = read_rooms(held_out) if held_out else {}
+        train(read_rooms(data), others, out, Options(**given), start, functools.partial(print, flush=True))
+    except InputError as error:
+        print(f"train_correction: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
