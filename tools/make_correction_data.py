@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,14 +24,17 @@ from threading import Lock
 import numpy as np
 
 from room2dgs.captures.depth_maps import depth_file
+from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame, Scene
-from room2dgs.commands.stages import points_of_run, read, read_priors
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
+from room2dgs.priors import load_priors
 from room2dgs.priors.completion.correction import Correct
 from room2dgs.priors.completion.evidence import ERROR, KNOWN, LN_DEPTH, LN_MEDIAN
+from room2dgs.sfm.sparse import sparse_points
 from room2dgs.splat import set_threads
+from room2dgs.stereo.anchors import FirstLook, StereoPoints, stereo_points
 from room2dgs.tools.correction_network.samples import EVIDENCE, SHIFT
 from room2dgs.tools.make_captures import CaptureOptions, make_capture
 
@@ -83,10 +87,15 @@ def views(capture: Path, width: int | None, out: Path) -> tuple[np.ndarray, np.n
     """Evidence and true correction of a capture's training views at both looks, as `make_room` writes them."""
     given = [f"scene.path={capture}", *SETTINGS, *([f"scene.image_width={width}"] if width else [])]
     config = load_config(given)
-    scene = read(config)
-    points = points_of_run(scene, config, out, _quiet, {})
+    scene = read_scene(config.scene)
+    points = sparse_points(scene, config.points, out / "points", _quiet)
+    looks, prior = config.prior.depth.looks, replace(config.prior, cache=str(out / "maps"))
     seen: list[tuple[np.ndarray, np.ndarray]] = []
-    read_priors(scene, points, config, out, _quiet, recording(scene, seen))
+
+    def compare(first: FirstLook | None) -> StereoPoints:
+        return stereo_points(scene.keyframes, points, config.stereo, _quiet, first=first, looks=looks)
+
+    load_priors(scene.keyframes, points, prior, _quiet, compare, correct=recording(scene, seen))
     return np.stack([one for one, _ in seen]), np.stack([one for _, one in seen])
 
 

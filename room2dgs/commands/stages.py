@@ -20,7 +20,6 @@ if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be r
     import numpy as np
 
     from room2dgs.priors import Priors
-    from room2dgs.priors.completion.correction import Correct
     from room2dgs.sfm.sparse import MayLack
     from room2dgs.splat.types import Rendering, Surfels
 
@@ -170,14 +169,9 @@ def with_map_cache(config: Config, out: Path) -> Config:
     return replace(config, prior=replace(config.prior, cache=config.prior.cache or str(out / PRIOR_MAPS)))
 
 
-def read_priors(
-    scene: Scene, points: PointCloud, config: Config, out: Path, log: Log, correct: Correct | None = None
-) -> Priors:
+def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log: Log) -> Priors:
     """Priors of the keyframes; how each depth map was aligned goes to out/priors.csv, how far it is trusted to
     out/trust.npz.
-
-    Args:
-        correct: as `load_priors`.
 
     Raises:
         InputError: as `load_priors` and `stereo_points`.
@@ -200,7 +194,7 @@ def read_priors(
     settings = with_map_cache(config, out).prior
     seconds = Stages()
     compared = compare if config.stereo.enabled else None
-    priors = load_priors(scene.keyframes, points, settings, log, compared, partial(timed, seconds), correct)
+    priors = load_priors(scene.keyframes, points, settings, log, compared, partial(timed, seconds))
     covered = [float((depth > 0).mean()) for depth, _ in stereo.values()]
     share = round(sum(covered) / len(covered), 4) if covered else None
     record(out, {"prior_seconds": by_stage(seconds), "stereo_coverage": share}, {})
