@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from room2dgs.captures.point_cloud import PointCloud, Tracks
@@ -158,10 +158,10 @@ def defaults() -> StereoConfig:
     return load_config(["scene.path=a", "out=b"]).stereo
 
 
+@settings(deadline=None)  # the first one reads the configuration
 @given(st.integers(1, 12), st.integers(1, 12), st.floats(1, 10))
 def test_wider_windows_have_as_many_samples_and_fit_the_kernels(radius, step, times):
     assume(step <= radius and radius // step <= 5)
-    settings = replace(defaults(), radius=radius, step=step)
-    wider = windows_as_wide(settings, times)
+    wider = windows_as_wide(replace(defaults(), radius=radius, step=step), times)
     assert wider.radius // wider.step == radius // step and wider.radius % wider.step == 0
     assert step <= wider.step <= max(step, round(step * times)) and wider.radius <= 12
