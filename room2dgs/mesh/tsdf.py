@@ -22,8 +22,9 @@ ATTRIBUTES = ("tsdf", "weight", "views", "color")
 BLOCK = 8  # voxels a block side
 HALF = 2**20  # of a key's base: blocks on either side of the origin
 STRIDE, STEPS = 2, 4  # pixels between those that say which blocks are near, and points at each, as the kernel has them
-# 10 kB a block. Growth copies the whole table (about 1 s in all for a room at 1 cm), so start with room for it.
-FIRST_BLOCKS = 16_384
+# 10 kB a block. Growth copies the whole table (about 1 s in all for a room at 1 cm), so start with room for it; open3d
+# would double it, which is hundreds of megabytes that stay empty.
+FIRST_BLOCKS, GROWTH = 16_384, 1.25
 DEVICE = o3c.Device("CPU:0")
 
 
@@ -130,13 +131,11 @@ def _integrate_one(
     blocks = touched(depth, normal, view.camera.K, cam_from_local, config.voxel_m, reach)
     if not len(blocks):
         return
-    hashmap = volume.hashmap()
-    hashmap.activate(o3c.Tensor(blocks))
-    rows, _ = hashmap.find(o3c.Tensor(blocks))
+    rows = rows_of(volume.hashmap(), o3c.Tensor(blocks))
     parts = [volume.attribute(name).numpy() for name in ATTRIBUTES]  # not copies; growth of the table moves them
     _C.fuse_depth(
         blocks,
-        rows.numpy().astype(np.int64),
+        rows,
         *(part.reshape(len(part), -1) for part in parts),
         depth,
         normal,
@@ -146,6 +145,19 @@ def _integrate_one(
         config.voxel_m,
         reach,
     )
+
+
+def rows_of(hashmap: o3c.HashMap, blocks: o3c.Tensor) -> np.ndarray:
+    """(N,) int64 rows of the table in which these (N, 3) int32 blocks are; those that are not there are added."""
+    _, known = hashmap.find(blocks)
+    new = blocks[known.logical_not()]
+    if len(new):
+        needed = hashmap.size() + len(new)
+        if needed > hashmap.capacity():
+            hashmap.reserve(max(needed, int(GROWTH * hashmap.capacity())))
+        hashmap.activate(new)
+    rows, _ = hashmap.find(blocks)
+    return rows.numpy().astype(np.int64)
 
 
 def photo_as_floats(color: np.ndarray | Tensor) -> np.ndarray | Tensor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,27 @@ def packed(grey: np.ndarray, camera: Camera, kernels: Build = CPU) -> Packed:
     if grey.shape != (camera.height, camera.width):
         raise ValueError(f"the photo has shape {grey.shape}, its camera {camera.width} x {camera.height} pixels")
     return Packed(kernels.extension.StereoPhoto(np.ascontiguousarray(grey, np.uint8)), camera, kernels)
+
+
+class PackedWhenAsked(Sequence[Packed]):
+    """Views that are packed when they are asked for: packed ones take four times their photos' memory.
+
+    Args:
+        photos: grey, (H, W) uint8, of their cameras' sizes.
+        at_once: views that stay packed; a photo and its neighbours are asked for next to each other.
+    """
+
+    def __init__(
+        self, photos: Sequence[np.ndarray], cameras: Sequence[Camera], kernels: Build = CPU, at_once: int = 32
+    ) -> None:
+        self._count = len(photos)
+        self._packed = lru_cache(at_once)(lambda index: packed(photos[index], cameras[index], kernels))
+
+    def __getitem__(self, index: int) -> Packed:
+        return self._packed(range(self._count)[index])
+
+    def __len__(self) -> int:
+        return self._count
 
 
 def warp(camera: Camera, other: Camera) -> np.ndarray:

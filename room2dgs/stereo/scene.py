@@ -18,7 +18,7 @@ from room2dgs.config import StereoConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.stereo.dense import COARSEST_WIDTH, DenseView, Options, Sight, dense_views
-from room2dgs.stereo.patchmatch import Matching, packed
+from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked
 from room2dgs.stereo.second_look import second_look
 
 LOG_SECONDS = 10.0
@@ -87,10 +87,9 @@ def scene_second_look(
         InputError: a photo cannot be decoded.
     """
     cameras, photos, sights, options, matching = _prepared([*frames, *beside], points, settings, device)
-    kernels = build_of(device)
-    views = [packed(photo, camera, kernels) for photo, camera in zip(photos, cameras, strict=True)]
+    views = PackedWhenAsked(photos, cameras, build_of(device))
     known = [partial(start.get, frame.name, UNKNOWN) for frame in frames]
-    found = second_look(views, sights, points.xyz, known, options, matching, _progress(log))
+    found = second_look(views, cameras, sights, points.xyz, known, options, matching, _progress(log))
     usable = ((_usable(frame, depth.shape), depth, count) for frame, (depth, count) in zip(frames, found, strict=True))
     return cameras[: len(frames)], ((depth * where, count * where) for where, depth, count in usable)
 

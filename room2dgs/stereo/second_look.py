@@ -21,6 +21,7 @@ FIRST_DRAW = 100
 
 def second_look(
     views: Sequence[Packed],
+    cameras: Sequence[Camera],
     sights: Sequence[Sight],
     xyz: np.ndarray,
     start: Sequence[Callable[[], np.ndarray]],
@@ -30,11 +31,13 @@ def second_look(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Depth of posed photos that is nearly known, one view after the other.
 
-    Views believe each other from the first search on. A view's slopes are forgotten when its cost is known: of all
-    views only inverse depths are in memory. The same photos give the same bits on any number of threads.
+    Views believe each other from the first search on. A view's slopes are forgotten when its cost is known, and the
+    depth that it began with when no other view asks for it any more: of each view one inverse depth is in memory. The
+    same photos give the same bits on any number of threads.
 
     Args:
-        views: V.
+        views: V; asked for again and again, so that they may be packed when they are (`PackedWhenAsked`).
+        cameras: V, theirs.
         sights: V, from the sparse points.
         xyz: (M, 3) sparse points, metres.
         start: functions that give (h, w) z-depth in metres, 0 = unknown, of any size, of the first views: the ones
@@ -44,21 +47,21 @@ def second_look(
     Yields:
         (H, W) float32 z-depth, metres, 0 where the views do not agree, and (H, W) uint8, how many neighbours agree.
     """
-    cameras = [view.camera for view in views]
     near_views, ranges = near_and_ranges(cameras, sights, xyz, options)
-    before = []
+    matched = [near[: options.neighbours].tolist() for near in near_views[: len(start)]]
+    last_asked = {other: index for index, near in enumerate(matched) for other in near}
+    before = {other: _nothing(cameras[other]) for other in last_asked}
     for index, depth in enumerate(made() for made in start):
         ranges[index] = wider_range(ranges[index], depth)
-        before.append(_planes(depth, cameras[index])[0].copy())
+        if index in before:
+            before[index] = _planes(depth, cameras[index])[0].copy()
     found, alike = [], []
-    before += [np.zeros((camera.height, camera.width), np.float32) for camera in cameras[len(start) :]]
-    for index, view in enumerate(views[: len(start)]):
-        near = near_views[index][: options.neighbours]
-        if not len(near):
-            found.append(np.zeros_like(before[index]))
-            alike.append(np.zeros(before[index].shape, bool))
+    for index, near in enumerate(matched):
+        if not near:
+            found.append(_nothing(cameras[index]))
+            alike.append(found[index] > 0)
             continue
-        others = [views[other] for other in near]
+        view, others = views[index], [views[other] for other in near]
         inverse = [before[other] for other in near]
         search = Search(view, others, matching, ranges[index], index + 1, inverse)
         planes = search.run(
@@ -71,9 +74,11 @@ def second_look(
         cost, _ = Search(view, others, matching, (0.1, 100.0), 0).costs(planes)
         found.append(planes[0].copy())
         alike.append(cost < options.max_cost)
+        for other in near:
+            if last_asked[other] == index:
+                del before[other]
         progress(f"stereo at {view.camera.width} pixels, from the completed depth", index + 1, len(start))
-    del before
-    found += [np.zeros((camera.height, camera.width), np.float32) for camera in cameras[len(start) :]]
+    found += [_nothing(camera) for camera in cameras[len(start) :]]
 
     def filtered(index: int) -> tuple[np.ndarray, np.ndarray]:
         asked = [(cameras[other], found[other]) for other in near_views[index][: options.asked]]
@@ -83,6 +88,10 @@ def second_look(
         return depth, np.where(kept, agreed.count, np.uint8(0))
 
     yield from side_by_side(filtered, range(len(start)), _C.threads())
+
+
+def _nothing(camera: Camera) -> np.ndarray:
+    return np.zeros((camera.height, camera.width), np.float32)
 
 
 def _planes(depth: np.ndarray, camera: Camera) -> np.ndarray:

@@ -12,7 +12,7 @@ from room2dgs.splat import set_threads
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.dense import Options, Sight, dense_views
 from room2dgs.stereo.neighbours import choose_neighbours
-from room2dgs.stereo.patchmatch import Matching, packed
+from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked, packed
 from room2dgs.stereo.second_look import second_look
 
 
@@ -72,7 +72,7 @@ def test_a_second_look_mends_depth_that_is_all_but_right(corner):
     options = Options(levels=2, rounds=1, refinements=1)
     views = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
     known = [partial(np.copy, depth) for depth in start]
-    found, agreeing = next(second_look(views, nearer, xyz, known, options, Matching()))
+    found, agreeing = next(second_look(views, cameras, nearer, xyz, known, options, Matching()))
     depth, kept = corner[0][2], found > 0
     off = np.abs(found - depth)[kept] / depth[kept]
     assert (agreeing[kept] >= 2).all() and not agreeing[~kept].any()
@@ -98,9 +98,9 @@ def test_a_second_look_at_some_views_is_held_to_the_others_photos(corner):
     """Of one view alone: without depth of the others nobody could agree, but two of five views have some."""
     photos, cameras = [photo for _, photo, _, _ in corner], [camera for camera, *_ in corner]
     xyz, sights = sparse(corner)
-    views = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
+    views = PackedWhenAsked(photos, cameras, at_once=2)
     known = [partial(np.copy, depth) for _, _, depth, _ in corner[:3]]
-    found = list(second_look(views, sights, xyz, known, Options(rounds=1, refinements=1), Matching()))
+    found = list(second_look(views, cameras, sights, xyz, known, Options(rounds=1, refinements=1), Matching()))
     assert len(found) == 3
     depth, agreeing = found[0]
     kept, exact = depth > 0, corner[0][2]

@@ -22,6 +22,7 @@ MIN_REGION_SHARE = 0.02  # of the image; a smaller textureless region may have a
 SMOOTH = 7  # samples
 COLUMNS = 160  # of the subsampled maps
 NEIGHBOURS = 8
+AT_ONCE = 2**17  # points whose depth is looked up
 MIN_SHARED = 0.05
 # Four neighbouring depths that differ more, relatively, lie on two surfaces.
 ONE_SURFACE = 0.1
@@ -140,7 +141,8 @@ def overlap(
         *_points(frames, points),
         torch.zeros(0, dtype=torch.float32),
     )
-    prior, good = views.depth_at(views.point_view, views.point_px)
+    parts = zip(views.point_view.split(AT_ONCE), views.point_px.split(AT_ONCE), strict=True)
+    prior, good = map(torch.cat, zip(*(views.depth_at(*part) for part in parts), strict=True))
     seen = {name: getattr(views, name)[good] for name in ("point_view", "point_px", "point_depth", "point_tracked")}
     return replace(views, **seen, point_prior=prior[good])
 
