@@ -38,7 +38,8 @@ MAX_PX, MAX_RELATIVE = 2.0, 0.03
 MOVED = 0.5  # of what other views moved a depth by, relatively, it is expected to be off
 ROUNDS = 2  # planes are found in the completed depth, which then bends to them and to what other views have
 LEAST_SURE = 0.3  # confidence of a pixel that takes part in finding planes
-FINE = 0.01  # relative difference at which half of stereo's own pixel counts as noise
+FINE = 4.0  # expected errors by which stereo's own pixel differs if half of the difference counts as noise
+LEAST_ERROR = 1e-4  # relative
 LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
 
 
@@ -125,7 +126,7 @@ def complete_views(
         sure = large(confidence(error))
         full = (depth * np.exp(large(part.log_scale))).astype(np.float32)
         if frame.name in stereo:
-            full = _with_fine(full, *stereo[frame.name], frame.camera)
+            full = _with_fine(full, large(error.astype(np.float32)), *stereo[frame.name], frame.camera)
         return median, full, np.where(full > 0, sure, 0).astype(np.float32)
 
     medians = []
@@ -276,11 +277,18 @@ def _flat(maps: SmallMaps, before: Completed, planes: Sequence[Plane]) -> Comple
     return before._replace(log_scale=before.log_scale + shift, depth=before.depth * np.exp(shift), flat=share)
 
 
-def _with_fine(depth: np.ndarray, stereo: np.ndarray, agreeing: np.ndarray, camera: Camera) -> np.ndarray:
-    """Stereo's own pixels where they hardly differ: they have the fine detail. What differs by more is noise, or what
-    completion has mended."""
+def _with_fine(
+    depth: np.ndarray, error: np.ndarray, stereo: np.ndarray, agreeing: np.ndarray, camera: Camera
+) -> np.ndarray:
+    """Stereo's own pixels where they hardly differ, for how sure depth is: they have the fine detail. What differs by
+    more is noise, or what completion has mended.
+
+    Args:
+        error: (H, W) expected relative error of the depth.
+    """
     kept = np.where(agreeing >= LEAST_STEREO, stereo, 0)
     fine, there = resize_depth(kept, kept > 0, camera)
     there &= np.abs(fine - depth) < MAX_RELATIVE * depth
     detail = np.log(np.where(there, fine, 1) / np.where(there, depth, 1))
-    return (depth * np.exp(detail / (1 + (detail / FINE) ** 2))).astype(np.float32)
+    noise = FINE * np.maximum(error, LEAST_ERROR)
+    return (depth * np.exp(detail / (1 + (detail / noise) ** 2))).astype(np.float32)
