@@ -2,9 +2,9 @@
 
     python -m room2dgs.tools.make_correction_data OUT --rooms 60 --seed 1
 
-Each room is filmed (`make_captures`) with its own noise, exposures and, for some, poses that are a little off; the
-depth of its photos is found as a run finds it; then the film is deleted. A room is a folder of .npy files, with N the
-photos of both looks:
+Each room is filmed (`make_captures`) with its own noise, exposures and, for some, poses that are off. Poses are refined
+and the depth of the photos is found as a run does it; then the film is deleted. A room is a folder of .npy files, with
+N the photos of both looks:
     evidence.npy (N, CHANNELS, h, w) float16, see `room2dgs.priors.completion.evidence`;
     shift.npy    (N, h, w) float16, ln of true over completed depth, NaN = unknown.
 Rooms that are there already are kept.
@@ -32,6 +32,7 @@ from room2dgs.files import whole_folder
 from room2dgs.priors import load_priors
 from room2dgs.priors.completion.correction import Correct
 from room2dgs.priors.completion.evidence import ERROR, KNOWN, LN_DEPTH, LN_MEDIAN
+from room2dgs.sfm.refinement import refined_poses
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.splat import set_threads
 from room2dgs.stereo.anchors import FirstLook, StereoPoints, stereo_points
@@ -44,11 +45,10 @@ SENSOR_NOISE = (1.0, 4.0)
 EXPOSURE_DRIFT = (0.0, 0.3)
 JPEG_QUALITY = (85, 96)
 SHAKEN = 0.4  # of the rooms
-POSE_NOISE_DEG, POSE_NOISE_CM = (0.05, 0.2), (0.1, 0.5)
+POSE_NOISE_DEG, POSE_NOISE_CM = (0.1, 0.5), (0.3, 1.0)  # before poses are refined, which leaves what a run leaves
 WHOLE = 0.3  # of the rooms, at the photos' own size; the others at `DRAFT`
 DRAFT = 320
-# Poses stay a little off where they are: real ones are, refined or not.
-SETTINGS = ("prior=room_prior", "prior.depth.correction=false", "sfm.refine_poses=false", "out=unused")
+SETTINGS = ("prior=room_prior", "prior.depth.correction=false", "out=unused")
 
 
 def make_room(out: Path, seed: int, number: int) -> Path:
@@ -87,7 +87,7 @@ def views(capture: Path, width: int | None, out: Path) -> tuple[np.ndarray, np.n
     """Evidence and true correction of a capture's training views at both looks, as `make_room` writes them."""
     given = [f"scene.path={capture}", *SETTINGS, *([f"scene.image_width={width}"] if width else [])]
     config = load_config(given)
-    scene = read_scene(config.scene)
+    scene, _ = refined_poses(read_scene(config.scene), config.sfm, config.points, out / "points", _quiet)
     points = sparse_points(scene, config.points, out / "points", _quiet)
     looks, prior = config.prior.depth.looks, replace(config.prior, cache=str(out / "maps"))
     seen: list[tuple[np.ndarray, np.ndarray]] = []
