@@ -29,6 +29,7 @@ from room2dgs.mesh.tsdf import (
     extracted,
     local_from_cam,
     photo_as_floats,
+    rows_of,
     start_of,
 )
 from room2dgs.mesh.views import FusedView
@@ -151,9 +152,7 @@ def _on_cpu(voxels: Voxels, voxel_m: float) -> o3d.t.geometry.VoxelBlockGrid:
     """As open3d has them."""
     blocks = o3c.Tensor(voxels.blocks())
     volume = empty_volume(voxel_m, len(blocks))
-    volume.hashmap().activate(blocks)
-    rows, _ = volume.hashmap().find(blocks)
-    rows = rows.numpy()
+    rows = rows_of(volume.hashmap(), blocks)
     for name in ATTRIBUTES:
         part = volume.attribute(name).numpy()  # no copy
         part.reshape(len(part), -1)[rows] = voxels.parts[name][: len(rows)].cpu().numpy()

@@ -149,14 +149,14 @@ def _integrate_one(
 
 def rows_of(hashmap: o3c.HashMap, blocks: o3c.Tensor) -> np.ndarray:
     """(N,) int64 rows of the table in which these (N, 3) int32 blocks are; those that are not there are added."""
-    _, known = hashmap.find(blocks)
+    rows, known = hashmap.find(blocks)
     new = blocks[known.logical_not()]
     if len(new):
         needed = hashmap.size() + len(new)
         if needed > hashmap.capacity():
             hashmap.reserve(max(needed, int(GROWTH * hashmap.capacity())))
         hashmap.activate(new)
-    rows, _ = hashmap.find(blocks)
+        rows, _ = hashmap.find(blocks)
     return rows.numpy().astype(np.int64)
 
 

@@ -32,8 +32,8 @@ def second_look(
     """Depth of posed photos that is nearly known, one view after the other.
 
     Views believe each other from the first search on. A view's slopes are forgotten when its cost is known, and the
-    depth that it began with when no other view asks for it any more: of each view one inverse depth is in memory. The
-    same photos give the same bits on any number of threads.
+    depth that it began with when no other view asks for it any more: of each view about one inverse depth is in
+    memory. The same photos give the same bits on any number of threads.
 
     Args:
         views: V; asked for again and again, so that they may be packed when they are (`PackedWhenAsked`).
@@ -50,10 +50,10 @@ def second_look(
     near_views, ranges = near_and_ranges(cameras, sights, xyz, options)
     matched = [near[: options.neighbours].tolist() for near in near_views[: len(start)]]
     last_asked = {other: index for index, near in enumerate(matched) for other in near}
-    before = {other: _nothing(cameras[other]) for other in last_asked}
+    before = {other: _nothing(cameras[other]) for other in last_asked if other >= len(start)}
     for index, depth in enumerate(made() for made in start):
         ranges[index] = wider_range(ranges[index], depth)
-        if index in before:
+        if index in last_asked:
             before[index] = _planes(depth, cameras[index])[0].copy()
     found, alike = [], []
     for index, near in enumerate(matched):

@@ -100,8 +100,12 @@ def test_a_second_look_at_some_views_is_held_to_the_others_photos(corner):
     xyz, sights = sparse(corner)
     views = PackedWhenAsked(photos, cameras, at_once=2)
     known = [partial(np.copy, depth) for _, _, depth, _ in corner[:3]]
-    found = list(second_look(views, cameras, sights, xyz, known, Options(rounds=1, refinements=1), Matching()))
+    rest = (cameras, sights, xyz, known, Options(rounds=1, refinements=1), Matching())
+    found = list(second_look(views, *rest))
     assert len(found) == 3
+    packed_before = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
+    for one, same in zip(found, second_look(packed_before, *rest), strict=True):
+        np.testing.assert_array_equal(one, same)
     depth, agreeing = found[0]
     kept, exact = depth > 0, corner[0][2]
     off = np.abs(depth - exact)[kept] / exact[kept]

@@ -39,7 +39,7 @@ MOVED = 0.5  # of what other views moved a depth by, relatively, it is expected 
 ROUNDS = 2  # planes are found in the completed depth, which then bends to them and to what other views have
 LEAST_SURE = 0.3  # confidence of a pixel that takes part in finding planes
 FINE = 4.0  # expected errors by which stereo's own pixel differs if half of the difference counts as noise
-LEAST_ERROR = 1e-4  # relative
+LEAST_ERROR = 1e-4  # relative; an expected error of 0 would make 0 / 0 of a difference of 0
 LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
 
 
