@@ -24,6 +24,7 @@ from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.on_planes import flattened, on_planes
 from room2dgs.priors.completion.other_views import LENDING, SureView, depth_of_other_views
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
+from room2dgs.priors.completion.reconciled import on_their_planes, with_neighbours
 from room2dgs.priors.completion.relief import LEAST_TRUST, Anchors, with_reliefs
 from room2dgs.priors.completion.small_maps import Completed, SmallMaps, small_maps
 from room2dgs.priors.completion.solve import System, solved, system
@@ -101,10 +102,14 @@ def complete_views(
         small = alone = _completed(given, pool)
         near = _near_views(frames, points)
         planes = planes and len(normals) > 0
+
+        def planes_in(parts: Sequence[Completed], errors: Sequence[np.ndarray]) -> list[Plane]:
+            flat = find_planes(_samples(given, parts, errors, space), right_angles=right_angles) if planes else []
+            return with_reliefs(flat, _stereo_anchors(given, space)) if relief and flat else flat
+
         for _ in range(ROUNDS if planes or other_views else 0):
             errors = list(pool.map(_expecting(small, alone, near, space), range(len(frames))))
-            found = find_planes(_samples(given, small, errors, space), right_angles=right_angles) if planes else []
-            found = with_reliefs(found, _stereo_anchors(given, space)) if relief and found else found
+            found = planes_in(small, errors)
             held = list(pool.map(partial(_held_by_planes, planes=found, space=space), given, small))
             drawn = _held_by_other_views(held, small, errors, near) if other_views else None
             alone = _completed(held, pool)  # what views have told each other is no evidence
@@ -113,9 +118,12 @@ def complete_views(
         small, alone = list(pool.map(flat, given, small)), list(pool.map(flat, given, alone))
         expected = _expecting(small, alone, near, space)
         if correct:
-            small, errors = _corrected(
-                given, small, alone, near, space, found, correct, [frame.name for frame in frames], pool
-            )
+            names = [frame.name for frame in frames]
+            small, errors = _corrected(given, small, alone, near, space, found, correct, names, pool)
+            if other_views:
+                small, errors = with_neighbours(small, errors, near)
+            found = planes_in(small, errors)
+            small = on_their_planes(given, small, errors, found)
             expected = errors.__getitem__
 
     def whole(index: int) -> tuple[float, np.ndarray, np.ndarray]:
