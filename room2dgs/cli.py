@@ -14,6 +14,7 @@ from room2dgs import __version__
 from room2dgs.commands.examples import examples
 from room2dgs.commands.verbs import VERBS
 from room2dgs.errors import InputError, RunFailed
+from room2dgs.freed_memory import one_arena
 from room2dgs.interrupts import Terminated, reader_is_gone, signals_raise, unread
 
 DONE, OUR_FAULT, BAD_INPUT = 0, 1, 2
@@ -27,6 +28,7 @@ def main(argv: list[str] | None = None) -> int:
         0 done, 1 our fault, 2 bad input, 130 interrupted by Ctrl-C, 143 by SIGTERM, 141 when nobody reads the output
         any more; of a study or a sweep with failed runs, that of the first one's cause.
     """
+    one_arena()
     with signals_raise():
         try:
             code = _answered(sys.argv[1:] if argv is None else list(argv))

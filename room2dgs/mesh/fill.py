@@ -16,7 +16,7 @@ def holes_filled(mesh: trimesh.Trimesh, hole_m: float) -> trimesh.Trimesh:
     """Holes up to this size closed by triangles between their rims; everything else stays as it is.
 
     Args:
-        hole_m: diameter of the largest hole.
+        hole_m: the largest hole, by the diagonal of the box around its rim (open3d judges nearly so).
     """
     whole = o3d.t.geometry.TriangleMesh.from_legacy(_open3d(mesh))
     filled = whole.fill_holes(hole_size=hole_m / 2).to_legacy()

@@ -46,8 +46,9 @@ def finished(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Tri
     give_back()  # what was cleaned away
     mesh = _smooth(mesh, config)
     give_back()
-    mesh = _filled(mesh, config, log)
-    return _few(mesh, config, log)
+    if config.fill == "holes":  # rims stay as they are when faces are dropped, and far fewer are to be looked at
+        return _filled(_few(mesh, config, log), config, log)
+    return _few(_filled(mesh, config, log), config, log)
 
 
 def _smooth(mesh: trimesh.Trimesh, config: MeshConfig) -> trimesh.Trimesh:

@@ -25,3 +25,16 @@ def test_a_hole_is_closed_if_asked_for(monkeypatch, fill, closed):
     assert any(f"mesh.fill={fill}" in line for line in said) is closed
     assert mesh.volume == pytest.approx(-4 / 3 * np.pi, rel=0.03)
     assert (np.asarray(mesh.visual.vertex_colors)[:, 0] == 90).all()
+
+
+def test_by_default_cracks_are_closed_and_what_nobody_saw_stays_open(monkeypatch):
+    ball = trimesh.creation.icosphere(subdivisions=6, radius=1.0)
+    x, y, z = ball.triangles_center.T
+    crack, unseen = (z > 0) & (np.hypot(x, y) < 0.025), (z < 0) & (np.hypot(x, y) < 0.2)
+    torn = trimesh.Trimesh(ball.vertices, ball.faces[~crack & ~unseen][:, ::-1], process=False)
+    monkeypatch.setattr(fusion, "integrate", lambda views, config: torn)
+    mesh = fusion.fuse([], replace(load_config(["scene.path=a", "out=b"]).mesh, voxel_m=0.05), lambda line: None)
+    edges, count = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
+    rims = mesh.vertices[edges[count == 1]]
+    assert crack.any() and len(rims) and (rims[..., 2] < 0).all()
+    assert np.hypot(rims[..., 0], rims[..., 1]).max() < 0.25

@@ -29,6 +29,7 @@ def make_config(**changes) -> MeshConfig:
         "min_weight": 1.0,
         "min_triangles": 10,
         "keep_clusters": 5,
+        "fill": "none",
     }
     return replace(load_config(["scene.path=x", "out=y"]).mesh, **{**values, **changes})
 

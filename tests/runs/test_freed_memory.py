@@ -27,6 +27,42 @@ with timed(Stages(), "second"):
 print(before, most, resident_mb(), len(stays))
 """
 
+THREADS = """
+import ctypes, re, sys, tempfile
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+from room2dgs import cli
+
+if len(sys.argv) > 1:
+    cli.main(["--version"])
+libc, together = ctypes.CDLL(None), Barrier(4)
+libc.malloc.restype, libc.fopen.restype = ctypes.c_void_p, ctypes.c_void_p
+libc.malloc_info.argtypes, libc.fclose.argtypes = [ctypes.c_int, ctypes.c_void_p], [ctypes.c_void_p]
+
+def take(_):
+    together.wait()
+    return libc.malloc(10000)
+
+with ThreadPoolExecutor(4) as pool:
+    list(pool.map(take, range(4)))
+with tempfile.NamedTemporaryFile() as told:
+    file = libc.fopen(told.name.encode(), b"w")
+    libc.malloc_info(0, file)
+    libc.fclose(file)
+    print(len(re.findall("<heap nr", told.read().decode())))
+"""
+
+
+def heaps(*arguments: str) -> int:
+    ran = subprocess.run([sys.executable, "-c", THREADS, *arguments], capture_output=True, text=True, check=True)
+    return int(ran.stdout.split()[-1])
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc has several")
+def test_threads_of_a_command_allocate_from_one_heap():
+    assert heaps() > 1
+    assert heaps("command") == 1
+
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc keeps it")
 def test_what_a_stage_frees_between_what_stays_is_given_back():

@@ -43,7 +43,9 @@ class MeshConfig:
     fill: Literal["none", "holes", "watertight"] = Field(
         description="none | holes: close small ones | watertight: a closed surface, also where nothing was seen"
     )
-    fill_hole_m: Float = Field(ge=0, le=100, description="fill=holes: diameter of the largest that is closed")
+    fill_hole_m: Float = Field(
+        ge=0, le=100, description="fill=holes: the largest that is closed, by the diagonal of its box"
+    )
     max_error_m: Float | None = Field(
         gt=0, description="as few faces as keep 99.9 % this close to the whole surface (null: all faces)"
     )
