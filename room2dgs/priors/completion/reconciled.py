@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from room2dgs.priors.completion.expected_error import confidence, error_of
-from room2dgs.priors.completion.on_planes import on_planes
+from room2dgs.priors.completion.on_planes import FLAT, on_planes
 from room2dgs.priors.completion.other_views import SureView, depth_of_other_views
 from room2dgs.priors.completion.planes import Plane
 from room2dgs.priors.completion.small_maps import Completed, SmallMaps
@@ -16,7 +16,6 @@ APART = 3.0  # expected errors of both between two depths at which half of what 
 SURE_ENOUGH = 2.0  # times a pixel's expected error, that of the others up to which their disagreement tells on it
 LEAST_TRUST, MOST_TRUST = 1e-3, 0.9999
 FROM_PLANE = 2.0  # expected errors between a depth and a plane at which it goes half of the way
-FLAT = 0.02  # relative difference from a plane that halves the trust in it
 LEAST_ERROR = 1e-4
 
 
