@@ -57,7 +57,7 @@ class Plane(NamedTuple):
     relief: Relief | None = None
 
 
-def find_planes(samples: Samples, *, right_angles: bool) -> list[Plane]:
+def find_planes(samples: Samples, *, right_angles: bool, width: float = 1.0) -> list[Plane]:
     """Planes by the samples that they hold, the largest first, each sample on one of them; the same input gives the
     same bits.
 
@@ -67,6 +67,7 @@ def find_planes(samples: Samples, *, right_angles: bool) -> list[Plane]:
     Args:
         samples: of all views.
         right_angles: planes that are almost parallel or at right angles, as far as their directions are known, are so.
+        width: times `WIDTH_M` and `WIDTH_RELATIVE`: how exact the samples are.
     """
     generator = np.random.default_rng(0)
     total = samples.weight.sum()
@@ -75,7 +76,7 @@ def find_planes(samples: Samples, *, right_angles: bool) -> list[Plane]:
     at_once = min(DRAWN, np.count_nonzero(samples.weight))
     drawn = generator.choice(len(samples.xyz), at_once, replace=False, p=samples.weight / total)
     xyz, normal = samples.xyz[drawn].astype(np.float64), samples.normal[drawn].astype(np.float64)
-    width = np.maximum(WIDTH_M, WIDTH_RELATIVE * samples.depth[drawn])
+    widths = width * np.maximum(WIDTH_M, WIDTH_RELATIVE * samples.depth[drawn])
     free = np.ones(len(xyz), bool)
     planes: list[Plane] = []
     held: list[np.ndarray] = []
@@ -83,9 +84,9 @@ def find_planes(samples: Samples, *, right_angles: bool) -> list[Plane]:
         left = np.nonzero(free)[0]
         if len(left) < FEWEST:
             break
-        start = _best_candidate(xyz, normal, width, left, generator)
-        direction, offset = _refitted(xyz[left], normal[left], width[left], *start)
-        on = free & (np.abs(_along(xyz, direction) - offset) < 2.5 * width) & (_along(normal, direction) > 0.9)
+        start = _best_candidate(xyz, normal, widths, left, generator)
+        direction, offset = _refitted(xyz[left], normal[left], widths[left], *start)
+        on = free & (np.abs(_along(xyz, direction) - offset) < 2.5 * widths) & (_along(normal, direction) > 0.9)
         share = float(on.sum()) / len(xyz)
         if share < LEAST_SHARE / 3:  # the best that there is
             break
@@ -94,7 +95,7 @@ def find_planes(samples: Samples, *, right_angles: bool) -> list[Plane]:
             planes.append(Plane(direction, offset, share))
             held.append(np.flatnonzero(on))
     if right_angles and len(planes) > 1:
-        planes = _squared(planes, [(xyz[on], width[on]) for on in held])
+        planes = _squared(planes, [(xyz[on], widths[on]) for on in held])
     return sorted(planes, key=lambda plane: -plane.share)
 
 

@@ -38,6 +38,7 @@ AT_ONCE = 16  # images, whose systems are in memory
 MAX_PX, MAX_RELATIVE = 2.0, 0.03
 MOVED = 0.5  # of what other views moved a depth by, relatively, it is expected to be off
 ROUNDS = 2  # planes are found in the completed depth, which then bends to them and to what other views have
+CORRECTED = 0.5  # of the distance at which a sample starts to count as off a plane, for corrected depth
 LEAST_SURE = 0.3  # confidence of a pixel that takes part in finding planes
 FINE = 4.0  # expected errors by which stereo's own pixel differs if half of the difference counts as noise
 LEAST_ERROR = 1e-4  # relative; an expected error of 0 would make 0 / 0 of a difference of 0
@@ -103,8 +104,10 @@ def complete_views(
         near = _near_views(frames, points)
         planes = planes and len(normals) > 0
 
-        def planes_in(parts: Sequence[Completed], errors: Sequence[np.ndarray]) -> list[Plane]:
-            flat = find_planes(_samples(given, parts, errors, space), right_angles=right_angles) if planes else []
+        def planes_in(parts: Sequence[Completed], errors: Sequence[np.ndarray], width: float = 1.0) -> list[Plane]:
+            if not planes:
+                return []
+            flat = find_planes(_samples(given, parts, errors, space), right_angles=right_angles, width=width)
             return with_reliefs(flat, _stereo_anchors(given, space)) if relief and flat else flat
 
         for _ in range(ROUNDS if planes or other_views else 0):
@@ -122,7 +125,7 @@ def complete_views(
             small, errors = _corrected(given, small, alone, near, space, found, correct, names, pool)
             if other_views:
                 small, errors = with_neighbours(small, errors, near)
-            found = planes_in(small, errors)
+            found = planes_in(small, errors, CORRECTED)
             small = on_their_planes(given, small, errors, found)
             expected = errors.__getitem__
 

@@ -130,6 +130,21 @@ def test_depth_moves_as_the_network_says_and_is_trusted_by_its_expected_error(co
         np.testing.assert_allclose(sure[known], confidence(np.float32(0.04)), rtol=1e-4)
 
 
+def test_planes_are_found_anew_in_corrected_depth_by_half_the_width(completed, monkeypatch):
+    asked = []
+
+    def find(samples, **settings):
+        asked.append(settings)
+        return []
+
+    monkeypatch.setattr("room2dgs.priors.completion.views.find_planes", find)
+    completed(lambda name, found: (np.zeros(found.shape[1:], np.float32), np.full(found.shape[1:], 0.01, np.float32)))
+    assert [one["width"] for one in asked] == [1, 1, 0.5] and all(one["right_angles"] for one in asked)
+    asked.clear()
+    completed(None)
+    assert [one["width"] for one in asked] == [1, 1]
+
+
 def test_the_shipped_network_leaves_depth_that_stereo_confirms_nearly_as_it_is(completed):
     plain, corrected = completed(None, stereo=True), completed(correction_by_network(), stereo=True)
     off = np.concatenate([np.abs(corrected[name][0] / np.maximum(plain[name][0], 1e-6) - 1).ravel() for name in plain])

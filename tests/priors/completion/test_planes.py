@@ -58,6 +58,15 @@ def test_a_wall_with_some_views_off_is_where_most_have_it():
     assert planes_of(together(right, off))[0].offset == pytest.approx(2.0, abs=0.005)
 
 
+def test_among_exact_samples_pictures_do_not_draw_their_wall_forward():
+    rng = np.random.default_rng(5)
+    wall, pictures = on_plane(rng, (1, 0, 0), -1.0, 4000, 0.002), on_plane(rng, (1, 0, 0), -0.975, 2000, 0.002)
+    samples = together(wall, pictures)
+    (wide, *_), (narrow, *_) = (find_planes(samples, right_angles=False, width=width) for width in (1.0, 0.5))
+    assert abs(narrow.offset + 1) < 0.003
+    assert wide.offset + 1 > 0.005
+
+
 def test_both_sides_of_a_thin_wall_are_two_planes():
     rng = np.random.default_rng(3)
     found = planes_of(
