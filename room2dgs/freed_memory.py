@@ -19,7 +19,7 @@ def give_back() -> None:
 def one_arena() -> None:
     """All threads allocate from one heap, from now on: glibc gives each its own, and each keeps holes of its own.
 
-    To be called before there are threads. It takes 0.1 to 0.2 GB off a run's peak and no processor time that could be
+    To be called before there are threads. Most stages take up to a tenth less, and no processor time that could be
     measured (docs/results.md).
     """
     if sys.platform == "linux":
