@@ -33,7 +33,10 @@ def test_by_default_cracks_are_closed_and_what_nobody_saw_stays_open(monkeypatch
     crack, unseen = (z > 0) & (np.hypot(x, y) < 0.025), (z < 0) & (np.hypot(x, y) < 0.2)
     torn = trimesh.Trimesh(ball.vertices, ball.faces[~crack & ~unseen][:, ::-1], process=False)
     monkeypatch.setattr(fusion, "integrate", lambda views, config: torn)
-    mesh = fusion.fuse([], replace(load_config(["scene.path=a", "out=b"]).mesh, voxel_m=0.05), lambda line: None)
+    said: list[str] = []
+    mesh = fusion.fuse([], replace(load_config(["scene.path=a", "out=b"]).mesh, voxel_m=0.05), said.append)
+    # of few faces: all of them would take much more memory
+    assert ["are enough" in line for line in said[-2:]] == [True, False] and "mesh.fill=holes" in said[-1]
     edges, count = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
     rims = mesh.vertices[edges[count == 1]]
     assert crack.any() and len(rims) and (rims[..., 2] < 0).all()

@@ -36,6 +36,7 @@ AGREEING = 1.6  # how many views that look through a depth one that agrees outwe
 HIDING = 0.1  # what a view from which something nearer hides the depth counts of one that looks through it
 ALONE = 0.25  # how many of these it takes against a depth that nobody confirms, to half of what is added
 SEEN_THROUGH = 0.1  # added where all other views look through it
+LEAST_ERROR = 1e-4  # relative, where differences are taken over an error: 0 / 0 would be no number
 HALF = 0.025  # relative error at which a depth's confidence is a half
 
 

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from room2dgs.geometry.camera import Camera
+from room2dgs.priors.completion.expected_error import LEAST_ERROR
 from room2dgs.priors.completion.planes import Plane
 
 NEAR = 0.1  # relative difference between a pixel's depth and a plane's at which the pixel starts to count as off it
 FLAT = 0.02  # likewise of a completed depth that is to lie on the plane in the end
+FROM_PLANE = 2.0  # expected errors between a depth and a plane at which it goes half of the way
 TURNED = (0.85, 0.95)  # cosine between the normals of pixel and plane: from none of the trust to all of it
 
 
@@ -46,7 +48,7 @@ def on_planes(
 
 
 def flattened(
-    depth: np.ndarray, normal: np.ndarray, camera: Camera, planes: Sequence[Plane]
+    depth: np.ndarray, normal: np.ndarray, camera: Camera, planes: Sequence[Plane], error: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """How far each pixel has to go to a plane that it almost lies on.
 
@@ -54,10 +56,15 @@ def flattened(
 
     Args:
         depth, normal, camera, planes: as `on_planes`.
+        error: (h, w) relative error to be expected of the depth, where a plane that is many of them away is none of
+            its; None: not asked.
 
     Returns:
         (h, w) to add to ln(depth), and (h, w) the share 0..1 of the way to the plane that this is.
     """
     on, share = on_planes(depth, normal, camera, planes, FLAT)
     known = share > 0
-    return share * np.log(np.where(known, on, 1) / np.where(known, depth, 1)), share
+    away = np.log(np.where(known, on, 1) / np.where(known, depth, 1))
+    if error is not None:
+        share = share / (1 + (away / (FROM_PLANE * np.maximum(error, LEAST_ERROR))) ** 2)
+    return share * away, share

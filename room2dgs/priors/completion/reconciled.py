@@ -7,16 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from room2dgs.priors.completion.expected_error import confidence, error_of
-from room2dgs.priors.completion.on_planes import FLAT, on_planes
+from room2dgs.priors.completion.on_planes import flattened
 from room2dgs.priors.completion.other_views import SureView, depth_of_other_views
 from room2dgs.priors.completion.planes import Plane
-from room2dgs.priors.completion.small_maps import Completed, SmallMaps
+from room2dgs.priors.completion.small_maps import Completed, SmallMaps, moved
 
 APART = 3.0  # expected errors of both between two depths at which half of what they differ by counts
 SURE_ENOUGH = 2.0  # times a pixel's expected error, that of the others up to which their disagreement tells on it
 LEAST_TRUST, MOST_TRUST = 1e-3, 0.9999
-FROM_PLANE = 2.0  # expected errors between a depth and a plane at which it goes half of the way
-LEAST_ERROR = 1e-4
 
 
 def with_neighbours(
@@ -41,7 +39,7 @@ def with_neighbours(
         others = error_of(np.clip(trust, LEAST_TRUST, MOST_TRUST))
         square = error**2 + others**2
         share = np.where(both, error**2 / square, 0) / (1 + away**2 / (APART**2 * square))
-        found.append(_moved(part, share * away))
+        found.append(moved(part, share * away))
         tells = both & (others < SURE_ENOUGH * error)
         left.append(np.hypot(error, np.where(tells, (1 - share) * away, 0)).astype(np.float32))
     return found, left
@@ -56,16 +54,7 @@ def on_their_planes(
         given: of all views; their normals.
         parts, errors: as `with_neighbours` gives them.
     """
-    found = []
-    for maps, part, error in zip(given, parts, errors, strict=True):
-        depth, share = on_planes(part.depth, maps.normal, maps.camera, planes, FLAT)
-        known = share > 0
-        away = np.log(np.where(known, depth, 1) / np.where(known, part.depth, 1))
-        share = share / (1 + (away / (FROM_PLANE * np.maximum(error, LEAST_ERROR))) ** 2)
-        found.append(_moved(part, share * away))
-    return found
-
-
-def _moved(part: Completed, by: np.ndarray) -> Completed:
-    by = by.astype(np.float32)
-    return part._replace(log_scale=part.log_scale + by, depth=part.depth * np.exp(by))
+    return [
+        moved(part, flattened(part.depth, maps.normal, maps.camera, planes, error)[0])
+        for maps, part, error in zip(given, parts, errors, strict=True)
+    ]

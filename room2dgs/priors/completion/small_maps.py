@@ -37,6 +37,12 @@ class Completed(NamedTuple):
     flat: np.ndarray
 
 
+def moved(part: Completed, by: np.ndarray) -> Completed:
+    """With (h, w) `by` added to ln depth."""
+    by = by.astype(np.float32)
+    return part._replace(log_scale=part.log_scale + by, depth=part.depth * np.exp(by))
+
+
 class SmallMaps(NamedTuple):
     """What a `system` is made of, float32, and the camera of that size."""
 

@@ -19,14 +19,14 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.priors.completion.correction import Correct
 from room2dgs.priors.completion.evidence import ASKED, evidence
-from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
+from room2dgs.priors.completion.expected_error import LEAST_ERROR, confidence, expected_relative_error
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.on_planes import flattened, on_planes
 from room2dgs.priors.completion.other_views import LENDING, SureView, depth_of_other_views
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
 from room2dgs.priors.completion.reconciled import on_their_planes, with_neighbours
 from room2dgs.priors.completion.relief import LEAST_TRUST, Anchors, with_reliefs
-from room2dgs.priors.completion.small_maps import Completed, SmallMaps, small_maps
+from room2dgs.priors.completion.small_maps import Completed, SmallMaps, moved, small_maps
 from room2dgs.priors.completion.solve import System, solved, system
 from room2dgs.priors.files import resize_depth
 from room2dgs.side_by_side import side_by_side
@@ -41,7 +41,6 @@ ROUNDS = 2  # planes are found in the completed depth, which then bends to them 
 CORRECTED = 0.5  # of the distance at which a sample starts to count as off a plane, for corrected depth
 LEAST_SURE = 0.3  # confidence of a pixel that takes part in finding planes
 FINE = 4.0  # expected errors by which stereo's own pixel differs if half of the difference counts as noise
-LEAST_ERROR = 1e-4  # relative; an expected error of 0 would make 0 / 0 of a difference of 0
 LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
 
 
@@ -174,7 +173,7 @@ def _corrected(
         through = seen_through(space, part.camera.unproject_map(part.depth))
         on = on_planes(part.depth, maps.normal, maps.camera, planes)
         shift, error = correct(names[view], evidence(maps, part, said, through, lent[view], on, errors[view]))
-        return part._replace(log_scale=part.log_scale + shift, depth=part.depth * np.exp(shift)), error
+        return moved(part, shift), error
 
     found = list(pool.map(one, range(len(small))))
     return [part for part, _ in found], [error for _, error in found]
@@ -284,8 +283,8 @@ def _at_scale(maps: SmallMaps, scale: np.ndarray) -> Completed:
 
 def _flat(maps: SmallMaps, before: Completed, planes: Sequence[Plane]) -> Completed:
     """What almost lies on a plane lies on it."""
-    shift, share = (part.astype(np.float32) for part in flattened(before.depth, maps.normal, maps.camera, planes))
-    return before._replace(log_scale=before.log_scale + shift, depth=before.depth * np.exp(shift), flat=share)
+    shift, share = flattened(before.depth, maps.normal, maps.camera, planes)
+    return moved(before, shift)._replace(flat=share.astype(np.float32))
 
 
 def _with_fine(

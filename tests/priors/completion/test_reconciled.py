@@ -58,6 +58,9 @@ def test_two_that_are_sure_of_different_depths_are_less_sure_then(wall):
     away = np.log(2 / parts[0].depth[INSIDE])
     assert (away > 0.02).all()
     np.testing.assert_allclose(left[0][INSIDE], np.hypot(0.01, away), rtol=1e-3)
+    # those that are far less sure make it no less so
+    _, sure = with_neighbours([at(wall[0], 1.9), *wall[1:]], errors(0.004, 0.03), NEAR)
+    assert (sure[0] == np.float32(0.004)).all()
     # whom nobody asks keeps its word
     alone, same = with_neighbours([at(wall[0], 1.9), *wall[1:]], errors(0.01, 0.01), [[] for _ in range(6)])
     assert (alone[0].depth == np.float32(1.9)).all() and (same[0] == np.float32(0.01)).all()
