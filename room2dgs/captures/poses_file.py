@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.scene import Dropped, Frame, Scene
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
 
 KIND = "room2dgs poses"
+LEFT_OUT = "left_out"  # what a report calls the frames that take no part
+NO_POSE = "its photo does not tell its pose, and the given poses are off"
 SAME = 1e-9  # given poses are read from text each time and are the same then
 
 
@@ -36,14 +38,28 @@ def with_cameras(scene: Scene, cameras: Mapping[str, Camera]) -> Scene:
     return replace(scene, train=changed(scene.train), test=changed(scene.test), given_points=points)
 
 
+def without(scene: Scene, names: Collection[str]) -> Scene:
+    """The scene without some of its frames, whose poses are not to be trusted."""
+    if not names:
+        return scene
+    train, test = (tuple(one for one in frames if one.name not in names) for frames in (scene.train, scene.test))
+    dropped = tuple(Dropped(one.name, NO_POSE) for one in scene.frames if one.name in names)
+    return replace(scene, train=train, test=test, dropped=(*scene.dropped, *dropped))
+
+
 def write_poses(path: Path, given: Scene, refined: Scene, report: Mapping[str, Any]) -> None:
-    """cam_from_world of each frame, row by row, as given and as refined; digits enough for the same bits."""
+    """cam_from_world of each frame, row by row, as given and as refined; digits enough for the same bits.
+
+    Args:
+        refined: frames that were left out of it are written as given; `report` names them.
+    """
+    after = {frame.name: frame.camera for frame in refined.frames}
     frames = {
         before.name: {
             "given": before.camera.cam_from_world.tolist(),
-            "refined": after.camera.cam_from_world.tolist(),
+            "refined": after.get(before.name, before.camera).cam_from_world.tolist(),
         }
-        for before, after in zip(given.frames, refined.frames, strict=True)
+        for before in given.frames
     }
     text = json.dumps({"kind": KIND, "report": dict(report), "cam_from_world": frames}, indent=1, allow_nan=False)
     with whole_file(path) as temporary:
@@ -51,7 +67,9 @@ def write_poses(path: Path, given: Scene, refined: Scene, report: Mapping[str, A
 
 
 def read_poses(path: Path, scene: Scene) -> tuple[Scene, dict[str, Any]]:
-    """The scene with the refined poses of a file, and what the file reports; frames not in it stay as they are.
+    """The scene with the refined poses of a file, and what the file reports.
+
+    Frames not in it stay as they are; those that its report calls left out are not in the scene.
 
     Raises:
         InputError: the file is missing, damaged, or belongs to other given poses.
@@ -79,4 +97,4 @@ def read_poses(path: Path, scene: Scene) -> tuple[Scene, dict[str, Any]]:
                 "restore the capture's poses or start a new run"
             )
         cameras[frame.name] = replace(frame.camera, cam_from_world=refined)
-    return with_cameras(scene, cameras), report
+    return without(with_cameras(scene, cameras), report.get(LEFT_OUT, ())), report

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from room2dgs.captures.point_cloud import Tracks
 from room2dgs.geometry.camera import Camera
-from room2dgs.sfm.bundle import aligned, bundle_adjusted, moves
+from room2dgs.sfm.bundle import Spread, aligned, bundle_adjusted, moves
 from room2dgs.sfm.chains import MIN_TRACK, covering, some
 from room2dgs.sfm.structure import parallax_deg, reprojection_errors, triangulated
 
@@ -22,10 +22,11 @@ LEAST_TOGETHER = 4  # and so do smaller groups of photos that no track joins to 
 LOSS_PX = 1.0
 CUT = 5.0  # times the loss's scale: observations beyond it are not of this point
 MIN_PARALLAX_DEG = 1.0
-# Standard deviation of a coordinate of a given centre: at first, and at least. Too wide, and photos that share little
-# go astray in the first round; then it follows from how far the centres went.
-WIDE_M, NARROW_M = 0.01, 0.005
-MEDIAN_LENGTH = 1.538  # of a vector of three coordinates with unit deviation
+# What is known of given poses and of observations, at first and at least. Too wide, and photos that share little go
+# astray in the first round; then it follows from how far the cameras went and from the errors that are left. These are
+# smaller than what an observation is worth: photos that look alike find a feature in the same wrong place.
+FIRST, LEAST = Spread(0.01, 0.5, 0.5), Spread(0.002, 0.05, 0.4)
+MEDIAN_LENGTH, MEDIAN_IN_PLANE = 1.538, 1.177  # of a vector of three (two) coordinates with unit deviation
 
 
 def adjusted(
@@ -48,18 +49,18 @@ def adjusted(
     cameras, known = list(start or given), np.zeros(len(given), bool)
     if len(tracks):
         tracks = some(tracks, covering(tracks, SEEN))
-    sigma_m, fine = WIDE_M, 0
+    spread, fine = FIRST, 0
     for _ in range(rounds):
         fitting, xyz, loss_px = consistent(cameras, tracks)
         groups = _groups(fitting, len(given))
         known = groups >= 0
         if not known.any():
             break
-        moved = bundle_adjusted(cameras, given, fitting, xyz, loss_px, sigma_m)
+        moved = bundle_adjusted(cameras, given, fitting, xyz, loss_px, spread)
         for group in range(groups.max() + 1):
             moved = aligned(moved, given, groups == group)
         cameras = [one if seen else other for one, other, seen in zip(moved, given, known, strict=True)]
-        sigma_m = max(NARROW_M, float(np.median(moves(cameras, given)[0][known])) / MEDIAN_LENGTH)
+        spread = _spread(cameras, given, known, fitting)
         fine += loss_px == LOSS_PX
         if fine == FINE_ROUNDS:
             break
@@ -84,6 +85,14 @@ def consistent(cameras: Sequence[Camera], tracks: Tracks) -> tuple[Tracks, np.nd
         wide = parallax_deg(cameras, xyz, tracks) >= MIN_PARALLAX_DEG
         tracks, xyz = some(tracks, wide), xyz[wide]
     return tracks, xyz, scale
+
+
+def _spread(cameras: Sequence[Camera], given: Sequence[Camera], known: np.ndarray, tracks: Tracks) -> Spread:
+    """By how far the cameras went, and by the errors that are left."""
+    metres, degrees = (float(np.median(way[known])) / MEDIAN_LENGTH for way in moves(cameras, given))
+    error = reprojection_errors(cameras, triangulated(cameras, tracks), tracks)
+    pixels = float(np.nanmedian(error)) / MEDIAN_IN_PLANE
+    return Spread(*(max(one, least) for one, least in zip((metres, degrees, pixels), LEAST, strict=True)))
 
 
 def _groups(tracks: Tracks, count: int) -> np.ndarray:

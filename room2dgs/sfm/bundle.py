@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,24 +16,45 @@ from room2dgs.sfm.matching import pinhole, quiet
 
 ITERATIONS = 50
 FAR_M = 1e4
+HOLDS = 1_000_000  # from here on numbers of what holds rotations, above those of photos
+HOLD_PX = 1000
 ALIGNMENT_ROUNDS = 4
 
 
+class Spread(NamedTuple):
+    """Standard deviations of what a bundle adjustment weighs against each other.
+
+    Attributes:
+        metres: of each coordinate of a given centre.
+        degrees: of a given rotation about each axis.
+        pixels: of each coordinate of an observation.
+    """
+
+    metres: float
+    degrees: float
+    pixels: float
+
+
 def bundle_adjusted(
-    cameras: Sequence[Camera], given: Sequence[Camera], tracks: Tracks, xyz: np.ndarray, loss_px: float, sigma_m: float
+    cameras: Sequence[Camera],
+    given: Sequence[Camera],
+    tracks: Tracks,
+    xyz: np.ndarray,
+    loss_px: float,
+    spread: Spread,
 ) -> list[Camera]:
     """Poses and points that lower the reprojection errors; centres and rotations are drawn to the given ones.
 
-    Least is the sum of Cauchy's loss of the errors over `loss_px`, those of the far points that hold each rotation
-    included, and of the squared way of each centre over `sigma_m`. Intrinsics stay. One thread, since the order of
-    Ceres' sums depends on their number.
+    Least is the sum of Cauchy's loss of the errors over `loss_px`, and of the squared way of each centre and rotation
+    over its spread, by which each counts as much as it knows: where photos see little depth, what a rotation is held
+    too tightly goes into the centre. Intrinsics stay. One thread, since the order of Ceres' sums depends on their
+    number.
 
     Args:
         cameras: with poses to start from.
         given: the same with the given poses.
         tracks: of all of these cameras; photos without an observation keep their pose.
         xyz: (M, 3) points to start from, metres.
-        sigma_m: standard deviation of each coordinate of a given centre.
     """
     rebuilt = pycolmap.Reconstruction()
     observed = [np.flatnonzero(tracks.frame == index) for index in range(len(cameras))]
@@ -42,19 +64,15 @@ def bundle_adjusted(
     for index in used:
         camera, rows = cameras[index], observed[index]
         row_in_image[rows] = np.arange(len(rows))
-        model = pinhole(camera)
-        model.camera_id = index + 1
-        rebuilt.add_camera_with_trivial_rig(model)
         image = pycolmap.Image(
             name=str(index),
-            keypoints=np.concatenate(
-                [tracks.pixel[rows].astype(np.float64), np.repeat(_far_pixels(camera), 2, axis=0)]
-            ),
+            keypoints=tracks.pixel[rows].astype(np.float64),
             camera_id=index + 1,
             image_id=index + 1,
         )
-        rebuilt.add_image_with_trivial_frame(image, pycolmap.Rigid3d(camera.cam_from_world[:3]))
-        priors.append(_prior(rebuilt.image(index + 1), given[index].centre, sigma_m))
+        hold = rotation_hold(spread)
+        _add(rebuilt, image, camera, hold)
+        priors.append(_prior(rebuilt.image(index + 1), given[index].centre, spread.metres / spread.pixels))
     start = np.searchsorted(tracks.point, np.arange(len(xyz) + 1))
     for point, place in enumerate(xyz):
         track = pycolmap.Track()
@@ -64,10 +82,11 @@ def bundle_adjusted(
     config = pycolmap.BundleAdjustmentConfig()
     for index in used:
         config.add_image(index + 1)
-        for number, place in enumerate(far_points(given[index])):
+        config.add_image(HOLDS + index)
+        for number, place in enumerate(far_points(given[index], hold)):
             track = pycolmap.Track()
             for twice in range(2):  # pycolmap wants two observations of a point
-                track.add_element(index + 1, len(observed[index]) + 2 * number + twice)
+                track.add_element(HOLDS + index, 2 * number + twice)
             config.add_constant_point(rebuilt.add_point3D(place, track))
     alignment = pycolmap.PosePriorBundleAdjustmentOptions()
     alignment.alignment_ransac.random_seed = 0
@@ -81,17 +100,55 @@ def bundle_adjusted(
     return found
 
 
-def far_points(given: Camera) -> np.ndarray:
-    """(2, 3) fixed points so far away that only the camera's rotation decides where it sees them, metres.
+def rotation_hold(spread: Spread) -> pycolmap.Camera:
+    """A camera of so short a focal length that what it sees of its `far_points` holds a rotation as its spread asks.
 
-    A camera at the given pose sees them in the middle of the left and of the right half of its image. Without them
-    rotations are free to take up what the photos hardly tell apart from a shift of the centre.
+    pycolmap has no prior for rotations. Four observations of points far away, by a camera that is rigidly joined to the
+    photo's own, cost (2 f angle)^2 pixels^2: that of the spread, measured in an observation's noise, for this f.
     """
-    return given.unproject(_far_pixels(given), np.full(2, FAR_M))
+    focal = spread.pixels / (2 * np.radians(spread.degrees))
+    return pycolmap.Camera(
+        model="PINHOLE", width=HOLD_PX, height=HOLD_PX, params=[focal, focal, HOLD_PX / 2, HOLD_PX / 2]
+    )
 
 
-def _far_pixels(camera: Camera) -> np.ndarray:
-    return np.array([(0.25, 0.5), (0.75, 0.5)]) * camera.size
+def far_points(given: Camera, hold: pycolmap.Camera) -> np.ndarray:
+    """(2, 3) fixed points so far away that only the camera's rotation decides where it sees them, metres."""
+    rays = np.append(hold.cam_from_img(_hold_pixels(hold)), np.ones((2, 1)), axis=1)
+    return given.centre + FAR_M * rays @ given.rotation
+
+
+def _hold_pixels(hold: pycolmap.Camera) -> np.ndarray:
+    """(2, 2), to the left and to the right of the axis, so that they hold the roll, too."""
+    middle, focal = HOLD_PX / 2, hold.focal_length_x
+    return np.array([(middle - focal / 2, middle), (middle + focal / 2, middle)])
+
+
+def _add(rebuilt: pycolmap.Reconstruction, image: pycolmap.Image, camera: Camera, hold: pycolmap.Camera) -> None:
+    """A photo, and beside it, in one rig, what holds its rotation."""
+    index, model = image.image_id - 1, pinhole(camera)
+    model.camera_id, hold.camera_id = image.image_id, HOLDS + index
+    rig = pycolmap.Rig(rig_id=index + 1)
+    rig.add_ref_sensor(model.sensor_id)
+    rig.add_sensor(hold.sensor_id, pycolmap.Rigid3d())
+    held = pycolmap.Image(
+        name=f"{image.name} held",
+        keypoints=np.repeat(_hold_pixels(hold), 2, axis=0),
+        camera_id=hold.camera_id,
+        image_id=hold.camera_id,
+    )
+    frame = pycolmap.Frame(frame_id=index + 1, rig_id=rig.rig_id)
+    frame.rig_from_world = pycolmap.Rigid3d(camera.cam_from_world[:3])
+    for one in (model, hold):
+        rebuilt.add_camera(one)
+    rebuilt.add_rig(rig)
+    for one in (image, held):
+        one.frame_id = frame.frame_id
+        frame.add_data_id(one.data_id)
+    rebuilt.add_frame(frame)
+    for one in (image, held):
+        rebuilt.add_image(one)
+    rebuilt.register_frame(frame.frame_id)
 
 
 def aligned(cameras: Sequence[Camera], given: Sequence[Camera], which: np.ndarray) -> list[Camera]:
@@ -163,6 +220,7 @@ def _prior(image: pycolmap.Image, centre: np.ndarray, sigma_m: float) -> pycolma
 
 def _options(loss_px: float) -> pycolmap.BundleAdjustmentOptions:
     options = pycolmap.BundleAdjustmentOptions()
+    options.refine_sensor_from_rig = False
     options.refine_focal_length = options.refine_principal_point = options.refine_extra_params = False
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY

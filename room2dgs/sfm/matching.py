@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -80,6 +80,25 @@ def match(
         found = {(i, j): db.read_matches(image_ids[i], image_ids[j]) for i, j in pairs}
     of_pair = {pair: matches for pair, matches in found.items() if len(matches)}
     return Matches(tuple(frames), tuple(image_ids), images, database, keypoints, of_pair)
+
+
+def of_photos(matches: Matches, pairs: IndexPairs, kept: Sequence[int]) -> tuple[Matches, list[tuple[int, int]]]:
+    """The matches and pairs of some of the photos, which are numbered anew.
+
+    Args:
+        kept: their numbers, rising.
+    """
+    new = {old: number for number, old in enumerate(kept)}
+
+    def numbered(pair: tuple[int, int]) -> tuple[int, int] | None:
+        return (new[pair[0]], new[pair[1]]) if pair[0] in new and pair[1] in new else None
+
+    found = {two: matches.of_pair[pair] for pair in matches.of_pair if (two := numbered(pair))}
+    frames, image_ids, keypoints = (
+        tuple(some[index] for index in kept) for some in (matches.frames, matches.image_ids, matches.keypoints)
+    )
+    fewer = replace(matches, frames=frames, image_ids=image_ids, keypoints=keypoints, of_pair=found)
+    return fewer, [two for pair in pairs if (two := numbered(pair))]
 
 
 @contextmanager

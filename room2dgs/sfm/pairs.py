@@ -39,6 +39,13 @@ def match_pairs(cameras: Sequence[Camera], overlap: int) -> list[tuple[int, int]
     return [(i, j) for i, j in sorted(pairs) if np.linalg.norm(centres[i] - centres[j]) > MIN_BASELINE_M]
 
 
+def seen_by_others(camera: Camera, others: Sequence[Camera]) -> float:
+    """Share of what a camera may see, 1 to 3 m away, that two others at least have in view; nothing is in between."""
+    points = _probes(camera)
+    views = sum(other.in_view(points).astype(np.int64) for other in others)
+    return float(np.mean(views >= 2))
+
+
 def shared_view(cameras: Sequence[Camera], by_angle: bool = True) -> np.ndarray:
     """How well two views triangulate what both see.
 

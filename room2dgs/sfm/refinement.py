@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from room2dgs.captures.point_cloud import Tracks
-from room2dgs.captures.poses_file import read_poses, with_cameras, write_poses
-from room2dgs.captures.scene import Scene
+from room2dgs.captures.poses_file import read_poses, with_cameras, without, write_poses
+from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import PointsConfig, SfmConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
@@ -22,20 +22,24 @@ from room2dgs.sfm.adjust import adjusted
 from room2dgs.sfm.bundle import moves
 from room2dgs.sfm.capture_points import capture_points
 from room2dgs.sfm.chains import Chains, chains, some
-from room2dgs.sfm.matching import IndexPairs, Matches, agreement, match
-from room2dgs.sfm.pairs import match_pairs, shared_view
+from room2dgs.sfm.matching import IndexPairs, Matches, agreement, match, of_photos
+from room2dgs.sfm.pairs import match_pairs, seen_by_others, shared_view
 from room2dgs.sfm.resection import known_points, resected
 from room2dgs.sfm.sparse import digest_of_views, keep_points
 from room2dgs.sfm.structure import reprojection_errors, triangulated
 from room2dgs.sfm.triangulation import MAX_EPIPOLAR_PX, triangulate_matches
 
 # Raised when the same input gives other poses.
-RECIPE = 2
+RECIPE = 3
 HELD_OUT = 5  # every so manieth track judges and takes no part
 LEAST_TRACKS = 100
 # "auto" takes poses that lower the held-out error to this share of it and by this much
 SHARE, LEAST_PX = 0.8, 0.05
 PROMISING = 0.95  # after the first round; else there is no second one
+# Views whose poses photos do not tell are left out if the given poses are off by more than this in the middle, and if
+# so much of what they see others see, too: blank walls that nobody else sees are better a little off than not there.
+HARMFUL_PX, SEEN_BY_OTHERS = 1.0, 0.9
+_LEFT_OUT_WORDS = "views left out, whose photos do not tell their poses (sfm.leave_out=false keeps them)"
 # A camera that moved this many times as far as the middle one, and farther than this, is left where it was.
 JUMP, JUMP_M, JUMP_DEG = 5.0, 0.03, 1.5
 
@@ -51,6 +55,7 @@ class PoseReport:
         agree_before, agree_after: share of the matches within 2 px of their epipolar lines.
         moved_m, turned_deg: medians over the training views.
         left: views that kept their given poses, by name.
+        left_out: those of them that take no part in what follows.
     """
 
     refined: bool
@@ -62,6 +67,7 @@ class PoseReport:
     moved_m: float | None = None
     turned_deg: float | None = None
     left: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
 
 def refined_poses(
@@ -81,6 +87,8 @@ def refined_poses(
     Args:
         config: `refine_poses` false: nothing is done; true: the adjusted poses count even where they gain little;
             auto: only where they clearly do, and not if points are given, by a file or by the capture with tracks.
+            `leave_out`: views whose poses cannot be adjusted are not in the scene, where the others' were clearly off
+            and others see the same.
         log: takes one line at a time.
         extracted: as in `match`.
 
@@ -107,8 +115,11 @@ def refined_poses(
     with tempfile.TemporaryDirectory(prefix=".sfm-", dir=cache) as work:
         refined, found = _refined(scene, config, points, Path(work), cache, log, extracted)
     log(_line(found))
-    if found.left and found.refined:
-        log(f"views left at their given poses: {', '.join(found.left)}")
+    if found.left_out:
+        log(f"{_LEFT_OUT_WORDS}: {', '.join(found.left_out)}")
+    kept = [name for name in found.left if name not in found.left_out]
+    if found.refined and kept:
+        log(f"views left at their given poses: {', '.join(kept)}")
     report = json.loads(json.dumps(asdict(found)))
     write_poses(path, scene, refined, report)
     return refined, report
@@ -142,10 +153,22 @@ def _refined(
         placed, left = _placed(scene, matches, joined, cameras, found)
         refined = with_cameras(scene, placed)
         found = replace(found, left=(*found.left, *left))
+        if config.leave_out and (found.before_px or 0) > HARMFUL_PX:
+            found = replace(found, left_out=dispensable(refined.frames, found.left))
+            refined = without(refined, found.left_out)
+            kept = [index for index, frame in enumerate(scene.train) if frame.name not in found.left_out]
+            matches, pairs = of_photos(matches, pairs, kept)
     if settings.source != "file":
         cloud = triangulate_matches(matches, refined.train, pairs, settings, work / "model")
         keep_points(refined, settings, cache, cloud)
     return refined, found
+
+
+def dispensable(frames: Sequence[Frame], left: Collection[str]) -> tuple[str, ...]:
+    """Those of the views that were left at their given poses whose surfaces other views see, too."""
+    others = [frame.camera for frame in frames if frame.name not in left]
+    alone = {frame.name: frame.camera for frame in frames if frame.name in left}
+    return tuple(name for name in left if seen_by_others(alone[name], others) >= SEEN_BY_OTHERS)
 
 
 def judged(
@@ -236,5 +259,5 @@ def _line(found: PoseReport) -> str:
 
 
 def _key(scene: Scene, config: SfmConfig, points: PointsConfig) -> str:
-    settings = [RECIPE, str(config.refine_poses), points.source]
+    settings = [RECIPE, str(config.refine_poses), config.leave_out, points.source]
     return digest_of_views((*scene.train, None, *scene.test), points, settings)

@@ -20,13 +20,15 @@ from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.poses import pose_at
 from room2dgs.sfm.adjust import adjusted
-from room2dgs.sfm.bundle import aligned, angles_deg, moves
+from room2dgs.sfm.bundle import Spread, aligned, angles_deg, far_points, moves, rotation_hold
 from room2dgs.sfm.chains import covering
-from room2dgs.sfm.refinement import judged, refined_poses
+from room2dgs.sfm.matching import Matches, of_photos
+from room2dgs.sfm.refinement import dispensable, judged, refined_poses
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.sfm.structure import parallax_deg, reprojection_errors, triangulated
 
-AUTO, FORCED, OFF = SfmConfig("auto"), SfmConfig(True), SfmConfig(False)
+AUTO, FORCED, OFF = SfmConfig("auto", True), SfmConfig(True, True), SfmConfig(False, True)
+KEEPING = SfmConfig("auto", False)
 K = np.array([[260.0, 0, 160], [0, 255.0, 118], [0, 0, 1]])
 
 
@@ -60,10 +62,25 @@ def shaken(cameras, degrees: float, metres: float, seed: int = 0) -> list[Camera
     ]
 
 
-def seen(cameras, count: int = 500, noise_px: float = 0.3, wrong: float = 0.03) -> Tracks:
-    """What the cameras see of points in a ball; some observations are elsewhere altogether."""
+def along_a_wall(count: int = 40) -> list[Camera]:
+    """Cameras on a path 3 m from a wall, turned a little this way and that."""
+    cameras = []
+    for index, x in enumerate(np.linspace(0, 4, count)):
+        centre = np.array([x, 0.15 * np.sin(2 * x), 0.3 * np.cos(3 * x)])
+        forward = np.array([x + 0.3 * np.sin(1.3 * index), 0, 3.0]) - centre
+        forward /= np.linalg.norm(forward)
+        right = np.cross((0.0, 1.0, 0.0), forward)
+        right /= np.linalg.norm(right)
+        cameras.append(Camera(K, 320, 240, pose_at(np.stack([right, np.cross(forward, right), forward]), centre)))
+    return cameras
+
+
+def seen(
+    cameras, count: int = 500, noise_px: float = 0.3, wrong: float = 0.03, box=((-1, -1, -1), (1, 1, 1))
+) -> Tracks:
+    """What the cameras see of points in a box; some observations are elsewhere altogether."""
     random = np.random.default_rng(7)
-    xyz = random.uniform(-1, 1, (count, 3))
+    xyz = random.uniform(*box, (count, 3))
     rows = []
     for index, camera in enumerate(cameras):
         pixel, _ = camera.project(xyz)
@@ -97,6 +114,29 @@ def test_shaken_poses_come_back_in_the_given_frame_and_scale(degrees, metres):
     assert abs(scale_of(found, given) - 1) < 1e-3
     # three deviations of the best estimate that such centres allow
     assert abs(scale_of(found, true) - 1) < 3 * metres / np.sqrt(3) / (2 * np.sqrt(len(true)))
+
+
+def test_along_a_wall_a_wrong_rotation_is_not_kept_at_the_cost_of_the_centre():
+    true = along_a_wall()
+    tracks = seen(true, 900, box=((-2, -1.5, 2.9), (6, 1.5, 3.1)))  # 20 cm of depth: a turn is almost a shift
+    ratios = []
+    for seed in range(3):
+        given = shaken(true, 0.5, 0.01, seed)
+        found, known = adjusted(given, tracks)
+        assert known.all()
+        ratios.append([np.median(moves(found, true)[k]) / np.median(moves(given, true)[k]) for k in (0, 1)])
+    assert np.mean(ratios, axis=0)[0] < 0.6 and np.mean(ratios, axis=0)[1] < 0.3
+
+
+@pytest.mark.parametrize("axis, most", [((1.0, 0, 0), 1.01), ((0, 1.0, 0), 1.6), ((0, 0, 1.0), 0.3)])
+def test_a_turn_by_its_spread_costs_what_an_observation_of_that_noise_does(axis, most):
+    spread, camera = Spread(0.01, 0.4, 0.7), ring()[5]
+    hold = rotation_hold(spread)
+    points = far_points(camera, hold)
+    turn = Rotation.from_rotvec(np.radians(spread.degrees) * np.array(axis)).as_matrix()
+    seen_at, turned = (hold.img_from_cam((points - camera.centre) @ (r @ camera.rotation).T) for r in (np.eye(3), turn))
+    cost = 2 * np.sum((turned - seen_at) ** 2) / spread.pixels**2  # each point is observed twice
+    assert (0.2 if axis[2] else 0.99) < cost < most
 
 
 def test_true_poses_stay_where_they_are():
@@ -263,9 +303,52 @@ def test_training_poses_know_nothing_of_held_out_photos(capture, scene_config, p
     for one, other in zip(found.train, black.train, strict=True):
         np.testing.assert_array_equal(one.camera.cam_from_world, other.camera.cam_from_world)
     assert report["left"] == [frame.name for frame in scene.test]
+    assert log[-1].startswith("views left out, ") and log[-1].endswith(f": {', '.join(report['left'])}")
+    assert black.test == ()
+    log = []
+    kept, _ = refined_poses(read_scene(scene_config()), KEEPING, points_config, tmp_path / "c", log.append)
     assert log[-1] == f"views left at their given poses: {', '.join(report['left'])}"
-    for given, left in zip(scene.test, black.test, strict=True):
+    for given, left in zip(scene.test, kept.test, strict=True):
         np.testing.assert_array_equal(given.camera.cam_from_world, left.camera.cam_from_world)
+
+
+def test_a_view_without_a_pose_takes_no_part_unless_it_is_kept(capture, scene_config, points_config, tmp_path):
+    shake_capture(capture, 0.7, 0.012)
+    name = read_scene(scene_config()).train[2].name
+    cv2.imwrite(str(read_scene(scene_config()).train[2].color_path), np.zeros((240, 320, 3), np.uint8))
+    scene = read_scene(scene_config())
+    found, report = refined_poses(scene, AUTO, points_config, tmp_path / "cache", quiet)
+    assert report["left_out"] == [name] == [one.name for one in found.dropped]
+    assert [one.name for one in found.train] == [one.name for one in scene.train if one.name != name]
+    log = []
+    points = sparse_points(found, points_config, tmp_path / "cache", log.append)
+    assert name not in points.tracks.frames and not any("matching" in line for line in log)
+    alone = sparse_points(found, points_config, tmp_path / "other", quiet)
+    assert abs(len(points) - len(alone)) < 0.1 * len(alone)  # which pairs are matched may differ
+    write_poses(tmp_path / "poses.json", scene, found, report)
+    back, _ = read_poses(tmp_path / "poses.json", scene)
+    assert [one.name for one in back.frames] == [one.name for one in found.frames]
+    for one, other in zip(found.frames, back.frames, strict=True):
+        np.testing.assert_array_equal(one.camera.cam_from_world, other.camera.cam_from_world)
+    kept, report = refined_poses(scene, KEEPING, points_config, tmp_path / "cache", quiet)
+    assert report["left"] == [name] and report["left_out"] == [] and len(kept.train) == len(scene.train)
+
+
+def test_only_views_whose_surfaces_others_see_are_left_out():
+    cameras = ring()
+    cameras[3] = replace(cameras[3], cam_from_world=pose_at(np.eye(3), cameras[3].centre))  # looks at the ceiling
+    frames = [types.SimpleNamespace(name=str(index), camera=camera) for index, camera in enumerate(cameras)]
+    assert dispensable(frames, ("3", "7")) == ("7",)
+
+
+def test_of_some_photos_the_matches_among_them_are_left():
+    keypoints = tuple(np.full((1, 2), float(index)) for index in range(4))
+    of_pair = {pair: np.array([pair]) for pair in ((0, 1), (0, 3), (1, 2), (2, 3))}
+    all_of_them = Matches(("a", "b", "c", "d"), (5, 6, 7, 8), None, None, keypoints, of_pair)
+    some, pairs = of_photos(all_of_them, [(0, 1), (2, 3), (0, 3), (1, 3)], [0, 2, 3])
+    assert some.frames == ("a", "c", "d") and some.image_ids == (5, 7, 8) and pairs == [(1, 2), (0, 2)]
+    assert [one[0, 0] for one in some.keypoints] == [0, 2, 3]
+    assert {pair: tuple(match[0]) for pair, match in some.of_pair.items()} == {(0, 2): (0, 3), (1, 2): (2, 3)}
 
 
 def test_good_poses_are_kept_and_the_points_with_them(scene_config, points_config, tmp_path):

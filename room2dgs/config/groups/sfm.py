@@ -17,3 +17,6 @@ class SfmConfig:
     refine_poses: Annotated[Literal["auto"] | Annotated[bool, Strict()], Wants("auto, true or false")] = Field(
         description="bundle adjustment of the given poses; auto: kept where it clearly lowers reprojection errors"
     )
+    leave_out: bool = Field(
+        description="views whose poses photos do not tell take no part, if the given are clearly off and others see it"
+    )
