@@ -8,22 +8,19 @@ Cells of one size there are voxels that grow as (d/r)^2 along the ray, and the t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 import numpy as np
-import open3d as o3d
-import open3d.core as o3c
 import trimesh
 
 from room2dgs.config import MeshConfig
-from room2dgs.mesh.tsdf import ATTRIBUTES, BLOCK, empty_volume, extracted
+from room2dgs.mesh.marching import extracted
 from room2dgs.mesh.views import FusedView
+from room2dgs.mesh.voxel_table import BLOCK, VOXELS, Voxels, VoxelTable, block_coordinates, keys_of
 
 INSIDE = 0.9  # of what the views see is nearer than the ball's radius
 MOST = 1.9  # of 2, in radii: what is contracted further is left out (ten radii away)
 STEP = 4  # pixels between those that say how large the room is
-CHUNK = 2_000_000  # voxels at a time
-HALF = 2**20  # blocks on either side of the centre, at most
 
 
 def contracted(points: np.ndarray, radius: float) -> np.ndarray:
@@ -55,32 +52,26 @@ def integrate_contracted(views: Iterable[FusedView], config: MeshConfig) -> trim
     centre = np.round(centre / config.voxel_m) * config.voxel_m
     distances = np.concatenate([np.linalg.norm(points - centre, axis=1) for points in seen])
     radius = max(float(np.quantile(distances, INSIDE)), config.voxel_m * BLOCK)
-    volume = empty_volume(config.voxel_m)
+    table = VoxelTable()
     for view in views:
-        volume.hashmap().activate(o3c.Tensor(_blocks(view, centre, radius, config)))
-    places, index = _voxels(volume)
-    parts = [
-        volume.attribute(name).numpy().reshape(-1, 3 if name == "color" else 1) for name in ATTRIBUTES
-    ]  # no copies
-    for part in _chunks(len(places)):
-        at = places[part] * config.voxel_m
+        table.rows_of(_blocks(view, centre, radius, config))
+    for part, which, rows in table.in_parts(table.keys):
+        at = _voxels(table.keys[which]) * config.voxel_m
         size = np.linalg.norm(at, axis=1) / radius
         stretch = 1 / (2 - size.clip(1, MOST)) ** 2
         world = expanded(at, radius) + centre
         fused = _fused(views, world, config.truncation_voxels * config.voxel_m * stretch, config)
         kept = size < MOST
-        slots = index[part][kept]
-        for part_of, values in zip(parts, fused, strict=True):
-            part_of[slots] = values[kept].reshape(len(slots), -1)
-    mesh = extracted(volume, np.zeros(3), config.min_weight)
+        for part_of, values in zip(part, fused, strict=True):
+            values[~kept] = 0
+            part_of[rows] = values.reshape(len(rows), -1)
+    mesh = extracted(table, config.voxel_m, np.zeros(3), config.min_weight)
     if len(mesh.vertices):
         mesh.vertices = expanded(np.asarray(mesh.vertices), radius) + centre
     return mesh
 
 
-def _fused(
-    views: Iterable[FusedView], points: np.ndarray, truncation: np.ndarray, config: MeshConfig
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _fused(views: Iterable[FusedView], points: np.ndarray, truncation: np.ndarray, config: MeshConfig) -> Voxels:
     """Mean truncated distance (in truncations), weight, number of views and mean colour (0..255) of points."""
     total, weight, count = (np.zeros(len(points), np.float32) for _ in range(3))
     shade = np.zeros((len(points), 3), np.float32)
@@ -102,7 +93,7 @@ def _fused(
         picked = view.color[row, column] * np.float32(1 if view.color.dtype == np.uint8 else 255)
         shade[who] += merit[:, None] * picked
     many = np.maximum(weight, np.float32(1e-6))
-    return total / many, weight, count, shade / many[:, None]
+    return Voxels(total / many, weight, count, shade / many[:, None])
 
 
 def _points(view: FusedView, config: MeshConfig, step: int = STEP) -> np.ndarray:
@@ -113,30 +104,18 @@ def _points(view: FusedView, config: MeshConfig, step: int = STEP) -> np.ndarray
 
 
 def _blocks(view: FusedView, centre: np.ndarray, radius: float, config: MeshConfig) -> np.ndarray:
-    """(N, 3) int32: blocks within the truncation of what the pixels see."""
+    """(N,) int64 keys of the blocks within the truncation of what the pixels see, rising."""
     points = contracted(_points(view, config, 2) - centre, radius)
     side = config.voxel_m * BLOCK
     reach = config.truncation_voxels * config.voxel_m
     found = []
     for corner in np.stack(np.meshgrid(*[(-1, 0, 1)] * 3), axis=-1).reshape(-1, 3):
-        # three numbers as one: rows are slow to compare
-        x, y, z = (np.floor((points + corner * reach) / side).astype(np.int64) + HALF).T
-        found.append(np.unique((x * (2 * HALF) + y) * (2 * HALF) + z))
-    keys = np.unique(np.concatenate(found))
-    blocks = np.stack([keys // (2 * HALF) ** 2, keys // (2 * HALF) % (2 * HALF), keys % (2 * HALF)], axis=1)
-    return (blocks - HALF).astype(np.int32)
+        found.append(np.unique(keys_of(np.floor((points + corner * reach) / side))))
+    return np.unique(np.concatenate(found))
 
 
-def _voxels(volume: o3d.t.geometry.VoxelBlockGrid) -> tuple[np.ndarray, np.ndarray]:
-    """(N, 3) whole-number coordinates of the voxels, and where in the attributes each lies."""
-    active = volume.hashmap().active_buf_indices()
-    keys = volume.hashmap().key_tensor()[active.to(o3c.int64)].numpy()
-    inner = np.arange(BLOCK**3)
+def _voxels(keys: np.ndarray) -> np.ndarray:
+    """(512 N, 3) whole-number coordinates of the voxels of blocks."""
+    inner = np.arange(VOXELS)
     offset = np.stack([inner % BLOCK, inner // BLOCK % BLOCK, inner // BLOCK**2], axis=1)
-    places = keys[:, None].astype(np.int64) * BLOCK + offset
-    index = active.numpy().astype(np.int64)[:, None] * BLOCK**3 + inner
-    return places.reshape(-1, 3), index.ravel()
-
-
-def _chunks(count: int) -> Iterator[slice]:
-    return (slice(start, start + CHUNK) for start in range(0, count, CHUNK))
+    return (block_coordinates(keys)[:, None].astype(np.int64) * BLOCK + offset).reshape(-1, 3)

@@ -10,48 +10,33 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-import open3d as o3d
-import open3d.core as o3c
 import torch
 import trimesh
 from torch import Tensor
 
 from room2dgs.block_code import Build, build_of
 from room2dgs.config import MeshConfig
-from room2dgs.mesh.tsdf import (
-    ATTRIBUTES,
-    BLOCK,
-    HALF,
-    STEPS,
-    STRIDE,
-    camera_in_volume,
-    empty_volume,
-    extracted,
-    local_from_cam,
-    photo_as_floats,
-    rows_of,
-    start_of,
-)
+from room2dgs.mesh.marching import extracted
+from room2dgs.mesh.tsdf import STEPS, STRIDE, camera_in_volume, local_from_cam, photo_as_floats, start_of
 from room2dgs.mesh.views import FusedView
+from room2dgs.mesh.voxel_table import BLOCK, NUMBERS, VoxelTable, coordinates
 from room2dgs.train.device import torch_device, upload
 
-VOXELS = BLOCK**3
-SIZES = {"tsdf": VOXELS, "weight": VOXELS, "views": VOXELS, "color": 3 * VOXELS}  # numbers of a block
 FIRST_BLOCKS = 4096  # 12 kB each
 
 
-class Voxels:
+class DeviceTable:
     """Blocks of voxels on a device, in the order in which views touched them.
 
     Attributes:
         keys: (N,) int64, rising: the blocks' coordinates as one number each, as `touched_blocks` has them.
         rows: (N,) int64: where in `parts` each lies.
-        parts: by attribute, (capacity, numbers) float32; zeros where nothing was taken in.
+        parts: attributes as in `Voxels`, (capacity, numbers) float32; zeros where nothing was taken in.
     """
 
     def __init__(self, device: torch.device) -> None:
         self.keys, self.rows = (torch.zeros(0, dtype=torch.int64, device=device) for _ in range(2))
-        self.parts = {name: torch.zeros(FIRST_BLOCKS, size, device=device) for name, size in SIZES.items()}
+        self.parts = [torch.zeros(FIRST_BLOCKS, count, device=device) for count in NUMBERS]
 
     def rows_of(self, keys: Tensor) -> Tensor:
         """Rows of blocks, those that are new behind the others.
@@ -66,15 +51,11 @@ class Voxels:
         self._make_room()
         return self.rows[torch.searchsorted(self.keys, keys)]
 
-    def blocks(self) -> np.ndarray:
-        """(N, 3) int32 coordinates, in the order of the rows."""
-        return coordinates(self.keys[self.rows.argsort()]).cpu().numpy()
-
     def _make_room(self) -> None:
-        if len(self.rows) <= len(self.parts["tsdf"]):
+        if len(self.rows) <= len(self.parts[0]):
             return
-        for name, part in self.parts.items():  # one after the other: twice the largest is all that it takes more
-            self.parts[name] = torch.cat([part, torch.zeros_like(part[:1]).expand(len(self.rows), -1)])
+        for index, part in enumerate(self.parts):  # one after the other: twice the largest is all that it takes more
+            self.parts[index] = torch.cat([part, torch.zeros_like(part[:1]).expand(len(self.rows), -1)])
 
 
 def integrate_on_device(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:
@@ -90,11 +71,11 @@ def integrate_on_device(views: Iterable[FusedView], config: MeshConfig, device: 
     voxels, origin = None, np.zeros(3)
     for view in views:
         if voxels is None:
-            voxels, origin = Voxels(where), start_of(view.camera, config.voxel_m)
+            voxels, origin = DeviceTable(where), start_of(view.camera, config.voxel_m)
         _take_in(voxels, origin, view, config, build)
     if voxels is None or not len(voxels.keys):
         return trimesh.Trimesh(process=False)
-    return extracted(_on_cpu(voxels, config.voxel_m), origin, config.min_weight)
+    return extracted(_on_cpu(voxels), config.voxel_m, origin, config.min_weight)
 
 
 def touched(
@@ -114,14 +95,7 @@ def touched(
     return found[found >= 0].unique()
 
 
-def coordinates(keys: Tensor) -> Tensor:
-    """(M, 3) int32 of blocks, from their keys."""
-    base = 2 * HALF
-    parts = (keys // base**2, keys // base % base, keys % base)
-    return (torch.stack(parts, dim=1) - HALF).to(torch.int32)
-
-
-def _take_in(voxels: Voxels, origin: np.ndarray, view: FusedView, config: MeshConfig, build: Build) -> None:
+def _take_in(voxels: DeviceTable, origin: np.ndarray, view: FusedView, config: MeshConfig, build: Build) -> None:
     depth = _there(view.depth, voxels.keys.device)
     depth = torch.where(depth <= config.max_depth_m, depth, 0.0)
     normal = torch.zeros(*depth.shape, 3) if view.normal is None else view.normal
@@ -134,10 +108,10 @@ def _take_in(voxels: Voxels, origin: np.ndarray, view: FusedView, config: MeshCo
     rows = voxels.rows_of(keys)
     trust = torch.ones_like(depth) if view.weight is None else _there(view.weight, depth.device)
     photo = _there(photo_as_floats(view.color), depth.device)
-    parts = (voxels.parts[name] for name in ATTRIBUTES)
     at = (pixel_from_voxel, config.voxel_m, reach)
+    blocks = torch.stack(coordinates(keys), dim=1).to(torch.int32)
     build.extension.fuse_depth(
-        coordinates(keys), rows, *parts, depth, normal, trust, photo, *at, build.queue(depth)
+        blocks, rows, *voxels.parts, depth, normal, trust, photo, *at, build.queue(depth)
     )  # fmt: skip
 
 
@@ -148,12 +122,10 @@ def _there(values: Tensor | np.ndarray, device: torch.device) -> Tensor:
     return upload(torch.from_numpy(np.ascontiguousarray(values, np.float32)), device)
 
 
-def _on_cpu(voxels: Voxels, voxel_m: float) -> o3d.t.geometry.VoxelBlockGrid:
-    """As open3d has them."""
-    blocks = o3c.Tensor(voxels.blocks())
-    volume = empty_volume(voxel_m, len(blocks))
-    rows = rows_of(volume.hashmap(), blocks)
-    for name in ATTRIBUTES:
-        part = volume.attribute(name).numpy()  # no copy
-        part.reshape(len(part), -1)[rows] = voxels.parts[name][: len(rows)].cpu().numpy()
-    return volume
+def _on_cpu(voxels: DeviceTable) -> VoxelTable:
+    table = VoxelTable()
+    rows = voxels.rows.cpu().numpy()
+    for part, which, at in table.in_parts(voxels.keys.cpu().numpy()):
+        for theirs, ours in zip(voxels.parts, part, strict=True):
+            ours[at] = theirs[rows[which]].cpu().numpy()
+    return table

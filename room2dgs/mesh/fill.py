@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import open3d as o3d
+import open3d.core as o3c
 import trimesh
 from scipy.spatial import KDTree
 
@@ -18,9 +19,11 @@ def holes_filled(mesh: trimesh.Trimesh, hole_m: float) -> trimesh.Trimesh:
     Args:
         hole_m: the largest hole, by the diagonal of the box around its rim (open3d judges nearly so).
     """
-    whole = o3d.t.geometry.TriangleMesh.from_legacy(_open3d(mesh))
-    filled = whole.fill_holes(hole_size=hole_m / 2).to_legacy()
-    return _colored(filled, mesh)
+    whole = o3d.t.geometry.TriangleMesh(
+        o3c.Tensor(np.asarray(mesh.vertices).astype(np.float32)), o3c.Tensor(np.asarray(mesh.faces).astype(np.int64))
+    )
+    filled = whole.fill_holes(hole_size=hole_m / 2)
+    return _colored(filled.vertex.positions.numpy(), filled.triangle.indices.numpy(), mesh)
 
 
 def watertight(mesh: trimesh.Trimesh, voxel_m: float) -> trimesh.Trimesh:
@@ -43,7 +46,7 @@ def watertight(mesh: trimesh.Trimesh, voxel_m: float) -> trimesh.Trimesh:
     solid = _largest(solid)
     low, high = np.asarray(mesh.vertices).min(axis=0), np.asarray(mesh.vertices).max(axis=0)
     solid.vertices = o3d.utility.Vector3dVector(np.asarray(solid.vertices).clip(low, high))
-    return _colored(solid, mesh)
+    return _colored(np.asarray(solid.vertices), np.asarray(solid.triangles), mesh)
 
 
 def _largest(solid: o3d.geometry.TriangleMesh) -> o3d.geometry.TriangleMesh:
@@ -53,17 +56,11 @@ def _largest(solid: o3d.geometry.TriangleMesh) -> o3d.geometry.TriangleMesh:
     return solid.remove_unreferenced_vertices()
 
 
-def _open3d(mesh: trimesh.Trimesh) -> o3d.geometry.TriangleMesh:
-    return o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(np.asarray(mesh.vertices)), o3d.utility.Vector3iVector(np.asarray(mesh.faces))
-    )
-
-
-def _colored(result: o3d.geometry.TriangleMesh, source: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh with the colours of the source's nearest vertices."""
-    vertices = np.asarray(result.vertices).astype(np.float64)
+def _colored(vertices: np.ndarray, faces: np.ndarray, source: trimesh.Trimesh) -> trimesh.Trimesh:
+    """A mesh with the colours of the source's nearest vertices."""
+    vertices = vertices.astype(np.float64)
     colors = None
     if source.visual.kind == "vertex":
         nearest = KDTree(np.asarray(source.vertices)).query(vertices)[1]
         colors = np.asarray(source.visual.vertex_colors)[nearest]
-    return trimesh.Trimesh(vertices, np.asarray(result.triangles), vertex_colors=colors, process=False)
+    return trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)

@@ -46,9 +46,11 @@ def finished(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Tri
     give_back()  # what was cleaned away
     mesh = _smooth(mesh, config)
     give_back()
-    if config.fill == "holes":  # rims stay as they are when faces are dropped, and far fewer are to be looked at
-        return _filled(_few(mesh, config, log), config, log)
-    return _few(_filled(mesh, config, log), config, log)
+    # rims stay as they are when faces are dropped, and then far fewer are to be looked at for holes
+    for step in (_few, _filled) if config.fill == "holes" else (_filled, _few):
+        mesh = step(mesh, config, log)
+        give_back()
+    return mesh
 
 
 def _smooth(mesh: trimesh.Trimesh, config: MeshConfig) -> trimesh.Trimesh:

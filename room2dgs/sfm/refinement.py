@@ -38,7 +38,7 @@ SHARE, LEAST_PX = 0.8, 0.05
 PROMISING = 0.95  # after the first round; else there is no second one
 # Views whose poses photos do not tell are left out if the given poses are off by more than this in the middle, and if
 # so much of what they see others see, too: blank walls that nobody else sees are better a little off than not there.
-HARMFUL_PX, SEEN_BY_OTHERS = 1.0, 0.9
+HARMFUL_PX, SEEN_BY_OTHERS = 0.5, 0.9
 _LEFT_OUT_WORDS = "views left out, whose photos do not tell their poses (sfm.leave_out=false keeps them)"
 # A camera that moved this many times as far as the middle one, and farther than this, is left where it was.
 JUMP, JUMP_M, JUMP_DEG = 5.0, 0.03, 1.5

@@ -5,7 +5,6 @@ import weakref
 from dataclasses import replace
 
 import numpy as np
-import open3d.core as o3c
 import pytest
 
 from room2dgs import _C
@@ -15,7 +14,7 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.fuse import NoSurface, fuse
 from room2dgs.mesh.reference import fused_voxels
-from room2dgs.mesh.tsdf import empty_volume, integrate, rows_of
+from room2dgs.mesh.tsdf import integrate
 from room2dgs.mesh.views import FusedView
 
 VOXEL = 0.02
@@ -205,21 +204,6 @@ def test_far_from_the_worlds_origin_nothing_is_lost():
     assert len(far.faces) == len(near.faces)
     order = [np.lexsort(np.round(m.vertices - s, 4).T) for m, s in ((near, 0), (far, shift))]
     assert np.abs(near.vertices[order[0]] - (far.vertices[order[1]] - shift)).max() < 1e-3
-
-
-def test_the_table_grows_by_what_it_needs_and_forgets_nothing():
-    blocks = np.stack(np.meshgrid(*[np.arange(20)] * 3), axis=-1).reshape(-1, 3)[:5000].astype(np.int32)
-    volume, rows = empty_volume(0.02, 1000), {}
-    for start in range(0, len(blocks) - 500, 300):
-        some = blocks[start : start + 800]  # most of them are there already
-        for key, row in zip(some, rows_of(volume.hashmap(), o3c.Tensor(some)), strict=True):
-            volume.attribute("views").numpy()[row] += 1
-            rows[tuple(key)] = rows.get(tuple(key), 0) + 1
-    table = volume.hashmap()
-    assert table.size() == len(rows) and table.capacity() < 1.3 * len(rows)
-    keys = np.array(list(rows), np.int32)
-    counts = volume.attribute("views").numpy()[rows_of(table, o3c.Tensor(keys))]
-    assert (counts.reshape(len(keys), -1) == np.array(list(rows.values()))[:, None]).all()
 
 
 def test_views_are_not_kept():
