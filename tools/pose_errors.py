@@ -3,7 +3,7 @@
     python -m room2dgs.tools.pose_errors CAPTURE RUN ...
 
 CAPTURE has the true poses (ScanNet layout), RUN is the folder of a run on a copy of it whose poses are off, as
-`shake_poses` makes them. Root mean square and largest error over all views, as given and as refined.
+`shake_poses` makes them. Root mean square and largest error over the views that take part, as given and as refined.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from room2dgs.captures.matrix_files import read_world_from_cam
+from room2dgs.captures.poses_file import LEFT_OUT
 from room2dgs.errors import InputError
 from room2dgs.geometry.poses import inverse_pose
 
@@ -31,7 +32,9 @@ def pose_errors(capture: Path, run: Path) -> dict[str, tuple[np.ndarray, np.ndar
     path = run / "poses.json"
     if not path.is_file():
         raise InputError(f"{path} is missing; name the folder of a run")
-    views = json.loads(path.read_text(encoding="utf-8"))["cam_from_world"]
+    content = json.loads(path.read_text(encoding="utf-8"))
+    left_out = content["report"].get(LEFT_OUT, ())
+    views = {name: view for name, view in content["cam_from_world"].items() if name not in left_out}
     true = {name: read_world_from_cam(capture / "pose" / f"{_number(name)}.txt") for name in views}
     found = {}
     for kind in KINDS:

@@ -21,6 +21,7 @@ from room2dgs.logs import Log
 from room2dgs.sfm.adjust import adjusted
 from room2dgs.sfm.bundle import moves
 from room2dgs.sfm.capture_points import capture_points
+from room2dgs.sfm.carried import carried
 from room2dgs.sfm.chains import Chains, chains, some
 from room2dgs.sfm.matching import IndexPairs, Matches, agreement, match, of_photos
 from room2dgs.sfm.pairs import match_pairs, seen_by_others, shared_view
@@ -54,7 +55,8 @@ class PoseReport:
         before_px, after_px: median reprojection error of held-out tracks, with the given and the adjusted poses.
         agree_before, agree_after: share of the matches within 2 px of their epipolar lines.
         moved_m, turned_deg: medians over the training views.
-        left: views that kept their given poses, by name.
+        left: views that their photos did not place, by name; where corrections are alike from one view to the next
+            they have that of those before and after, else their given poses.
         left_out: those of them that take no part in what follows.
     """
 
@@ -119,7 +121,7 @@ def refined_poses(
         log(f"{_LEFT_OUT_WORDS}: {', '.join(found.left_out)}")
     kept = [name for name in found.left if name not in found.left_out]
     if found.refined and kept:
-        log(f"views left at their given poses: {', '.join(kept)}")
+        log(f"views left at their given poses, or moved as those before and after: {', '.join(kept)}")
     report = json.loads(json.dumps(asdict(found)))
     write_poses(path, scene, refined, report)
     return refined, report
@@ -151,10 +153,11 @@ def _refined(
     refined = scene
     if found.refined:
         placed, left = _placed(scene, matches, joined, cameras, found)
-        refined = with_cameras(scene, placed)
         found = replace(found, left=(*found.left, *left))
-        if config.leave_out and (found.before_px or 0) > HARMFUL_PX:
-            found = replace(found, left_out=dispensable(refined.frames, found.left))
+        refined, off = with_carried(scene, with_cameras(scene, placed), found.left)
+        if config.leave_out:
+            harmful = [name for name in found.left if (found.before_px or 0) * off[name] > HARMFUL_PX]
+            found = replace(found, left_out=dispensable(refined.frames, harmful))
             refined = without(refined, found.left_out)
             kept = [index for index, frame in enumerate(scene.train) if frame.name not in found.left_out]
             matches, pairs = of_photos(matches, pairs, kept)
@@ -164,8 +167,19 @@ def _refined(
     return refined, found
 
 
+def with_carried(given: Scene, refined: Scene, left: Collection[str]) -> tuple[Scene, dict[str, float]]:
+    """Views that were left at their given poses, corrected as those before and after them were; and by name, the share
+    of a rotation's error that is expected to be left."""
+    cameras, before = ([frame.camera for frame in scene.frames] for scene in (refined, given))
+    names = [frame.name for frame in refined.frames]
+    found = carried(cameras, before, np.array([name not in left for name in names]))
+    return with_cameras(refined, dict(zip(names, found.cameras, strict=True))), dict(
+        zip(names, found.left, strict=True)
+    )
+
+
 def dispensable(frames: Sequence[Frame], left: Collection[str]) -> tuple[str, ...]:
-    """Those of the views that were left at their given poses whose surfaces other views see, too."""
+    """Those of the views whose poses are not known whose surfaces other views see, too."""
     others = [frame.camera for frame in frames if frame.name not in left]
     alone = {frame.name: frame.camera for frame in frames if frame.name in left}
     return tuple(name for name in left if seen_by_others(alone[name], others) >= SEEN_BY_OTHERS)

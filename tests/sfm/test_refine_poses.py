@@ -306,8 +306,8 @@ def test_training_poses_know_nothing_of_held_out_photos(capture, scene_config, p
     assert log[-1].startswith("views left out, ") and log[-1].endswith(f": {', '.join(report['left'])}")
     assert black.test == ()
     log = []
-    kept, _ = refined_poses(read_scene(scene_config()), KEEPING, points_config, tmp_path / "c", log.append)
-    assert log[-1] == f"views left at their given poses: {', '.join(report['left'])}"
+    kept, report = refined_poses(read_scene(scene_config()), KEEPING, points_config, tmp_path / "c", log.append)
+    assert log[-1].startswith("views left at their given poses, ") and report["left_out"] == []
     for given, left in zip(scene.test, kept.test, strict=True):
         np.testing.assert_array_equal(given.camera.cam_from_world, left.camera.cam_from_world)
 

@@ -67,6 +67,8 @@ def test_errors_of_a_runs_poses_are_measured_against_the_true_ones(capture, tmp_
     ]
     np.testing.assert_allclose(found["given"][0], metres, atol=1e-7)
     assert 0.3 < found["given"][1].mean() < 1.3
+    write_poses(tmp_path / "run/poses.json", *scenes, {"left_out": [scenes[0].frames[1].name]})
+    np.testing.assert_allclose(pose_errors(capture, tmp_path / "run")["given"][0], np.delete(metres, 1), atol=1e-7)
     assert tool([str(capture), str(tmp_path / "run")]) == 0
     assert "run, refined: 0.00 cm, 0.000 deg" in capsys.readouterr().out
     assert tool([str(capture), str(tmp_path)]) == 2
