@@ -46,9 +46,9 @@ def bundle_adjusted(
     """Poses and points that lower the reprojection errors; centres and rotations are drawn to the given ones.
 
     Least is the sum of Cauchy's loss of the errors over `loss_px`, and of the squared way of each centre and rotation
-    over its spread, by which each counts as much as it knows: where photos see little depth, what a rotation is held
-    too tightly goes into the centre. Intrinsics stay. One thread, since the order of Ceres' sums depends on their
-    number.
+    over its spread: each counts as much as is known by it. (Where photos see little depth a turn is almost a shift, and
+    a rotation that is held too tightly moves the centre.) Intrinsics stay. One thread, since the order of Ceres' sums
+    depends on their number.
 
     Args:
         cameras: with poses to start from.
@@ -70,8 +70,7 @@ def bundle_adjusted(
             camera_id=index + 1,
             image_id=index + 1,
         )
-        hold = rotation_hold(spread)
-        _add(rebuilt, image, camera, hold)
+        _add(rebuilt, image, camera, rotation_hold(spread))
         priors.append(_prior(rebuilt.image(index + 1), given[index].centre, spread.metres / spread.pixels))
     start = np.searchsorted(tracks.point, np.arange(len(xyz) + 1))
     for point, place in enumerate(xyz):
@@ -79,7 +78,7 @@ def bundle_adjusted(
         for row in range(start[point], start[point + 1]):
             track.add_element(int(tracks.frame[row]) + 1, int(row_in_image[row]))
         rebuilt.add_point3D(place, track)
-    config = pycolmap.BundleAdjustmentConfig()
+    config, hold = pycolmap.BundleAdjustmentConfig(), rotation_hold(spread)
     for index in used:
         config.add_image(index + 1)
         config.add_image(HOLDS + index)

@@ -13,7 +13,7 @@ import numpy as np
 
 from room2dgs.captures.point_cloud import Tracks
 from room2dgs.captures.poses_file import read_poses, with_cameras, without, write_poses
-from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.scene import Scene
 from room2dgs.config import PointsConfig, SfmConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
@@ -154,10 +154,12 @@ def _refined(
     if found.refined:
         placed, left = _placed(scene, matches, joined, cameras, found)
         found = replace(found, left=(*found.left, *left))
-        refined, off = with_carried(scene, with_cameras(scene, placed), found.left)
+        refined = with_cameras(scene, placed)
+        moved, off = carried_over(scene, refined, found.left)
+        refined = with_cameras(refined, moved)
         if config.leave_out:
             harmful = [name for name in found.left if (found.before_px or 0) * off[name] > HARMFUL_PX]
-            found = replace(found, left_out=dispensable(refined.frames, harmful))
+            found = replace(found, left_out=dispensable(refined, harmful))
             refined = without(refined, found.left_out)
             kept = [index for index, frame in enumerate(scene.train) if frame.name not in found.left_out]
             matches, pairs = of_photos(matches, pairs, kept)
@@ -167,22 +169,28 @@ def _refined(
     return refined, found
 
 
-def with_carried(given: Scene, refined: Scene, left: Collection[str]) -> tuple[Scene, dict[str, float]]:
-    """Views that were left at their given poses, corrected as those before and after them were; and by name, the share
-    of a rotation's error that is expected to be left."""
-    cameras, before = ([frame.camera for frame in scene.frames] for scene in (refined, given))
-    names = [frame.name for frame in refined.frames]
-    found = carried(cameras, before, np.array([name not in left for name in names]))
-    return with_cameras(refined, dict(zip(names, found.cameras, strict=True))), dict(
-        zip(names, found.left, strict=True)
-    )
+def carried_over(given: Scene, refined: Scene, left: Collection[str]) -> tuple[dict[str, Camera], dict[str, float]]:
+    """Cameras, by name, of views that were left at their given poses, corrected as training views before and after them
+    were; and of each view the share of a rotation's error that is expected to be left."""
+    training = {frame.name for frame in given.train}
+    cameras: dict[str, Camera] = {}
+    off: dict[str, float] = {}
+    for names in (training, training.union(left)):  # training views first, who are to know nothing of held-out ones
+        before, after = ([one for one in scene.frames if one.name in names] for scene in (given, refined))
+        known = np.array([one.name in training and one.name not in left for one in after])
+        found = carried([one.camera for one in after], [one.camera for one in before], known)
+        for frame, camera, share in zip(after, found.cameras, found.left, strict=True):
+            if frame.name in left:
+                cameras.setdefault(frame.name, camera)
+                off.setdefault(frame.name, float(share))
+    return cameras, off
 
 
-def dispensable(frames: Sequence[Frame], left: Collection[str]) -> tuple[str, ...]:
-    """Those of the views whose poses are not known whose surfaces other views see, too."""
-    others = [frame.camera for frame in frames if frame.name not in left]
-    alone = {frame.name: frame.camera for frame in frames if frame.name in left}
-    return tuple(name for name in left if seen_by_others(alone[name], others) >= SEEN_BY_OTHERS)
+def dispensable(scene: Scene, left: Collection[str]) -> tuple[str, ...]:
+    """Those of the views whose poses are not known whose surfaces training views see, too, whose poses are."""
+    others = [frame.camera for frame in scene.train if frame.name not in left]
+    cameras = {frame.name: frame.camera for frame in scene.frames}
+    return tuple(name for name in left if seen_by_others(cameras[name], others) >= SEEN_BY_OTHERS)
 
 
 def judged(

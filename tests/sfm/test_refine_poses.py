@@ -23,7 +23,7 @@ from room2dgs.sfm.adjust import adjusted
 from room2dgs.sfm.bundle import Spread, aligned, angles_deg, far_points, moves, rotation_hold
 from room2dgs.sfm.chains import covering
 from room2dgs.sfm.matching import Matches, of_photos
-from room2dgs.sfm.refinement import dispensable, judged, refined_poses
+from room2dgs.sfm.refinement import carried_over, dispensable, judged, refined_poses
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.sfm.structure import parallax_deg, reprojection_errors, triangulated
 
@@ -338,7 +338,34 @@ def test_only_views_whose_surfaces_others_see_are_left_out():
     cameras = ring()
     cameras[3] = replace(cameras[3], cam_from_world=pose_at(np.eye(3), cameras[3].centre))  # looks at the ceiling
     frames = [types.SimpleNamespace(name=str(index), camera=camera) for index, camera in enumerate(cameras)]
-    assert dispensable(frames, ("3", "7")) == ("7",)
+    assert dispensable(types.SimpleNamespace(train=frames, frames=frames), ("3", "7")) == ("7",)
+    alone = types.SimpleNamespace(train=frames[7:8], frames=frames)  # held-out views do not count
+    assert dispensable(alone, ("7",)) == ()
+
+
+def test_what_drifts_is_carried_over_from_training_views_alone():
+    true = ring()
+    off = 0.02 * np.sin(np.arange(60) / 9)
+    given = [
+        replace(one, cam_from_world=pose_at(one.rotation, one.centre + np.array([shift, 0, 0])))
+        for one, shift in zip(true, off, strict=True)
+    ]
+
+    def scene(cameras, far: float = 0.0):
+        """Every fifth view is held out; the refined ones may lie elsewhere."""
+        frames = [types.SimpleNamespace(name=str(index), camera=camera) for index, camera in enumerate(cameras)]
+        for one in frames[::5]:
+            one.camera = replace(one.camera, cam_from_world=pose_at(one.camera.rotation, one.camera.centre + far))
+        return types.SimpleNamespace(frames=frames, train=[one for one in frames if int(one.name) % 5])
+
+    left = ("11", "25")  # of them 25 is held out
+    refined = [other if str(index) in left else one for index, (one, other) in enumerate(zip(true, given, strict=True))]
+    found, share = carried_over(scene(given), scene(refined), left)
+    assert set(found) == set(left) == set(share) and max(share.values()) < 1.0
+    for name in left:
+        assert np.linalg.norm(found[name].centre - true[int(name)].centre) < 0.2 * abs(off).max()
+    elsewhere, _ = carried_over(scene(given), scene(refined, far=1.0), left)
+    np.testing.assert_array_equal(elsewhere["11"].cam_from_world, found["11"].cam_from_world)
 
 
 def test_of_some_photos_the_matches_among_them_are_left():
