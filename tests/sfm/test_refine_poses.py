@@ -19,6 +19,7 @@ from room2dgs.config import SfmConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.poses import pose_at
+from room2dgs.sfm import refinement
 from room2dgs.sfm.adjust import adjusted
 from room2dgs.sfm.bundle import Spread, aligned, angles_deg, far_points, moves, rotation_hold
 from room2dgs.sfm.chains import covering
@@ -312,7 +313,9 @@ def test_training_poses_know_nothing_of_held_out_photos(capture, scene_config, p
         np.testing.assert_array_equal(given.camera.cam_from_world, left.camera.cam_from_world)
 
 
-def test_a_view_without_a_pose_takes_no_part_unless_it_is_kept(capture, scene_config, points_config, tmp_path):
+def test_a_view_without_a_pose_takes_no_part_unless_it_is_kept(
+    capture, scene_config, points_config, tmp_path, monkeypatch
+):
     shake_capture(capture, 0.7, 0.012)
     name = read_scene(scene_config()).train[2].name
     cv2.imwrite(str(read_scene(scene_config()).train[2].color_path), np.zeros((240, 320, 3), np.uint8))
@@ -331,6 +334,9 @@ def test_a_view_without_a_pose_takes_no_part_unless_it_is_kept(capture, scene_co
     for one, other in zip(found.frames, back.frames, strict=True):
         np.testing.assert_array_equal(one.camera.cam_from_world, other.camera.cam_from_world)
     kept, report = refined_poses(scene, KEEPING, points_config, tmp_path / "cache", quiet)
+    assert report["left"] == [name] and report["left_out"] == [] and len(kept.train) == len(scene.train)
+    monkeypatch.setattr(refinement, "HARMFUL_PX", report["before_px"] + 0.01)  # as if the given poses were good
+    kept, report = refined_poses(scene, AUTO, points_config, tmp_path / "good", quiet)
     assert report["left"] == [name] and report["left_out"] == [] and len(kept.train) == len(scene.train)
 
 
