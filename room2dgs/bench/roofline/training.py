@@ -11,7 +11,9 @@ from room2dgs.bench.roofline.cost import Cost, Kernel, expected, total
 from room2dgs.bench.roofline.devices import DEVICES
 from room2dgs.bench.roofline.ours import DIVIDE, DOUBLE_DIVIDE, POWER, ROOT
 from room2dgs.block_code import PLAIN
-from room2dgs.mesh.device_volume import STRIDE, VOXELS, touched
+from room2dgs.mesh.device_volume import touched
+from room2dgs.mesh.tsdf import STRIDE
+from room2dgs.mesh.voxel_table import VOXELS
 from room2dgs.report.table import Table, table
 
 FRAME = (26 / 16) ** 2  # pixels read for one of a patch with the window's reach about it
