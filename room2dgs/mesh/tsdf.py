@@ -1,4 +1,4 @@
-"""Truncated signed distances in hashed blocks, one view at a time."""
+"""Truncated signed distances in blocks near the surface, one view at a time."""
 
 from __future__ import annotations
 

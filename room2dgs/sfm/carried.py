@@ -25,12 +25,12 @@ class Carried(NamedTuple):
 
     Attributes:
         cameras: all of them; those that are known, and those of which nothing can be said, as they were.
-        left: (V,) of the given rotations' errors, the share that is expected to be left: 0 for known views, 1 where
-            nothing was carried over.
+        remaining: (V,) of the given rotations' errors, the share that is expected to remain: 0 for known views, 1
+            where nothing was carried over.
     """
 
     cameras: list[Camera]
-    left: np.ndarray
+    remaining: np.ndarray
 
 
 def carried(cameras: Sequence[Camera], given: Sequence[Camera], known: np.ndarray) -> Carried:
@@ -48,23 +48,23 @@ def carried(cameras: Sequence[Camera], given: Sequence[Camera], known: np.ndarra
     def alike(gap: int) -> tuple[np.ndarray, float]:
         return _alike(corrections, known, gap)
 
-    found, left = list(cameras), np.where(known, 0.0, 1.0)
+    found, remaining = list(cameras), np.where(known, 0.0, 1.0)
     for view in np.flatnonzero(~known):
         before, after = index[index < view], index[index > view]
         ends = [*before[-1:], *after[:1]]
         if not ends:
             continue
-        share, left[view] = alike(int(min(abs(end - view) for end in ends)))
+        share, remaining[view] = alike(int(min(abs(end - view) for end in ends)))
         nearness = np.array([1 / abs(end - view) for end in ends])
         between = nearness @ corrections[ends] / nearness.sum()
         if share.any():
             found[view] = _corrected(given[view], share * between)
-    return Carried(found, left)
+    return Carried(found, remaining)
 
 
 def _alike(corrections: np.ndarray, known: np.ndarray, gap: int) -> tuple[np.ndarray, float]:
     """(6,) how much of the mean of the corrections so many views before and after a view is its own correction, 0..1,
-    and the share of a rotation's error that is left then."""
+    and the share of a rotation's error that remains then."""
     middle = np.arange(gap, len(known) - gap)
     middle = middle[known[middle] & known[middle - gap] & known[middle + gap]]
     if len(middle) < LEAST_COMPARED:

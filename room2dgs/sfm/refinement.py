@@ -40,7 +40,6 @@ PROMISING = 0.95  # after the first round; else there is no second one
 # Views whose poses photos do not tell are left out if the given poses are off by more than this in the middle, and if
 # so much of what they see others see, too: blank walls that nobody else sees are better a little off than not there.
 HARMFUL_PX, SEEN_BY_OTHERS = 0.5, 0.9
-_LEFT_OUT_WORDS = "views left out, whose photos do not tell their poses (sfm.leave_out=false keeps them)"
 # A camera that moved this many times as far as the middle one, and farther than this, is left where it was.
 JUMP, JUMP_M, JUMP_DEG = 5.0, 0.03, 1.5
 
@@ -118,7 +117,8 @@ def refined_poses(
         refined, found = _refined(scene, config, points, Path(work), cache, log, extracted)
     log(_line(found))
     if found.left_out:
-        log(f"{_LEFT_OUT_WORDS}: {', '.join(found.left_out)}")
+        words = "views left out, whose photos do not tell their poses (sfm.leave_out=false keeps them)"
+        log(f"{words}: {', '.join(found.left_out)}")
     kept = [name for name in found.left if name not in found.left_out]
     if found.refined and kept:
         log(f"views left at their given poses, or moved as those before and after: {', '.join(kept)}")
@@ -171,7 +171,7 @@ def _refined(
 
 def carried_over(given: Scene, refined: Scene, left: Collection[str]) -> tuple[dict[str, Camera], dict[str, float]]:
     """Cameras, by name, of views that were left at their given poses, corrected as training views before and after them
-    were; and of each view the share of a rotation's error that is expected to be left."""
+    were; and of each view the share of a rotation's error that is expected to remain."""
     training = {frame.name for frame in given.train}
     cameras: dict[str, Camera] = {}
     off: dict[str, float] = {}
@@ -179,7 +179,7 @@ def carried_over(given: Scene, refined: Scene, left: Collection[str]) -> tuple[d
         before, after = ([one for one in scene.frames if one.name in names] for scene in (given, refined))
         known = np.array([one.name in training and one.name not in left for one in after])
         found = carried([one.camera for one in after], [one.camera for one in before], known)
-        for frame, camera, share in zip(after, found.cameras, found.left, strict=True):
+        for frame, camera, share in zip(after, found.cameras, found.remaining, strict=True):
             if frame.name in left:
                 cameras.setdefault(frame.name, camera)
                 off.setdefault(frame.name, float(share))

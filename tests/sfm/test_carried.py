@@ -49,13 +49,13 @@ def test_what_drifts_is_corrected_and_what_jitters_is_left():
             [one if sure else other for one, other, sure in zip(true, given, known, strict=True)], given, known
         )
         before, after = (moves(some, true) for some in (given, found.cameras))
-        assert max(after[0][known].max(), after[1][known].max()) < 1e-9 and (found.left[known] == 0).all()
+        assert max(after[0][known].max(), after[1][known].max()) < 1e-9 and (found.remaining[known] == 0).all()
         if smooth:
             assert (after[0][~known] < 0.25 * before[0][~known].max()).all()
-            assert (after[1][~known] < 0.25 * before[1][~known].max()).all() and (found.left < 0.3).all()
+            assert (after[1][~known] < 0.25 * before[1][~known].max()).all() and (found.remaining < 0.3).all()
         else:
             assert after[0][~known].mean() < 1.1 * before[0][~known].mean()
-            assert after[1][~known].mean() < 1.1 * before[1][~known].mean() and (found.left[~known] > 0.9).all()
+            assert after[1][~known].mean() < 1.1 * before[1][~known].mean() and (found.remaining[~known] > 0.9).all()
 
 
 def test_few_known_views_tell_nothing():
@@ -64,5 +64,5 @@ def test_few_known_views_tell_nothing():
     known = np.arange(9) != 4
     mixed = [one if sure else other for one, other, sure in zip(true, given, known, strict=True)]
     found = carried(mixed, given, known)
-    assert found.cameras[4] is given[4] and found.left[4] == 1
-    assert (carried(given, given, np.zeros(9, bool)).left == 1).all()
+    assert found.cameras[4] is given[4] and found.remaining[4] == 1
+    assert (carried(given, given, np.zeros(9, bool)).remaining == 1).all()
