@@ -29,7 +29,7 @@ def main(argv: list[str] | None = None) -> int:
     """Measure, print the tables, write them where --json and --markdown say.
 
     Raises:
-        InputError: no case has the wanted name; variants cannot be built.
+        InputError: no case has the wanted name; variants cannot be built or scored.
     """
     argv = list(argv or [])
     parser = argparse.ArgumentParser(prog="room2dgs bench numerics", description=HELP)
@@ -46,13 +46,25 @@ def main(argv: list[str] | None = None) -> int:
         metavar="FOLDER",
         help="instead: time and error of each approximation, built from the sources in this folder",
     )
+    parser.add_argument(
+        "--score",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="CAPTURE",
+        help="with --tradeoff: also F-scores of a run of this capture with each variant; may be given again",
+    )
+    parser.add_argument("settings", nargs="*", metavar="KEY=VALUE", help="of the runs that --score asks for")
     parser.add_argument("--json", type=Path, help="also write all figures here")
     parser.add_argument("--markdown", type=Path, help="also write the tables here")
     args = parser.parse_args(argv)
+    if not args.tradeoff and (args.score or args.settings):
+        raise InputError("runs are scored by --tradeoff FOLDER --score CAPTURE KEY=VALUE ...; one of these is missing")
     command = shlex.join(["room2dgs", "bench", "numerics", *argv])
     where = f"{machine()}; commit {commit()}; kernels {_C.isa()}"
     if args.tradeoff:
-        rows = tradeoff(args.tradeoff, args.only, _tell)
+        captures = [str(capture.absolute()) for capture in args.score]
+        rows = tradeoff(args.tradeoff.absolute(), args.only, _tell, captures, args.settings)
         _give(args, command, where, [tradeoff_table(rows)], {"tradeoff": rows})
         return 0
     threads = torch.get_num_threads()

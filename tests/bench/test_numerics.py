@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 
 from room2dgs import cli, splat
 from room2dgs.bench.numerics import compare as comparing
-from room2dgs.bench.numerics import tradeoff
+from room2dgs.bench.numerics import tradeoff, variant_score
 from room2dgs.bench.numerics.alternatives import choices
 from room2dgs.bench.numerics.compare import compare
 from room2dgs.bench.numerics.invariances import invariances
@@ -19,6 +21,7 @@ from room2dgs.bench.numerics.scenes import ILL_CONDITIONED, SCENES, HardScene, i
 from room2dgs.bench.numerics.stages import STAGES
 from room2dgs.bench.numerics.terms import TERMS, compare_term
 from room2dgs.bench.numerics.variants import EXACT, ROOT, VARIANTS
+from room2dgs.errors import InputError
 from room2dgs.losses import depth_prior
 from room2dgs.report.table import terminal
 
@@ -155,8 +158,14 @@ def test_the_tradeoffs_rows_are_errors_against_the_exact_build(tmp_path, monkeyp
         torch.save({"images": images, "gradients": [factor * torch.ones(5), torch.ones(4)]}, out)
         return {"forward": factor * 2, "backward": factor * 3}
 
+    def scored(library, env, capture, settings, out, caches):
+        score = {"none of them": 0.9, "shipped": 0.8}.get(library.name, 0.7)
+        assert settings == ["experiment=quick"] and out != caches
+        return {"f_score_5cm": score, "f_score_2cm": score - len(capture) / 100}
+
     monkeypatch.setattr(tradeoff, "Builder", Builder)
     monkeypatch.setattr(tradeoff, "_run", run)
+    monkeypatch.setattr(tradeoff, "scored", scored)
     rows = tradeoff.tradeoff(tmp_path / "builds", "1e-2")
     assert [row["variant"] for row in rows] == ["shipped", "1e-2"]
     assert rows[1]["forward"] == pytest.approx(1.01 / 1.001) and rows[0]["forward"] == 1
@@ -164,3 +173,42 @@ def test_the_tradeoffs_rows_are_errors_against_the_exact_build(tmp_path, monkeyp
     assert [row["depth"] for row in rows] == pytest.approx([0.001, 0.01], rel=1e-3)
     assert [row["gradient"] for row in rows] == pytest.approx([0.001, 0.01], rel=1e-3)
     assert "1e-2" in terminal(tradeoff.tradeoff_table(rows))
+    scored_rows = tradeoff.tradeoff(tmp_path / "more", "1e-2", captures=["a/hall"], settings=["experiment=quick"])
+    assert [row["scores"] for row in scored_rows] == [
+        {"hall": (0.8, pytest.approx(0.74))}, {"hall": (0.9, pytest.approx(0.84))}, {"hall": (0.7, pytest.approx(0.64))}
+    ]  # fmt: skip
+    assert "0.700 (0.640)" in terminal(tradeoff.tradeoff_table(scored_rows))
+
+
+def test_a_variants_run_has_its_library_and_its_scores(tmp_path, monkeypatch):
+    """The process is made up; a failed one is said with its last words."""
+    asked = []
+
+    def process(command, **options):
+        asked.append((command, options["env"]))
+        out = Path(next(text for text in command if str(text).startswith("out="))[4:])
+        assert not (out / "old").exists()
+        out.mkdir(parents=True)
+        (out / "metrics.json").write_text('{"f_score_5cm": 0.5}' if out.name == "good" else "{}")
+        return SimpleNamespace(returncode=out.name == "bad", stderr="no such room", stdout="")
+
+    monkeypatch.setattr(variant_score.subprocess, "run", process)
+
+    def score(name):
+        return variant_score.scored(Path("_C.so"), {"X": "1"}, "hall", ["k=1"], tmp_path / name, tmp_path / "caches")
+
+    (tmp_path / "good").mkdir()
+    (tmp_path / "good" / "old").touch()
+    assert score("good") == {"f_score_5cm": 0.5}
+    command, env = asked[0]
+    assert command[3:5] == [Path("_C.so"), "scene.path=hall"] and command[-1] == "k=1" and env["X"] == "1"
+    assert f"prior.cache={tmp_path / 'caches' / 'maps'}" in command
+    with pytest.raises(InputError, match="no such room"):
+        score("bad")
+    with pytest.raises(InputError, match=r"scene\.gt_mesh"):
+        score("without_truth")
+
+
+def test_scores_are_asked_for_with_builds(capsys):
+    assert cli.main(["bench", "numerics", "--score", "hall"]) == 2
+    assert "--tradeoff FOLDER" in capsys.readouterr().err

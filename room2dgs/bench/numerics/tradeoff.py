@@ -6,7 +6,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from room2dgs.bench.numerics.variant_run import COUNT, SIZE
+from room2dgs.bench.numerics.variant_score import scored
 from room2dgs.bench.numerics.variants import EXACT, SHIPPED, VARIANTS, Builder, Variant
 from room2dgs.report.table import NOTHING, Table, table
 
@@ -22,23 +23,47 @@ COVERED = 0.5  # alpha of the pixels whose depth is compared
 Row = dict[str, Any]
 
 
-def tradeoff(folder: Path, only: str = "", tell: Callable[[str], None] = lambda _: None) -> list[Row]:
+def tradeoff(
+    folder: Path,
+    only: str = "",
+    tell: Callable[[str], None] = lambda _: None,
+    captures: Sequence[str] = (),
+    settings: Sequence[str] = (),
+) -> list[Row]:
     """A row for each variant: times over the shipped kernels' in turns, errors against a build without approximations.
 
     Args:
         folder: for builds; what is there is used again.
         only: variants whose "part: name" has one of these in it, apart by commas.
+        captures: folders that each variant makes a run of, to be scored.
+        settings: of those runs.
+
+    Raises:
+        InputError: a variant cannot be built, or a run fails.
     """
     builder = Builder(folder)
     wanted = only.split(",")
     chosen = [v for v in VARIANTS if any(text in f"{v.part}: {v.name}" for text in wanted)]
+
+    def scores(library: Path, isa: str) -> dict[str, tuple[float, float]]:
+        found = {}
+        for capture in captures:
+            name = Path(capture).name
+            out, caches = folder / "runs" / name, folder / "caches" / name
+            run = scored(library, _environment(isa), capture, settings, out, caches)
+            found[name] = run["f_score_5cm"], run["f_score_2cm"]
+        return found
+
     tell("shipped")
     shipped = builder.library(SHIPPED, folder / "shipped")
     before = _run(shipped, folder / "shipped.pt", "")
     tell("exact")
-    _run(builder.library(EXACT, folder / "exact"), folder / "exact.pt", "")
+    exact_build = builder.library(EXACT, folder / "exact")
+    _run(exact_build, folder / "exact.pt", "")
     exact = torch.load(folder / "exact.pt", weights_only=True)
-    rows = [_row(SHIPPED, (1.0, 1.0), folder / "shipped.pt", exact)]
+    rows = [_row(SHIPPED, (1.0, 1.0), folder / "shipped.pt", exact, scores(shipped, ""))]
+    if captures:
+        rows.append(_row(EXACT, None, folder / "exact.pt", exact, scores(exact_build, "")))
     for index, variant in enumerate(chosen):
         tell(f"{variant.part}: {variant.name}")
         library = builder.library(variant, folder / f"variant_{index}") if variant.edits else shipped
@@ -46,19 +71,31 @@ def tradeoff(folder: Path, only: str = "", tell: Callable[[str], None] = lambda 
         here = _run(library, out, variant.isa)
         after = _run(shipped, folder / "shipped.pt", "")
         ratio = [here[way] / min(before[way], after[way]) for way in ("forward", "backward")]
-        rows.append(_row(variant, (ratio[0], ratio[1]), out, exact))
+        ratios = (ratio[0], ratio[1]) if variant.timed else None
+        rows.append(_row(variant, ratios, out, exact, scores(library, variant.isa)))
         before = after
     return rows
 
 
+def _environment(isa: str) -> dict[str, str]:
+    return {"OMP_NUM_THREADS": "1"} | ({"ROOM2DGS_ISA": isa} if isa else {})
+
+
 def _run(library: Path, out: Path, isa: str) -> dict[str, float]:
-    env = {**os.environ, "OMP_NUM_THREADS": "1"} | ({"ROOM2DGS_ISA": isa} if isa else {})
+    env = {**os.environ, **_environment(isa)}
     command = [sys.executable, "-m", "room2dgs.bench.numerics.variant_run", library, out, str(REPEATS)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=env)
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def _row(variant: Variant, ratios: tuple[float, float], out: Path, exact: dict[str, list[Tensor]]) -> Row:
+def _row(
+    variant: Variant,
+    ratios: tuple[float, float] | None,
+    out: Path,
+    exact: dict[str, list[Tensor]],
+    scores: dict[str, tuple[float, float]],
+) -> Row:
+    """`ratios`: None where times mean nothing; `scores`: F at 5 and 2 cm by capture."""
     found = torch.load(out, weights_only=True)
     color, alpha, depth = found["images"][:3]
     true_color, true_alpha, true_depth = exact["images"][:3]
@@ -68,28 +105,31 @@ def _row(variant: Variant, ratios: tuple[float, float], out: Path, exact: dict[s
         float((a.double() - b.double()).norm() / b.double().norm())
         for a, b in zip(found["gradients"], exact["gradients"], strict=True)
     ]
+    forward, backward = ratios or (None, None)
     return {
-        "part": variant.part, "variant": variant.name, "timed": variant.timed,
-        "forward": ratios[0], "backward": ratios[1],
+        "part": variant.part, "variant": variant.name, "forward": forward, "backward": backward,
         "color": float((color - true_color).double().square().mean().sqrt()),
         "depth": float(relative.double().square().mean().sqrt()), "depth_max": float(relative.max()),
-        "gradient": max(gradients),
+        "gradient": max(gradients), "scores": scores,
     }  # fmt: skip
 
 
 def tradeoff_table(rows: list[Row]) -> Table:
-    """Ratios of times, and errors."""
-    return table(
-        f"Speed against error: {COUNT} surfels at {SIZE[0]}x{SIZE[1]}, one thread",
-        {
-            "part": lambda r: r["part"] or NOTHING,
-            "variant": lambda r: r["variant"],
-            "forward": lambda r: f"{r['forward']:.2f}" if r["timed"] else NOTHING,
-            "backward": lambda r: f"{r['backward']:.2f}" if r["timed"] else NOTHING,
-            "colour, rms": lambda r: f"{r['color']:.1e}",
-            "depth, rms": lambda r: f"{r['depth']:.1e}",
-            "depth, worst": lambda r: f"{r['depth_max']:.1e}",
-            "gradient": lambda r: f"{r['gradient']:.1e}",
-        },
-        rows,
-    )
+    """Ratios of times, errors, and scores of captures."""
+
+    def ratio(value: float | None) -> str:
+        return NOTHING if value is None else f"{value:.2f}"
+
+    columns: dict[str, Callable[[Row], str]] = {
+        "part": lambda r: r["part"] or NOTHING,
+        "variant": lambda r: r["variant"],
+        "forward": lambda r: ratio(r["forward"]),
+        "backward": lambda r: ratio(r["backward"]),
+        "colour, rms": lambda r: f"{r['color']:.1e}",
+        "depth, rms": lambda r: f"{r['depth']:.1e}",
+        "depth, worst": lambda r: f"{r['depth_max']:.1e}",
+        "gradient": lambda r: f"{r['gradient']:.1e}",
+    }
+    for name in rows[0]["scores"]:
+        columns[f"F @ 5 cm (2 cm), {name}"] = lambda r, name=name: "{:.3f} ({:.3f})".format(*r["scores"][name])
+    return table(f"Speed against error: {COUNT} surfels at {SIZE[0]}x{SIZE[1]}, one thread", columns, rows)

@@ -1,0 +1,60 @@
+"""How well a run goes with one variant of the extension, from photos to a scored mesh, in a process of its own.
+
+`python -m room2dgs.bench.numerics.variant_score LIBRARY KEY=VALUE ...` is `room2dgs run KEY=VALUE ...` with that
+library.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from room2dgs.bench.numerics.variant_run import use
+from room2dgs.errors import InputError
+
+KEPT = {"points.cache": "points", "prior.cache": "maps"}  # between the variants' runs of one capture
+
+
+def scored(
+    library: Path, env: Mapping[str, str], capture: str, settings: Sequence[str], out: Path, caches: Path
+) -> dict[str, float]:
+    """A run's figures, those of metrics.json.
+
+    Args:
+        env: of the process.
+        out: the run's folder; one that is there is removed.
+        caches: for what no kernel has a part in, sparse points and the networks' maps.
+
+    Raises:
+        InputError: the run fails.
+    """
+    shutil.rmtree(out, ignore_errors=True)
+    kept = [f"{key}={caches / folder}" for key, folder in KEPT.items()]
+    command = [sys.executable, "-m", "room2dgs.bench.numerics.variant_score", library]
+    command += [f"scene.path={capture}", f"out={out}", "report.enabled=false", *kept, *settings]
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **env}, check=False)
+    if done.returncode:
+        raise InputError(f"{capture} with {library}: {(done.stderr or done.stdout)[-500:]}")
+    found = json.loads((out / "metrics.json").read_text(encoding="utf-8"))
+    if "f_score_5cm" not in found:
+        raise InputError(f"{capture} has no ground truth, so that nothing can be scored; give scene.gt_mesh")
+    return found
+
+
+def main(argv: list[str]) -> int:
+    """Run."""
+    use(Path(argv[0]))
+
+    from room2dgs import _C, cli
+
+    assert Path(_C.__file__) == Path(argv[0])
+    return cli.main(["run", *argv[1:]])
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
