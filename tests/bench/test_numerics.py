@@ -189,7 +189,8 @@ def test_a_variants_run_has_its_library_and_its_scores(tmp_path, monkeypatch):
         out = Path(next(text for text in command if str(text).startswith("out="))[4:])
         assert not (out / "old").exists()
         out.mkdir(parents=True)
-        (out / "metrics.json").write_text('{"f_score_5cm": 0.5}' if out.name == "good" else "{}")
+        scores = '{"protocols": {"area": {"f_score_5cm": 0.5}}}'
+        (out / "metrics.json").write_text(scores if out.name == "good" else "{}")
         return SimpleNamespace(returncode=out.name == "bad", stderr="no such room", stdout="")
 
     monkeypatch.setattr(variant_score.subprocess, "run", process)

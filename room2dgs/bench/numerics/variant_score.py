@@ -23,7 +23,7 @@ KEPT = {"points.cache": "points", "prior.cache": "maps"}  # between the variants
 def scored(
     library: Path, env: Mapping[str, str], capture: str, settings: Sequence[str], out: Path, caches: Path
 ) -> dict[str, float]:
-    """A run's figures, those of metrics.json.
+    """A run's scores by area, those of metrics.json.
 
     Args:
         env: of the process.
@@ -41,9 +41,9 @@ def scored(
     if done.returncode:
         raise InputError(f"{capture} with {library}: {(done.stderr or done.stdout)[-500:]}")
     found = json.loads((out / "metrics.json").read_text(encoding="utf-8"))
-    if "f_score_5cm" not in found:
+    if "protocols" not in found:
         raise InputError(f"{capture} has no ground truth, so that nothing can be scored; give scene.gt_mesh")
-    return found
+    return found["protocols"]["area"]
 
 
 def main(argv: list[str]) -> int:
