@@ -21,7 +21,12 @@ FINAL, AGAINST = 40, 6000  # the best of them, and samples that judge these
 AT_ONCE = 40  # candidates judged together
 WIDTH_M, WIDTH_RELATIVE = 0.02, 0.012  # distance from a plane at which a sample starts to count as off it
 TURN = 0.94  # least cosine between normals of a candidate and of a sample that speaks for it
+FACING = 0.9  # the same, of a plane and of a sample that lies on it
 REFITS = 8
+# A plane's direction is that of its most exact samples: none counts as more exact than this,
+EXACT_M, EXACT_RELATIVE = 0.006, 0.004
+# and those count that are as near as most of them are, up to this share of the widths above.
+NARROW, MIDDLES = 0.15, 1.5
 FEWEST = 200  # samples left that are worth another round
 
 
@@ -33,12 +38,29 @@ class Samples(NamedTuple):
         normal: (N, 3) unit, world frame, towards the camera.
         depth: (N,) metres, from the camera that saw it.
         weight: (N,) how often to draw it: area on the surface times confidence.
+        error: (N,) metres, expected of its depth.
     """
 
     xyz: np.ndarray
     normal: np.ndarray
     depth: np.ndarray
     weight: np.ndarray
+    error: np.ndarray
+
+
+class _Held(NamedTuple):
+    """The samples that one plane holds, as `Samples` has them.
+
+    Attributes:
+        width: (N,) metres, at which one starts to count as off the plane.
+        exact: (N,) how much each says of the plane's direction, 1 on average of all samples.
+        narrow: times `width`, for the direction.
+    """
+
+    xyz: np.ndarray
+    width: np.ndarray
+    exact: np.ndarray
+    narrow: float
 
 
 class Plane(NamedTuple):
@@ -62,7 +84,9 @@ def find_planes(samples: Samples, *, right_angles: bool, width: float = 1.0) -> 
     same bits.
 
     Candidates are samples with their own normals. The one that most samples lie on is refitted to them by reweighted
-    least squares (Geman and McClure), they are taken out, and the rest is searched again.
+    least squares (Geman and McClure), they are taken out, and the rest is searched again. A plane's direction is that
+    of its most exact samples, since a few that are centimetres off tilt it; its place is that of all, since those that
+    are sure of themselves may be off together.
 
     Args:
         samples: of all views.
@@ -76,26 +100,30 @@ def find_planes(samples: Samples, *, right_angles: bool, width: float = 1.0) -> 
     at_once = min(DRAWN, np.count_nonzero(samples.weight))
     drawn = generator.choice(len(samples.xyz), at_once, replace=False, p=samples.weight / total)
     xyz, normal = samples.xyz[drawn].astype(np.float64), samples.normal[drawn].astype(np.float64)
-    widths = width * np.maximum(WIDTH_M, WIDTH_RELATIVE * samples.depth[drawn])
+    depth = samples.depth[drawn]
+    widths = width * np.maximum(WIDTH_M, WIDTH_RELATIVE * depth)
+    exact = 1 / (np.maximum(EXACT_M, EXACT_RELATIVE * depth) ** 2 + samples.error[drawn] ** 2)
+    exact /= exact.mean()
     free = np.ones(len(xyz), bool)
     planes: list[Plane] = []
-    held: list[np.ndarray] = []
+    held: list[_Held] = []
     for _ in range(MOST):
         left = np.nonzero(free)[0]
         if len(left) < FEWEST:
             break
         start = _best_candidate(xyz, normal, widths, left, generator)
         direction, offset = _refitted(xyz[left], normal[left], widths[left], *start)
-        on = free & (np.abs(_along(xyz, direction) - offset) < 2.5 * widths) & (_along(normal, direction) > 0.9)
+        direction, offset, narrow = _exactly(xyz[left], normal[left], widths[left], exact[left], direction, offset)
+        on = free & (np.abs(_along(xyz, direction) - offset) < 2.5 * widths) & (_along(normal, direction) > FACING)
         share = float(on.sum()) / len(xyz)
         if share < LEAST_SHARE / 3:  # the best that there is
             break
         free &= ~on
         if share >= LEAST_SHARE:
-            planes.append(Plane(direction, offset, share))
-            held.append(np.flatnonzero(on))
+            planes.append(Plane(direction, _offset(_along(xyz[on], direction), widths[on]), share))
+            held.append(_Held(xyz[on], widths[on], exact[on], narrow))
     if right_angles and len(planes) > 1:
-        planes = _squared(planes, [(xyz[on], widths[on]) for on in held])
+        planes = _squared(planes, held)
     return sorted(planes, key=lambda plane: -plane.share)
 
 
@@ -128,30 +156,51 @@ def _refitted(
     scale = 3.0
     for _ in range(REFITS):
         off = (_along(xyz, direction) - offset) / (scale * width)
-        weight = np.where((np.abs(off) < 2.5) & (_along(normal, direction) > 0.9), 1 / (1 + off**2), 0)
+        weight = np.where((np.abs(off) < 2.5) & (_along(normal, direction) > FACING), 1 / (1 + off**2), 0)
         if np.count_nonzero(weight) < 50:
             break
-        centre = np.einsum("n,nd->d", weight, xyz) / weight.sum()
-        spread = xyz - centre
-        # einsum, not BLAS, whose bits depend on its threads.
-        least = np.linalg.eigh(np.einsum("n,ni,nj->ij", weight, spread, spread))[1][:, 0]
-        direction = least if least @ direction > 0 else -least
-        offset = float(direction @ centre)
+        direction, offset = _least_squares(xyz, weight, direction)
         scale = max(1.0, 0.8 * scale)
     return direction, offset
 
 
-def _squared(planes: Sequence[Plane], held: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Plane]:
-    """The same planes, their directions adjusted to each other; of each, the points that it holds and their widths."""
+def _exactly(
+    xyz: np.ndarray, normal: np.ndarray, width: np.ndarray, exact: np.ndarray, direction: np.ndarray, offset: float
+) -> tuple[np.ndarray, float, float]:
+    """The plane of the exact samples and of those near it; and how near, times `width`."""
+    narrow = 1.0
+    for _ in range(REFITS):
+        off = (_along(xyz, direction) - offset) / width
+        near = (np.abs(off) < 2.5 * narrow) & (_along(normal, direction) > FACING)
+        if np.count_nonzero(near) < 50:
+            break
+        narrow = min(narrow, max(NARROW, MIDDLES * float(np.median(np.abs(off[near])))))
+        weight = np.where(near, exact / (1 + (off / narrow) ** 2) ** 2, 0)
+        direction, offset = _least_squares(xyz, weight, direction)
+    return direction, offset, narrow
+
+
+def _least_squares(xyz: np.ndarray, weight: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, float]:
+    """Direction and offset of the plane through weighted points."""
+    centre = np.einsum("n,nd->d", weight, xyz) / weight.sum()
+    spread = xyz - centre
+    # einsum, not BLAS, whose bits depend on its threads.
+    least = np.linalg.eigh(np.einsum("n,ni,nj->ij", weight, spread, spread))[1][:, 0]
+    direction = least if least @ towards > 0 else -least
+    return direction, float(direction @ centre)
+
+
+def _squared(planes: Sequence[Plane], held: Sequence[_Held]) -> list[Plane]:
+    """The same planes, their directions adjusted to each other."""
     covariances = []
-    for plane, (xyz, width) in zip(planes, held, strict=True):
-        off = _along(xyz, plane.normal)
-        off -= off.mean()
-        covariances.append(direction_covariance(xyz, off, 1 / (1 + (off / width) ** 2), plane.normal))
+    for plane, on in zip(planes, held, strict=True):
+        off = _along(on.xyz, plane.normal) - plane.offset
+        weight = on.exact / (1 + (off / (on.narrow * on.width)) ** 2)
+        covariances.append(direction_covariance(on.xyz, off, weight, plane.normal))
     normals = turned(np.stack([plane.normal for plane in planes]), np.stack(covariances))
     return [
-        Plane(normal, _offset(_along(xyz, normal), width), plane.share)
-        for normal, plane, (xyz, width) in zip(normals, planes, held, strict=True)
+        Plane(normal, _offset(_along(on.xyz, normal), on.width), plane.share)
+        for normal, plane, on in zip(normals, planes, held, strict=True)
     ]
 
 

@@ -222,7 +222,8 @@ def _samples(
         pixel = np.stack([column, row], axis=1)[use] + 0.5
         xyz = part.camera.unproject(pixel, depth[use])
         weight = sure[use] * depth[use] ** 2 * (1 - seen_through(space, xyz)) ** 2
-        parts.append(Samples(xyz, normal[use], depth[use], weight))
+        off = error[row, column][use] * depth[use]
+        parts.append(Samples(xyz, normal[use], depth[use], weight, off))
     return Samples(*(np.concatenate(one) for one in zip(*parts, strict=True)))
 
 

@@ -16,7 +16,7 @@ from room2dgs.priors.completion.planes import Plane, Samples, find_planes
 from room2dgs.priors.completion.relief import Relief
 from room2dgs.priors.completion.views import _with_fine, complete_views
 
-NONE = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
+NONE = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0))
 OFF = (1.06, 0.94, 1.09, 0.92)  # of the depth of every third view
 
 
@@ -29,7 +29,7 @@ def on_plane(rng, normal, offset, count, noise):
     xyz = flat + (offset + rng.normal(0, noise, (count, 1))) * normal
     tilted = normal + rng.normal(0, 0.05, (count, 3))
     tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
-    return Samples(xyz, tilted, np.full(count, 2.0), np.ones(count))
+    return Samples(xyz, tilted, np.full(count, 2.0), np.ones(count), np.full(count, noise))
 
 
 def together(*parts: Samples) -> Samples:
@@ -43,7 +43,13 @@ def planes_of(samples: Samples) -> list[Plane]:
 def test_planes_are_found_through_noise_and_clutter():
     rng = np.random.default_rng(1)
     wall, floor = ((1.0, 0.1, 0.0), -1.2), ((0.0, 0.05, 1.0), 0.1)
-    clutter = Samples(rng.uniform(-1.5, 1.5, (3000, 3)), rng.normal(0, 1, (3000, 3)), np.full(3000, 2.0), np.ones(3000))
+    clutter = Samples(
+        rng.uniform(-1.5, 1.5, (3000, 3)),
+        rng.normal(0, 1, (3000, 3)),
+        np.full(3000, 2.0),
+        np.ones(3000),
+        np.full(3000, 0.3),
+    )
     clutter = clutter._replace(normal=clutter.normal / np.linalg.norm(clutter.normal, axis=1, keepdims=True))
     found = planes_of(together(on_plane(rng, *wall, 9000, 0.015), on_plane(rng, *floor, 5000, 0.015), clutter))
     for plane, (normal, offset) in zip(found[:2], (wall, floor), strict=True):
@@ -63,8 +69,20 @@ def test_among_exact_samples_pictures_do_not_draw_their_wall_forward():
     wall, pictures = on_plane(rng, (1, 0, 0), -1.0, 4000, 0.002), on_plane(rng, (1, 0, 0), -0.975, 2000, 0.002)
     samples = together(wall, pictures)
     (wide, *_), (narrow, *_) = (find_planes(samples, right_angles=False, width=width) for width in (1.0, 0.5))
-    assert abs(narrow.offset + 1) < 0.003
-    assert wide.offset + 1 > 0.005
+    assert abs(narrow.offset + 1) < 0.001
+    assert wide.offset + 1 > 0.003
+
+
+def test_a_planes_direction_is_that_of_exact_samples_and_its_place_that_of_all():
+    """A floor of which a few samples are exact in one half; most are tilted by 3 degrees, and say so."""
+    rng = np.random.default_rng(7)
+    floor = on_plane(rng, (0, 0, 1), 0.0, 2000, 0.003)
+    tilted = on_plane(rng, (np.sin(np.radians(3)), 0, np.cos(np.radians(3))), 0.01, 10000, 0.01)
+    (plane, *_) = planes_of(together(floor, tilted._replace(error=np.full(10000, 0.06))))
+    assert np.degrees(np.arccos(plane.normal[2])) < 0.3
+    assert plane.offset == pytest.approx(0.008, abs=0.003)
+    (doubted, *_) = planes_of(together(floor._replace(error=np.full(2000, 0.06)), tilted))
+    assert np.degrees(np.arccos(doubted.normal[2])) > 2
 
 
 def test_both_sides_of_a_thin_wall_are_two_planes():

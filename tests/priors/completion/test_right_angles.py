@@ -144,7 +144,9 @@ def test_planes_found_in_samples_are_squared_only_when_asked():
         flat = rng.uniform(-1.5, 1.5, (count, 2))
         off = waves * np.sin(3 * flat[:, :1] + 1) * np.cos(2.5 * flat[:, 1:])
         xyz = flat @ across + off * normal - 1.5 * normal
-        parts.append(Samples(xyz, np.broadcast_to(normal, xyz.shape), np.full(count, 2.0), np.ones(count)))
+        parts.append(
+            Samples(xyz, np.broadcast_to(normal, xyz.shape), np.full(count, 2.0), np.ones(count), np.full(count, 0.01))
+        )
     samples = Samples(*(np.concatenate(one) for one in zip(*parts, strict=True)))
     as_seen, squared = (find_planes(samples, right_angles=one)[0] for one in (False, True))
     assert degrees_between(as_seen.normal, UP) > 1.3
