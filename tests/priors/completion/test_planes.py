@@ -74,15 +74,19 @@ def test_among_exact_samples_pictures_do_not_draw_their_wall_forward():
 
 
 def test_a_planes_direction_is_that_of_exact_samples_and_its_place_that_of_all():
-    """A floor of which a few samples are exact in one half; most are tilted by 3 degrees, and say so."""
+    """A floor of which a few samples are exact; most are tilted by 1.5 degrees and 1.5 cm off, and say so."""
     rng = np.random.default_rng(7)
-    floor = on_plane(rng, (0, 0, 1), 0.0, 2000, 0.003)
-    tilted = on_plane(rng, (np.sin(np.radians(3)), 0, np.cos(np.radians(3))), 0.01, 10000, 0.01)
-    (plane, *_) = planes_of(together(floor, tilted._replace(error=np.full(10000, 0.06))))
-    assert np.degrees(np.arccos(plane.normal[2])) < 0.3
-    assert plane.offset == pytest.approx(0.008, abs=0.003)
-    (doubted, *_) = planes_of(together(floor._replace(error=np.full(2000, 0.06)), tilted))
-    assert np.degrees(np.arccos(doubted.normal[2])) > 2
+    floor = on_plane(rng, (0, 0, 1), 0.0, 1500, 0.003)
+    tilted = on_plane(rng, (np.sin(np.radians(1.5)), 0, np.cos(np.radians(1.5))), 0.015, 10000, 0.01)
+    unsure = tilted._replace(error=np.full(10000, 0.06))
+    for right_angles in (False, True):
+        wall = on_plane(rng, (0, 1, 0.01), -1.0, 2000, 0.003)  # 0.6 degrees off a right angle with the floor
+        found = find_planes(together(floor, unsure, wall), right_angles=right_angles)
+        plane = max(found, key=lambda one: one.normal[2])
+        assert np.degrees(np.arccos(plane.normal[2])) < 0.4
+        assert plane.offset > 0.006
+    (doubted, *_) = planes_of(together(floor._replace(error=np.full(1500, 0.06)), tilted))
+    assert np.degrees(np.arccos(doubted.normal[2])) > 1
 
 
 def test_both_sides_of_a_thin_wall_are_two_planes():
