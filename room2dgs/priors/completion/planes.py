@@ -48,21 +48,6 @@ class Samples(NamedTuple):
     error: np.ndarray
 
 
-class _Held(NamedTuple):
-    """The samples that one plane holds, as `Samples` has them.
-
-    Attributes:
-        width: (N,) metres, at which one starts to count as off the plane.
-        exact: (N,) how much each says of the plane's direction, 1 on average of all samples.
-        narrow: times `width`, for the direction.
-    """
-
-    xyz: np.ndarray
-    width: np.ndarray
-    exact: np.ndarray
-    narrow: float
-
-
 class Plane(NamedTuple):
     """normal · x = offset.
 
@@ -106,14 +91,14 @@ def find_planes(samples: Samples, *, right_angles: bool, width: float = 1.0) -> 
     exact /= exact.mean()
     free = np.ones(len(xyz), bool)
     planes: list[Plane] = []
-    held: list[_Held] = []
+    held: list[tuple[np.ndarray, np.ndarray]] = []
     for _ in range(MOST):
         left = np.nonzero(free)[0]
         if len(left) < FEWEST:
             break
         start = _best_candidate(xyz, normal, widths, left, generator)
         direction, offset = _refitted(xyz[left], normal[left], widths[left], *start)
-        direction, offset, narrow = _exactly(xyz[left], normal[left], widths[left], exact[left], direction, offset)
+        direction, offset = _exactly(xyz[left], normal[left], widths[left], exact[left], direction, offset)
         on = free & (np.abs(_along(xyz, direction) - offset) < 2.5 * widths) & (_along(normal, direction) > FACING)
         share = float(on.sum()) / len(xyz)
         if share < LEAST_SHARE / 3:  # the best that there is
@@ -121,7 +106,7 @@ def find_planes(samples: Samples, *, right_angles: bool, width: float = 1.0) -> 
         free &= ~on
         if share >= LEAST_SHARE:
             planes.append(Plane(direction, _offset(_along(xyz[on], direction), widths[on]), share))
-            held.append(_Held(xyz[on], widths[on], exact[on], narrow))
+            held.append((xyz[on], widths[on]))
     if right_angles and len(planes) > 1:
         planes = _squared(planes, held)
     return sorted(planes, key=lambda plane: -plane.share)
@@ -166,8 +151,8 @@ def _refitted(
 
 def _exactly(
     xyz: np.ndarray, normal: np.ndarray, width: np.ndarray, exact: np.ndarray, direction: np.ndarray, offset: float
-) -> tuple[np.ndarray, float, float]:
-    """The plane of the exact samples and of those near it; and how near, times `width`."""
+) -> tuple[np.ndarray, float]:
+    """The plane of the exact samples and of those near it."""
     narrow = 1.0
     for _ in range(REFITS):
         off = (_along(xyz, direction) - offset) / width
@@ -177,7 +162,7 @@ def _exactly(
         narrow = min(narrow, max(NARROW, MIDDLES * float(np.median(np.abs(off[near])))))
         weight = np.where(near, exact / (1 + (off / narrow) ** 2) ** 2, 0)
         direction, offset = _least_squares(xyz, weight, direction)
-    return direction, offset, narrow
+    return direction, offset
 
 
 def _least_squares(xyz: np.ndarray, weight: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, float]:
@@ -190,17 +175,20 @@ def _least_squares(xyz: np.ndarray, weight: np.ndarray, towards: np.ndarray) -> 
     return direction, float(direction @ centre)
 
 
-def _squared(planes: Sequence[Plane], held: Sequence[_Held]) -> list[Plane]:
-    """The same planes, their directions adjusted to each other."""
+def _squared(planes: Sequence[Plane], held: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Plane]:
+    """The same planes, their directions adjusted to each other; of each, the points that it holds and their widths.
+
+    How well a direction is known all samples say, not the exact ones, which may be off together.
+    """
     covariances = []
-    for plane, on in zip(planes, held, strict=True):
-        off = _along(on.xyz, plane.normal) - plane.offset
-        weight = on.exact / (1 + (off / (on.narrow * on.width)) ** 2)
-        covariances.append(direction_covariance(on.xyz, off, weight, plane.normal))
+    for plane, (xyz, width) in zip(planes, held, strict=True):
+        off = _along(xyz, plane.normal)
+        off -= off.mean()
+        covariances.append(direction_covariance(xyz, off, 1 / (1 + (off / width) ** 2), plane.normal))
     normals = turned(np.stack([plane.normal for plane in planes]), np.stack(covariances))
     return [
-        Plane(normal, _offset(_along(on.xyz, normal), on.width), plane.share)
-        for normal, plane, on in zip(normals, planes, held, strict=True)
+        Plane(normal, _offset(_along(xyz, normal), width), plane.share)
+        for normal, plane, (xyz, width) in zip(normals, planes, held, strict=True)
     ]
 
 
