@@ -1,4 +1,4 @@
-"""Refined poses of a capture in a JSON file, beside the given ones that they belong to."""
+"""Refined poses of a capture, and a lens that was found, in a JSON file, beside the given poses that they belong to."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from room2dgs.captures.lens import Lens
 from room2dgs.captures.scene import Dropped, Frame, Scene
+from room2dgs.captures.with_lens import with_lens
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
 
 KIND = "room2dgs poses"
 LEFT_OUT = "left_out"  # what a report calls the frames that take no part
+LENS = "lens"  # and the lens that was found: model, params, size
 NO_POSE = "its photo does not tell its pose, and the given poses are off"
 SAME = 1e-9  # given poses are read from text each time and are the same then
 
@@ -67,9 +70,9 @@ def write_poses(path: Path, given: Scene, refined: Scene, report: Mapping[str, A
 
 
 def read_poses(path: Path, scene: Scene) -> tuple[Scene, dict[str, Any]]:
-    """The scene with the refined poses of a file, and what the file reports.
+    """The scene with the refined poses and the lens of a file, and what the file reports.
 
-    Frames not in it stay as they are; those that its report calls left out are not in the scene.
+    Frames not in it keep their poses; those that its report calls left out are not in the scene.
 
     Raises:
         InputError: the file is missing, damaged, or belongs to other given poses.
@@ -81,11 +84,15 @@ def read_poses(path: Path, scene: Scene) -> tuple[Scene, dict[str, Any]]:
             name: tuple(np.array(pose[which], dtype=np.float64) for which in ("given", "refined"))
             for name, pose in content["cam_from_world"].items()
         }
+        found = report.get(LENS)
+        lens = found and Lens(str(found["model"]), tuple(map(float, found["params"])), tuple(map(int, found["size"])))
         whole = kind == KIND and all(m.shape == (4, 4) and np.isfinite(m).all() for two in poses.values() for m in two)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         whole = False
     if not whole:
         raise InputError(f"{path} is not a file of refined poses; delete it and start the run anew")
+    if lens:
+        scene = with_lens(scene, replace(lens, source=str(path)))
     cameras = {}
     for frame in scene.frames:
         if frame.name not in poses:

@@ -60,7 +60,7 @@ def adjusted(
         for group in range(groups.max() + 1):
             moved = aligned(moved, given, groups == group)
         cameras = [one if seen else other for one, other, seen in zip(moved, given, known, strict=True)]
-        spread = _spread(cameras, given, known, fitting)
+        spread = spread_of(cameras, given, known, fitting)
         fine += loss_px == LOSS_PX
         if fine == FINE_ROUNDS:
             break
@@ -87,7 +87,7 @@ def consistent(cameras: Sequence[Camera], tracks: Tracks) -> tuple[Tracks, np.nd
     return tracks, xyz, scale
 
 
-def _spread(cameras: Sequence[Camera], given: Sequence[Camera], known: np.ndarray, tracks: Tracks) -> Spread:
+def spread_of(cameras: Sequence[Camera], given: Sequence[Camera], known: np.ndarray, tracks: Tracks) -> Spread:
     """By how far the cameras went, and by the errors that are left."""
     metres, degrees = (float(np.median(way[known])) / MEDIAN_LENGTH for way in moves(cameras, given))
     error = reprojection_errors(cameras, triangulated(cameras, tracks), tracks)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from room2dgs.captures.lens import Lens
 from room2dgs.captures.point_cloud import Tracks
 from room2dgs.colmap import pycolmap
 from room2dgs.geometry.camera import Camera
@@ -16,7 +17,7 @@ from room2dgs.sfm.matching import pinhole, quiet
 
 ITERATIONS = 50
 FAR_M = 1e4
-HOLDS = 1_000_000  # from here on numbers of what holds rotations, above those of photos
+HOLDS = 1_000_000  # from here on numbers of what holds rotations, above those of photos and their cameras
 HOLD_PX = 1000
 ALIGNMENT_ROUNDS = 4
 
@@ -56,6 +57,48 @@ def bundle_adjusted(
         tracks: of all of these cameras; photos without an observation keep their pose.
         xyz: (M, 3) points to start from, metres.
     """
+    models = [pinhole(camera) for camera in cameras]
+    rebuilt = _solved(models, range(1, len(cameras) + 1), cameras, given, tracks, xyz, spread, _options(loss_px))
+    return _with_poses(cameras, rebuilt)
+
+
+def lens_adjusted(
+    cameras: Sequence[Camera],
+    given: Sequence[Camera],
+    tracks: Tracks,
+    xyz: np.ndarray,
+    loss_px: float,
+    spread: Spread,
+) -> tuple[list[Camera], Lens]:
+    """As `bundle_adjusted`, with the one lens that all photos were taken through: focal lengths, radial and tangential
+    distortion (COLMAP's OPENCV), from the first camera's K and no distortion on. The principal point stays: moving it
+    is almost a turn."""
+    options = _options(loss_px)
+    options.refine_focal_length = options.refine_extra_params = True
+    model = pinhole(cameras[0])
+    one = pycolmap.Camera(
+        model="OPENCV", width=model.width, height=model.height, params=[*model.params, 0.0, 0.0, 0.0, 0.0]
+    )
+    rebuilt = _solved([one] * len(cameras), [1] * len(cameras), cameras, given, tracks, xyz, spread, options)
+    lens = Lens("OPENCV", tuple(float(x) for x in rebuilt.camera(1).params), cameras[0].size, "the photos' own lens")
+    return _with_poses(cameras, rebuilt), lens
+
+
+def _solved(
+    models: Sequence[pycolmap.Camera],
+    numbers: Sequence[int],
+    cameras: Sequence[Camera],
+    given: Sequence[Camera],
+    tracks: Tracks,
+    xyz: np.ndarray,
+    spread: Spread,
+    options: pycolmap.BundleAdjustmentOptions,
+) -> pycolmap.Reconstruction:
+    """The adjusted photos, numbered from 1 on.
+
+    Args:
+        models, numbers: of each photo its intrinsics and their number; photos may share one.
+    """
     rebuilt = pycolmap.Reconstruction()
     observed = [np.flatnonzero(tracks.frame == index) for index in range(len(cameras))]
     used = [index for index, rows in enumerate(observed) if len(rows)]
@@ -67,10 +110,10 @@ def bundle_adjusted(
         image = pycolmap.Image(
             name=str(index),
             keypoints=tracks.pixel[rows].astype(np.float64),
-            camera_id=index + 1,
+            camera_id=numbers[index],
             image_id=index + 1,
         )
-        _add(rebuilt, image, camera, rotation_hold(spread))
+        _add(rebuilt, image, camera, models[index], rotation_hold(spread))
         priors.append(_prior(rebuilt.image(index + 1), given[index].centre, spread.metres / spread.pixels))
     start = np.searchsorted(tracks.point, np.arange(len(xyz) + 1))
     for point, place in enumerate(xyz):
@@ -82,6 +125,7 @@ def bundle_adjusted(
     for index in used:
         config.add_image(index + 1)
         config.add_image(HOLDS + index)
+        config.set_constant_cam_intrinsics(HOLDS + numbers[index] - 1)
         for number, place in enumerate(far_points(given[index], hold)):
             track = pycolmap.Track()
             for twice in range(2):  # pycolmap wants two observations of a point
@@ -90,12 +134,18 @@ def bundle_adjusted(
     alignment = pycolmap.PosePriorBundleAdjustmentOptions()
     alignment.alignment_ransac.random_seed = 0
     with quiet():
-        pycolmap.create_pose_prior_bundle_adjuster(_options(loss_px), alignment, config, priors, rebuilt).solve()
+        pycolmap.create_pose_prior_bundle_adjuster(options, alignment, config, priors, rebuilt).solve()
+    return rebuilt
+
+
+def _with_poses(cameras: Sequence[Camera], rebuilt: pycolmap.Reconstruction) -> list[Camera]:
+    """The cameras where their photos were adjusted to, the others as they are."""
     found = list(cameras)
-    for index in used:
-        pose = np.eye(4)
-        pose[:3] = rebuilt.image(index + 1).cam_from_world().matrix()
-        found[index] = replace(cameras[index], cam_from_world=pose)
+    for index, camera in enumerate(cameras):
+        if index + 1 in rebuilt.images:
+            pose = np.eye(4)
+            pose[:3] = rebuilt.image(index + 1).cam_from_world().matrix()
+            found[index] = replace(camera, cam_from_world=pose)
     return found
 
 
@@ -123,24 +173,31 @@ def _hold_pixels(hold: pycolmap.Camera) -> np.ndarray:
     return np.array([(middle - focal / 2, middle), (middle + focal / 2, middle)])
 
 
-def _add(rebuilt: pycolmap.Reconstruction, image: pycolmap.Image, camera: Camera, hold: pycolmap.Camera) -> None:
-    """A photo, and beside it, in one rig, what holds its rotation."""
-    index, model = image.image_id - 1, pinhole(camera)
-    model.camera_id, hold.camera_id = image.image_id, HOLDS + index
-    rig = pycolmap.Rig(rig_id=index + 1)
-    rig.add_ref_sensor(model.sensor_id)
-    rig.add_sensor(hold.sensor_id, pycolmap.Rigid3d())
+def _add(
+    rebuilt: pycolmap.Reconstruction,
+    image: pycolmap.Image,
+    camera: Camera,
+    model: pycolmap.Camera,
+    hold: pycolmap.Camera,
+) -> None:
+    """A photo, and beside it, in one rig, what holds its rotation; photos that share intrinsics share the rig."""
+    index, number = image.image_id - 1, image.camera_id
+    model.camera_id, hold.camera_id = number, HOLDS + number - 1
     held = pycolmap.Image(
         name=f"{image.name} held",
         keypoints=np.repeat(_hold_pixels(hold), 2, axis=0),
         camera_id=hold.camera_id,
-        image_id=hold.camera_id,
+        image_id=HOLDS + index,
     )
-    frame = pycolmap.Frame(frame_id=index + 1, rig_id=rig.rig_id)
+    if number not in rebuilt.cameras:
+        rig = pycolmap.Rig(rig_id=number)
+        rig.add_ref_sensor(model.sensor_id)
+        rig.add_sensor(hold.sensor_id, pycolmap.Rigid3d())
+        for one in (model, hold):
+            rebuilt.add_camera(one)
+        rebuilt.add_rig(rig)
+    frame = pycolmap.Frame(frame_id=index + 1, rig_id=number)
     frame.rig_from_world = pycolmap.Rigid3d(camera.cam_from_world[:3])
-    for one in (model, hold):
-        rebuilt.add_camera(one)
-    rebuilt.add_rig(rig)
     for one in (image, held):
         one.frame_id = frame.frame_id
         frame.add_data_id(one.data_id)

@@ -14,6 +14,7 @@ import numpy as np
 from room2dgs.captures.point_cloud import Tracks
 from room2dgs.captures.poses_file import read_poses, with_cameras, without, write_poses
 from room2dgs.captures.scene import Scene
+from room2dgs.captures.with_lens import with_lens
 from room2dgs.config import PointsConfig, SfmConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
@@ -23,6 +24,7 @@ from room2dgs.sfm.bundle import moves
 from room2dgs.sfm.capture_points import capture_points
 from room2dgs.sfm.carried import carried
 from room2dgs.sfm.chains import Chains, chains, some
+from room2dgs.sfm.lens import LensFound, found_lens
 from room2dgs.sfm.matching import IndexPairs, Matches, agreement, match, of_photos
 from room2dgs.sfm.pairs import match_pairs, seen_by_others, shared_view
 from room2dgs.sfm.resection import known_points, resected
@@ -31,7 +33,7 @@ from room2dgs.sfm.structure import reprojection_errors, triangulated
 from room2dgs.sfm.triangulation import MAX_EPIPOLAR_PX, triangulate_matches
 
 # Raised when the same input gives other poses.
-RECIPE = 3
+RECIPE = 4
 HELD_OUT = 5  # every so manieth track judges and takes no part
 LEAST_TRACKS = 100
 # "auto" takes poses that lower the held-out error to this share of it and by this much
@@ -57,6 +59,7 @@ class PoseReport:
         left: views that their photos did not place, by name; where corrections are alike from one view to the next
             they have that of those before and after, else their given poses.
         left_out: those of them that take no part in what follows.
+        lens: that the photos were found to have been taken through, as `poses_file` reads it, and what speaks for it.
     """
 
     refined: bool
@@ -69,6 +72,7 @@ class PoseReport:
     turned_deg: float | None = None
     left: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    lens: dict[str, Any] | None = None
 
 
 def refined_poses(
@@ -143,13 +147,19 @@ def _refined(
     log: Log,
     extracted: Callable[[], None],
 ) -> tuple[Scene, PoseReport]:
+    matches, pairs = _matched(scene, settings, work / "given", log, extracted)
     given = [frame.camera for frame in scene.train]
-    pairs = match_pairs(given, settings.overlap)
-    log(f"poses: matching {len(pairs)} pairs of {len(given)} photos, and {len(scene.test)} held-out ones")
-    others = _held_out_pairs(given, [frame.camera for frame in scene.test], settings.overlap)
-    matches = match((*scene.train, *scene.test), [*pairs, *others], settings, work, extracted)
     joined = chains(matches, given, pairs)
+    lens = found_lens(given, joined.tracks) if config.refine_lens and _may_have_a_lens(scene) else None
+    if lens is not None:
+        log(_words(lens))
+        scene = with_lens(scene, lens.lens)
+        matches, pairs = _matched(scene, settings, work / "straight", log)
+        given = [frame.camera for frame in scene.train]
+        joined = chains(matches, given, pairs)
     cameras, found = judged(given, joined.tracks, matches, pairs, forced=config.refine_poses is True)
+    if lens is not None:
+        found = replace(found, lens=_as_report(lens))
     refined = scene
     if found.refined:
         placed, left = _placed(scene, matches, joined, cameras, found)
@@ -167,6 +177,45 @@ def _refined(
         cloud = triangulate_matches(matches, refined.train, pairs, settings, work / "model")
         keep_points(refined, settings, cache, cloud)
     return refined, found
+
+
+def _matched(
+    scene: Scene, settings: PointsConfig, work: Path, log: Log, extracted: Callable[[], None] = lambda: None
+) -> tuple[Matches, IndexPairs]:
+    """All photos matched, and the pairs of training photos among them."""
+    given = [frame.camera for frame in scene.train]
+    pairs = match_pairs(given, settings.overlap)
+    log(f"poses: matching {len(pairs)} pairs of {len(given)} photos, and {len(scene.test)} held-out ones")
+    others = _held_out_pairs(given, [frame.camera for frame in scene.test], settings.overlap)
+    return match((*scene.train, *scene.test), [*pairs, *others], settings, work, extracted), pairs
+
+
+def _may_have_a_lens(scene: Scene) -> bool:
+    """All photos are taken for those of one pinhole camera, and no sensor's depth is registered to it."""
+    first = scene.train[0].camera
+    return all(
+        frame.lens is None
+        and frame.depth_path is None
+        and frame.camera.size == first.size
+        and np.array_equal(frame.camera.K, first.K)
+        for frame in scene.frames
+    )
+
+
+def _words(found: LensFound) -> str:
+    """For the log."""
+    focal = " and ".join(f"{value:.4f}" for value in found.focal)
+    error = f"{found.before_px:.2f} -> {found.after_px:.2f} px"
+    return (
+        f"lens: focal lengths {focal} times the given ones, and distortion; reprojection error {error}: photos are "
+        "straightened (sfm.refine_lens=false leaves them as they are)"
+    )
+
+
+def _as_report(found: LensFound) -> dict[str, Any]:
+    lens = found.lens
+    evidence = {"before_px": found.before_px, "after_px": found.after_px, "moved_px": found.moved_px}
+    return {"model": lens.model, "params": list(lens.params), "size": list(lens.size), **evidence}
 
 
 def carried_over(given: Scene, refined: Scene, left: Collection[str]) -> tuple[dict[str, Camera], dict[str, float]]:
@@ -281,5 +330,5 @@ def _line(found: PoseReport) -> str:
 
 
 def _key(scene: Scene, config: SfmConfig, points: PointsConfig) -> str:
-    settings = [RECIPE, str(config.refine_poses), config.leave_out, points.source]
+    settings = [RECIPE, str(config.refine_poses), config.leave_out, config.refine_lens, points.source]
     return digest_of_views((*scene.train, None, *scene.test), points, settings)

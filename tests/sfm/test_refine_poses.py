@@ -28,8 +28,8 @@ from room2dgs.sfm.refinement import carried_over, dispensable, judged, refined_p
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.sfm.structure import parallax_deg, reprojection_errors, triangulated
 
-AUTO, FORCED, OFF = SfmConfig("auto", True), SfmConfig(True, True), SfmConfig(False, True)
-KEEPING = SfmConfig("auto", False)
+AUTO, FORCED, OFF = SfmConfig("auto", True, True), SfmConfig(True, True, True), SfmConfig(False, True, True)
+KEEPING = SfmConfig("auto", False, True)
 K = np.array([[260.0, 0, 160], [0, 255.0, 118], [0, 0, 1]])
 
 

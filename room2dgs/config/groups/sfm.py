@@ -20,3 +20,6 @@ class SfmConfig:
     leave_out: bool = Field(
         description="views whose poses photos do not tell take no part, if the given are clearly off and others see it"
     )
+    refine_lens: bool = Field(
+        description="with the poses, focal lengths and distortion, where photos clearly have others than given"
+    )
