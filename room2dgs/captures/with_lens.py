@@ -19,8 +19,9 @@ def with_lens(scene: Scene, lens: Lens) -> Scene:
         lens: at a size of that shape.
 
     Raises:
-        InputError: a photo cannot be read, or the lens leaves nothing of it.
+        InputError: a photo cannot be read, or the lens is none or leaves nothing of it.
     """
+    lens.check()
 
     def straight(frame: Frame) -> Frame:
         full = frame.full_size()

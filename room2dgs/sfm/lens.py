@@ -10,13 +10,14 @@ import numpy as np
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.point_cloud import Tracks
 from room2dgs.geometry.camera import Camera
-from room2dgs.sfm.adjust import adjusted, consistent, spread_of
+from room2dgs.sfm.adjust import SEEN, adjusted, consistent, spread_of
 from room2dgs.sfm.bundle import lens_adjusted
-from room2dgs.sfm.chains import some
+from room2dgs.sfm.chains import covering, some
 from room2dgs.sfm.structure import reprojection_errors, triangulated
 
 HELD_OUT = 5  # every so manieth track judges and takes no part
 LEAST_TRACKS = 500
+ROUNDS = 2  # of poses alone, before the lens is free, too
 # Of the held-out error of before, that a lens has to leave at most: a free lens takes up a little of what poses are
 # off, too (0.98 to 0.99 with 1 degree and 2 cm of noise).
 SHARE = 0.96
@@ -57,7 +58,8 @@ def found_lens(given: Sequence[Camera], tracks: Tracks) -> LensFound | None:
         return None
     held_out = np.arange(count) % HELD_OUT == 0
     judges, used = some(tracks, held_out), some(tracks, ~held_out)
-    cameras, known = adjusted(given, used)
+    used = some(used, covering(used, SEEN))
+    cameras, known = adjusted(given, used, rounds=ROUNDS)
     fitting, xyz, loss_px = consistent(cameras, used)
     if not known.any() or not len(fitting):
         return None

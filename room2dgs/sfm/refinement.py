@@ -114,12 +114,14 @@ def refined_poses(
         except InputError:  # damaged: made again
             path.unlink()
         else:
-            log(f"{_line(PoseReport(**report))} ({path.name})")
+            for line in _lines(PoseReport(**report)):
+                log(f"{line} ({path.name})")
             return known, report
     cache.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".sfm-", dir=cache) as work:
         refined, found = _refined(scene, config, points, Path(work), cache, log, extracted)
-    log(_line(found))
+    for line in _lines(found):
+        log(line)
     if found.left_out:
         words = "views left out, whose photos do not tell their poses (sfm.leave_out=false keeps them)"
         log(f"{words}: {', '.join(found.left_out)}")
@@ -152,7 +154,6 @@ def _refined(
     joined = chains(matches, given, pairs)
     lens = found_lens(given, joined.tracks) if config.refine_lens and _may_have_a_lens(scene) else None
     if lens is not None:
-        log(_words(lens))
         scene = with_lens(scene, lens.lens)
         matches, pairs = _matched(scene, settings, work / "straight", log)
         given = [frame.camera for frame in scene.train]
@@ -202,19 +203,9 @@ def _may_have_a_lens(scene: Scene) -> bool:
     )
 
 
-def _words(found: LensFound) -> str:
-    """For the log."""
-    focal = " and ".join(f"{value:.4f}" for value in found.focal)
-    error = f"{found.before_px:.2f} -> {found.after_px:.2f} px"
-    return (
-        f"lens: focal lengths {focal} times the given ones, and distortion; reprojection error {error}: photos are "
-        "straightened (sfm.refine_lens=false leaves them as they are)"
-    )
-
-
 def _as_report(found: LensFound) -> dict[str, Any]:
     lens = found.lens
-    evidence = {"before_px": found.before_px, "after_px": found.after_px, "moved_px": found.moved_px}
+    evidence = {name: getattr(found, name) for name in ("focal", "before_px", "after_px", "moved_px")}
     return {"model": lens.model, "params": list(lens.params), "size": list(lens.size), **evidence}
 
 
@@ -316,17 +307,26 @@ def _held_out_pairs(given: Sequence[Camera], others: Sequence[Camera], overlap: 
     return [(int(i), count + j) for j in range(len(others)) for i in sorted(best[j]) if score[j, i] > 0]
 
 
-def _line(found: PoseReport) -> str:
+def _lines(found: PoseReport) -> list[str]:
     """For the log."""
+    lines = []
+    if found.lens:
+        focal = " and ".join(f"{value:.4f}" for value in found.lens["focal"])
+        lines.append(
+            f"lens: focal lengths {focal} times the given ones, and distortion; reprojection error "
+            f"{found.lens['before_px']:.2f} -> {found.lens['after_px']:.2f} px: photos are straightened "
+            "(sfm.refine_lens=false leaves them as they are)"
+        )
     if found.before_px is None or found.after_px is None:
-        return f"poses kept: {found.why}"
+        return [*lines, f"poses kept: {found.why}"]
     if not found.refined:
-        return f"poses kept: reprojection error {found.before_px:.2f} px, {found.after_px:.2f} px if refined"
-    return (
+        return [*lines, f"poses kept: reprojection error {found.before_px:.2f} px, {found.after_px:.2f} px if refined"]
+    lines.append(
         f"poses refined: reprojection error {found.before_px:.2f} -> {found.after_px:.2f} px, "
         f"{found.agree_before:.0%} -> {found.agree_after:.0%} of the matches agree, cameras moved "
         f"{100 * found.moved_m:.1f} cm, {found.turned_deg:.2f} deg (median)"
     )
+    return lines
 
 
 def _key(scene: Scene, config: SfmConfig, points: PointsConfig) -> str:
