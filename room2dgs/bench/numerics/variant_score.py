@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import runpy
 import shutil
 import subprocess
 import sys
@@ -46,15 +47,16 @@ def scored(
     return found["protocols"]["area"]
 
 
-def main(argv: list[str]) -> int:
-    """Run."""
+def main(argv: list[str]) -> None:
+    """Run; ends the process."""
     use(Path(argv[0]))
 
-    from room2dgs import _C, cli
+    from room2dgs import _C
 
     assert Path(_C.__file__) == Path(argv[0])
-    return cli.main(["run", *argv[1:]])
+    sys.argv = ["room2dgs", "run", *argv[1:]]
+    runpy.run_module("room2dgs.cli", run_name="__main__")  # the command line, which nothing here may import
 
 
 if __name__ == "__main__":
-    raise SystemExit(main(sys.argv[1:]))
+    main(sys.argv[1:])
