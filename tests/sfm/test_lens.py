@@ -16,7 +16,10 @@ from room2dgs.captures.read import read_scene
 from room2dgs.captures.with_lens import with_lens
 from room2dgs.config import SfmConfig
 from room2dgs.errors import InputError
+from room2dgs.sfm import bundle
 from room2dgs.sfm import lens as module
+from room2dgs.sfm.adjust import consistent
+from room2dgs.sfm.bundle import Spread
 from room2dgs.sfm.lens import found_lens, straightened
 from room2dgs.sfm.refinement import refined_poses
 from room2dgs.sfm.sparse import sparse_points
@@ -49,6 +52,22 @@ def test_tracks_tell_the_lens(degrees, metres):
 @pytest.mark.parametrize("degrees, metres", [(0.0, 0.0), (1.0, 0.02)])
 def test_a_pinhole_camera_stays_one_whatever_its_poses(degrees, metres):
     assert found_lens(shaken(ring(), degrees, metres), seen(ring(), 1200)) is None
+
+
+def test_what_a_free_lens_gains_by_chance_is_no_lens(monkeypatch):
+    monkeypatch.setattr(module, "LEAST_PX", 0.0)
+    assert found_lens(ring(), seen(ring(), 1200)) is None
+
+
+def test_what_holds_rotations_has_no_lens_to_give_way(monkeypatch):
+    """Its focal length says how much a turn costs: free, it would go to where none does."""
+    rebuilt, spread = [], Spread(0.01, 0.05, 0.5)
+    solved = bundle._solved
+    monkeypatch.setattr(bundle, "_solved", lambda *args: rebuilt.append(solved(*args)) or rebuilt[0])
+    given, tracks = shaken(ring(), 0.3, 0.005), through(LENS, seen(ring(), 400))
+    fitting, xyz, loss_px = consistent(given, tracks)
+    bundle.lens_adjusted(given, given, fitting, xyz, loss_px, spread)
+    np.testing.assert_array_equal(rebuilt[0].camera(bundle.HOLDS).params, bundle.rotation_hold(spread).params)
 
 
 def test_cameras_that_differ_and_few_tracks_tell_nothing():
