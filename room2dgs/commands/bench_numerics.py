@@ -64,6 +64,8 @@ def main(argv: list[str] | None = None) -> int:
     where = f"{machine()}; commit {commit()}; kernels {_C.isa()}"
     if args.tradeoff:
         captures = [str(capture.absolute()) for capture in args.score]
+        if len({capture.name for capture in args.score}) < len(captures):
+            raise InputError("--score names two folders alike; link one of them under another name")
         rows = tradeoff(args.tradeoff.absolute(), args.only, _tell, captures, args.settings)
         _give(args, command, where, [tradeoff_table(rows)], {"tradeoff": rows})
         return 0

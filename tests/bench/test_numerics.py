@@ -213,3 +213,5 @@ def test_a_variants_run_has_its_library_and_its_scores(tmp_path, monkeypatch):
 def test_scores_are_asked_for_with_builds(capsys):
     assert cli.main(["bench", "numerics", "--score", "hall"]) == 2
     assert "--tradeoff FOLDER" in capsys.readouterr().err
+    assert cli.main(["bench", "numerics", "--tradeoff", "x", "--score", "a/hall", "--score", "b/hall"]) == 2
+    assert "under another name" in capsys.readouterr().err
