@@ -12,7 +12,7 @@ from room2dgs.captures.point_cloud import Tracks
 from room2dgs.geometry.camera import Camera
 from room2dgs.sfm.bundle import Spread, aligned, bundle_adjusted, moves
 from room2dgs.sfm.chains import MIN_TRACK, covering, some
-from room2dgs.sfm.structure import parallax_deg, reprojection_errors, triangulated
+from room2dgs.sfm.structure import parallax_deg, reprojection_errors, track_errors, triangulated
 
 ROUNDS = 5
 FINE_ROUNDS = 2
@@ -90,7 +90,7 @@ def consistent(cameras: Sequence[Camera], tracks: Tracks) -> tuple[Tracks, np.nd
 def spread_of(cameras: Sequence[Camera], given: Sequence[Camera], known: np.ndarray, tracks: Tracks) -> Spread:
     """By how far the cameras went, and by the errors that are left."""
     metres, degrees = (float(np.median(way[known])) / MEDIAN_LENGTH for way in moves(cameras, given))
-    error = reprojection_errors(cameras, triangulated(cameras, tracks), tracks)
+    error = track_errors(cameras, tracks)
     pixels = float(np.nanmedian(error)) / MEDIAN_IN_PLANE
     return Spread(*(max(one, least) for one, least in zip((metres, degrees, pixels), LEAST, strict=True)))
 

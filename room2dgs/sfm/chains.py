@@ -20,6 +20,7 @@ RANSAC_PX = 2.0
 MIN_PAIR_INLIERS = 15
 # A pair whose own geometry lies further from the given poses than they can be wrong has matched a look-alike.
 LARGEST_POSE_ERROR_DEG = 6.0
+HELD_OUT = 5  # every so manieth track judges and takes no part
 MIN_TRACK = 3  # with two photos an error along the epipolar line goes into the depth, unseen
 
 
@@ -116,3 +117,9 @@ def some(tracks: Tracks, which: np.ndarray) -> Tracks:
     kept = which[tracks.point]
     point = (np.cumsum(which) - 1)[tracks.point[kept]].astype(np.int32)
     return Tracks(tracks.frames, tracks.frame[kept], point, tracks.pixel[kept])
+
+
+def judges_and_used(tracks: Tracks) -> tuple[Tracks, Tracks]:
+    """Tracks that take no part in an adjustment and judge it, every fifth one, and the others."""
+    held_out = np.arange(int(tracks.point.max()) + 1) % HELD_OUT == 0
+    return some(tracks, held_out), some(tracks, ~held_out)

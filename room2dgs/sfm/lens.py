@@ -12,10 +12,9 @@ from room2dgs.captures.point_cloud import Tracks
 from room2dgs.geometry.camera import Camera
 from room2dgs.sfm.adjust import SEEN, adjusted, consistent, spread_of
 from room2dgs.sfm.bundle import lens_adjusted
-from room2dgs.sfm.chains import covering, some
-from room2dgs.sfm.structure import reprojection_errors, triangulated
+from room2dgs.sfm.chains import covering, judges_and_used, some
+from room2dgs.sfm.structure import track_errors
 
-HELD_OUT = 5  # every so manieth track judges and takes no part
 LEAST_TRACKS = 500
 ROUNDS = 2  # of poses alone, before the lens is free, too
 # Of the held-out error of before, that a lens has to leave at most: a free lens takes up a little of what poses are
@@ -56,8 +55,7 @@ def found_lens(given: Sequence[Camera], tracks: Tracks) -> LensFound | None:
     count = int(tracks.point.max()) + 1 if len(tracks) else 0
     if not alike or count < LEAST_TRACKS:
         return None
-    held_out = np.arange(count) % HELD_OUT == 0
-    judges, used = some(tracks, held_out), some(tracks, ~held_out)
+    judges, used = judges_and_used(tracks)
     used = some(used, covering(used, SEEN))
     cameras, known = adjusted(given, used, rounds=ROUNDS)
     fitting, xyz, loss_px = consistent(cameras, used)
@@ -65,7 +63,8 @@ def found_lens(given: Sequence[Camera], tracks: Tracks) -> LensFound | None:
         return None
     spread = spread_of(cameras, given, known, fitting)
     moved, lens = lens_adjusted(cameras, given, fitting, xyz, loss_px, spread)
-    before, after = _error(cameras, judges), _error(moved, straightened(judges, lens, first))
+    before = float(np.nanmedian(track_errors(cameras, judges)))
+    after = float(np.nanmedian(track_errors(moved, straightened(judges, lens, first))))
     grid = np.stack(np.meshgrid(*(np.linspace(0, side, 17) for side in first.size)), axis=-1).reshape(-1, 2)
     off = lens.project(np.column_stack([(grid - first.K[:2, 2]) / first.K[(0, 1), (0, 1)], np.ones(len(grid))])) - grid
     away = float(np.sqrt((off**2).sum(axis=1).mean()))
@@ -81,7 +80,3 @@ def straightened(tracks: Tracks, lens: Lens, camera: Camera) -> Tracks:
     """The observations where a pinhole camera with this K would have them."""
     pixel = lens.rays_at(tracks.pixel.astype(np.float64)) * camera.K[(0, 1), (0, 1)] + camera.K[:2, 2]
     return Tracks(tracks.frames, tracks.frame, tracks.point, pixel)
-
-
-def _error(cameras: Sequence[Camera], tracks: Tracks) -> float:
-    return float(np.nanmedian(reprojection_errors(cameras, triangulated(cameras, tracks), tracks)))

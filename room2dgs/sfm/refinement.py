@@ -23,18 +23,17 @@ from room2dgs.sfm.adjust import adjusted
 from room2dgs.sfm.bundle import moves
 from room2dgs.sfm.capture_points import capture_points
 from room2dgs.sfm.carried import carried
-from room2dgs.sfm.chains import Chains, chains, some
+from room2dgs.sfm.chains import Chains, chains, judges_and_used
 from room2dgs.sfm.lens import LensFound, found_lens
 from room2dgs.sfm.matching import IndexPairs, Matches, agreement, match, of_photos
 from room2dgs.sfm.pairs import match_pairs, seen_by_others, shared_view
 from room2dgs.sfm.resection import known_points, resected
 from room2dgs.sfm.sparse import digest_of_views, keep_points
-from room2dgs.sfm.structure import reprojection_errors, triangulated
+from room2dgs.sfm.structure import track_errors
 from room2dgs.sfm.triangulation import MAX_EPIPOLAR_PX, triangulate_matches
 
 # Raised when the same input gives other poses.
 RECIPE = 4
-HELD_OUT = 5  # every so manieth track judges and takes no part
 LEAST_TRACKS = 100
 # "auto" takes poses that lower the held-out error to this share of it and by this much
 SHARE, LEAST_PX = 0.8, 0.05
@@ -243,20 +242,19 @@ def judged(
     count = int(tracks.point.max()) + 1 if len(tracks) else 0
     if count < LEAST_TRACKS:
         return list(given), PoseReport(False, f"only {count} tracks through 3 photos or more")
-    held_out = np.arange(count) % HELD_OUT == 0
-    judges, used = some(tracks, held_out), some(tracks, ~held_out)
-    before = float(np.median(errors(given, judges)))
+    judges, used = judges_and_used(tracks)
+    before = float(np.median(track_errors(given, judges)))
     cameras, known = adjusted(given, used, rounds=1)
     if not known.any():
         return list(given), PoseReport(False, "no group of photos has tracks enough")
-    if forced or float(np.median(errors(cameras, judges))) <= PROMISING * before:
+    if forced or float(np.median(track_errors(cameras, judges))) <= PROMISING * before:
         cameras, known = adjusted(given, used, start=cameras)
     metres, degrees = moves(cameras, given)
     jumped = metres > max(JUMP_M, JUMP * float(np.median(metres[known])))
     jumped |= degrees > max(JUMP_DEG, JUMP * float(np.median(degrees[known])))
     left = jumped | ~known
     cameras = [old if stays else new for new, old, stays in zip(cameras, given, left, strict=True)]
-    after = float(np.median(errors(cameras, judges)))
+    after = float(np.median(track_errors(cameras, judges)))
     agree_before, agree_after = (agreement(matches, one, pairs, MAX_EPIPOLAR_PX) for one in (given, cameras))
     figures = {
         "before_px": before if np.isfinite(before) else None,
@@ -271,11 +269,6 @@ def judged(
     if clearly or (forced and after < before):
         return cameras, PoseReport(True, "they fit the photos better", **figures)
     return list(given), PoseReport(False, "they fit the photos", **figures)
-
-
-def errors(cameras: Sequence[Camera], tracks: Tracks) -> np.ndarray:
-    """(O,) pixels between observations and the points that they give together."""
-    return reprojection_errors(cameras, triangulated(cameras, tracks), tracks)
 
 
 def _placed(

@@ -59,6 +59,11 @@ def reprojection_errors(cameras: Sequence[Camera], xyz: np.ndarray, tracks: Trac
     return np.where(np.isnan(error), np.inf, error)
 
 
+def track_errors(cameras: Sequence[Camera], tracks: Tracks) -> np.ndarray:
+    """(O,) pixels between observations and the points that they give together."""
+    return reprojection_errors(cameras, triangulated(cameras, tracks), tracks)
+
+
 def parallax_deg(cameras: Sequence[Camera], xyz: np.ndarray, tracks: Tracks) -> np.ndarray:
     """(M,) degrees between each point's first ray and the one farthest from it."""
     start = np.flatnonzero(np.diff(tracks.point, prepend=-1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -21,7 +22,7 @@ from room2dgs.sfm import lens as module
 from room2dgs.sfm.adjust import consistent
 from room2dgs.sfm.bundle import Spread
 from room2dgs.sfm.lens import found_lens, straightened
-from room2dgs.sfm.refinement import refined_poses
+from room2dgs.sfm.refinement import _may_have_a_lens, refined_poses
 from room2dgs.sfm.sparse import sparse_points
 from tests.sfm.test_refine_poses import K, quiet, ring, seen, shaken
 
@@ -132,11 +133,20 @@ def test_photos_of_a_lens_are_straightened_and_a_run_knows_it_again(
     (tmp_path / "poses.json").write_text(json.dumps(text))
     with pytest.raises(InputError, match=r"poses\.json"):
         read_poses(tmp_path / "poses.json", scene)
-    off, report = refined_poses(scene, SfmConfig("auto", True, False), points_config, tmp_path / "off", quiet)
+    off, report = refined_poses(scene, SfmConfig("auto", True, False), points_config, tmp_path / "cache", quiet)
     assert report["lens"] is None and all(frame.lens is None for frame in off.frames)
 
 
-def test_straightened_photos_show_what_a_pinhole_camera_would(capture, bent, scene_config):
+def test_no_lens_is_looked_for_beside_sensor_depth_or_a_lens_or_another_camera(bent, scene_config):
+    scene = read_scene(scene_config())
+    assert _may_have_a_lens(scene)
+    last = scene.test[-1]
+    others = {"depth_path": last.color_path}, {"lens": LENS}, {"camera": last.camera.resized(160, 120)}
+    for other in others:
+        assert not _may_have_a_lens(replace(scene, test=(*scene.test[:-1], replace(last, **other))))
+
+
+def test_straightened_photos_show_what_a_pinhole_camera_would(bent, scene_config):
     scene = read_scene(scene_config())
     K_given, (width, height) = scene.train[0].camera.K, scene.train[0].full_size()
     lens = Lens(
@@ -152,5 +162,5 @@ def test_straightened_photos_show_what_a_pinhole_camera_would(capture, bent, sce
     error = np.abs(frame.color()[8:-8, 8:-8, ::-1].astype(float) - wanted[8:-8, 8:-8])
     assert np.median(error) < 4 and error.mean() < 8
     assert pinhole_of(frame.lens).size == frame.full_size()
-    small = with_lens(read_scene(scene_config(image_width=160)), lens).train[0] if width > 160 else frame
+    small = with_lens(read_scene(scene_config(image_width=160)), lens).train[0]
     assert small.camera.width <= 160 and small.color().shape[1::-1] == small.camera.size
