@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -137,6 +138,15 @@ def test_what_almost_lies_on_a_plane_is_moved_onto_it_and_what_stands_before_it_
     assert (np.abs(moved[0] - 1.8) < 0.01).all()  # 20 cm before it: 1 / (1 + 5.3^2) of the way
     np.testing.assert_array_equal(moved[:, 0], depth[:, 0])
     assert (share[1] == 0).all() and np.isfinite(shift).all()
+
+
+def test_samples_know_how_far_off_their_depth_may_be(camera: Camera):
+    size = (camera.height, camera.width)
+    normal = np.broadcast_to(-camera.forward, (*size, 3))
+    part = SimpleNamespace(depth=np.full(size, 2.0), camera=camera)
+    samples = views._samples([SimpleNamespace(normal=normal)], [part], [np.full(size, 0.01, np.float32)], None)
+    np.testing.assert_allclose(samples.error, 0.02, rtol=1e-6)  # metres of a relative error
+    assert len(samples.error) == len(samples.xyz) > 0
 
 
 def test_stereos_pixels_count_as_far_as_they_may_be_right(camera: Camera):
