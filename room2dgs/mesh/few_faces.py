@@ -13,6 +13,7 @@ import fast_simplification
 import numpy as np
 import trimesh
 
+from room2dgs.freed_memory import give_back
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.simplify import Measure, Simplified, colors_at
 
@@ -45,12 +46,12 @@ def few_faces(mesh: trimesh.Trimesh, max_error_m: float) -> Simplified:
     pieces, share = [_piece(vertices, faces[aside])], FIRST
     found = []
     for rows in _parts(vertices, faces, np.flatnonzero(~aside)):
-        whole = trimesh.Trimesh(*_piece(vertices, faces[rows]), process=False)
-        part = _searched(whole, max_error_m, share) if len(rows) > SMALL else Simplified(whole, 0.0, 0.0, 0.0)
-        if part.mesh is not whole:
+        part = _searched(*_piece(vertices, faces[rows]), max_error_m, share)
+        if len(part.mesh.faces) < len(rows):
             share = float(np.clip(len(part.mesh.faces) / len(rows), FEWEST_TRIED, MOST_TRIED))  # neighbours are alike
         pieces.append((np.asarray(part.mesh.vertices), np.asarray(part.mesh.faces)))
         found.append((part.largest_m, part.most_m, part.mean_m, len(rows)))
+        give_back()  # what the tries have left
     largest, most, mean, counts = np.array(found).reshape(-1, 4).T
     if sum(len(piece[1]) for piece in pieces) == len(faces):
         return Simplified(mesh, 0.0, 0.0, 0.0)
@@ -58,10 +59,13 @@ def few_faces(mesh: trimesh.Trimesh, max_error_m: float) -> Simplified:
     return Simplified(sewn, float(largest.max()), float(most.max()), float(np.average(mean, weights=counts)))
 
 
-def _searched(whole: trimesh.Trimesh, max_error_m: float, share: float) -> Simplified:
-    """A part with the fewest faces found; itself, where nothing within the bound was."""
-    best, measure = Simplified(whole, 0.0, 0.0, 0.0), Measure(whole)
-    vertices, faces = np.asarray(whole.vertices), np.asarray(whole.faces)
+def _searched(vertices: np.ndarray, faces: np.ndarray, max_error_m: float, share: float) -> Simplified:
+    """A part with the fewest faces found; as it is, if it is small or nothing within the bound was found."""
+    whole = trimesh.Trimesh(vertices, faces, process=False)
+    best = Simplified(whole, 0.0, 0.0, 0.0)
+    if len(faces) <= SMALL:
+        return best
+    measure = Measure(whole)
     target, refused, done = share * len(faces), 0.0, float(len(faces))
     tries: list[tuple[float, float]] = []  # faces, and their error as a share of the bound
     while len(tries) < TRIES:
@@ -99,11 +103,15 @@ def _parts(vertices: np.ndarray, faces: np.ndarray, rows: np.ndarray) -> Iterato
     if len(rows) <= PART:
         yield rows
         return
-    middles = vertices[faces[rows]].sum(axis=1)
-    along = middles[:, np.ptp(middles, axis=0).argmax()]
-    order = np.argsort(along, kind="stable")
-    for half in (order[: len(order) // 2], order[len(order) // 2 :]):
-        yield from _parts(vertices, faces, rows[np.sort(half)])
+    for half in _halves(vertices, faces, rows):
+        yield from _parts(vertices, faces, half)
+
+
+def _halves(vertices: np.ndarray, faces: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows on either side of their middle, across the longest side; a function, for what it needs is much."""
+    middles = [sum(axis[faces[rows, corner]] for corner in range(3)) for axis in vertices.T]
+    order = np.argsort(max(middles, key=np.ptp), kind="stable")
+    return np.sort(rows[order[: len(order) // 2]]), np.sort(rows[order[len(order) // 2 :]])
 
 
 def _piece(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

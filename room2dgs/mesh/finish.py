@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import trimesh
 
 from room2dgs.config import MeshConfig
@@ -9,6 +10,7 @@ from room2dgs.errors import InputError
 from room2dgs.freed_memory import give_back
 from room2dgs.logs import Log
 from room2dgs.mesh.clean import clean
+from room2dgs.mesh.edges import is_closed
 
 
 class NoSurface(InputError):
@@ -69,7 +71,8 @@ def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trim
     else:
         filled = watertight(mesh, config.voxel_m)  # cleaning would tear it open where it was pressed flat
     added = filled.area - mesh.area
-    closed = ", closed" if filled.is_watertight else ", not closed everywhere" if config.fill == "watertight" else ""
+    whole = is_closed(np.asarray(filled.faces), len(filled.vertices))
+    closed = ", closed" if whole else ", not closed everywhere" if config.fill == "watertight" else ""
     log(f"mesh: mesh.fill={config.fill} added {added:.2f} m2, {len(filled.faces):,} faces{closed}")
     return filled
 

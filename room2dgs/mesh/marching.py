@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import open3d as o3d
 import open3d.core as o3c
@@ -9,11 +11,20 @@ import trimesh
 
 from room2dgs.mesh.voxel_table import BLOCK, VOXELS, VoxelTable, block_coordinates, keys_of
 
-# open3d takes 8 kB a block for its vertices, and a copy of what it meshes; some blocks at a time, those around them
-# with them, take little more than the table.
-TOGETHER = 8192
+# open3d takes 8 kB a block for its vertices, and a copy of what it meshes: some blocks at a time, and those around them
+# with them. Cubes of blocks have fewer around them than slabs.
+TOGETHER = 2048
+CUBE = 16  # blocks a side
 ATTRIBUTES = ("tsdf", "weight", "color")  # what open3d asks for
 DEVICE = o3c.Device("CPU:0")
+
+
+class _Piece(NamedTuple):
+    """Part of a surface in the volume's frame: (V, 3) float32, (V, 3) uint8, (F, 3) int32."""
+
+    vertices: np.ndarray
+    colors: np.ndarray
+    faces: np.ndarray
 
 
 def extracted(table: VoxelTable, voxel_m: float, origin: np.ndarray, min_weight: float) -> trimesh.Trimesh:
@@ -22,38 +33,48 @@ def extracted(table: VoxelTable, voxel_m: float, origin: np.ndarray, min_weight:
     Where blocks were meshed apart, vertices come twice, with the same bits: `clean` makes them one.
 
     Args:
+        table: has no blocks afterwards; with them, a room's mesh would take half as much again.
         min_weight: views that must have seen a voxel for it to count.
     """
-    firsts = np.arange(0, len(table.keys), TOGETHER)
-    meshes = [_zero_level(table, some, voxel_m, min_weight) for some in np.split(table.keys, firsts[1:]) if len(some)]
-    meshes = [mesh for mesh in meshes if len(mesh.faces)]
-    if not meshes:
+    pieces = [_zero_level(table, some, voxel_m, min_weight) for some in _together(table.keys)]
+    pieces = [piece for piece in pieces if len(piece.faces)]
+    table.clear()
+    if not pieces:
         return trimesh.Trimesh(process=False)
-    firsts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    firsts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
     return trimesh.Trimesh(
-        vertices=np.concatenate([mesh.vertices for mesh in meshes]) + origin,
-        faces=np.concatenate([mesh.faces + first for mesh, first in zip(meshes, firsts[:-1], strict=True)]),
-        vertex_colors=np.concatenate([mesh.visual.vertex_colors for mesh in meshes]),
+        vertices=np.concatenate([piece.vertices for piece in pieces], dtype=np.float64) + origin,
+        faces=np.concatenate([piece.faces + first for piece, first in zip(pieces, firsts[:-1], strict=True)]),
+        vertex_colors=np.concatenate([piece.colors for piece in pieces]),
         process=False,
     )
 
 
-def _zero_level(table: VoxelTable, keys: np.ndarray, voxel_m: float, min_weight: float) -> trimesh.Trimesh:
-    """Of some blocks, in the volume's frame. A face belongs to the block that its middle is in."""
+def _together(keys: np.ndarray) -> list[np.ndarray]:
+    """Blocks that lie together, at most `TOGETHER` of them; few blocks stay as they are."""
+    if len(keys) <= TOGETHER:
+        return [keys] if len(keys) else []
+    cubes = keys_of(block_coordinates(keys) // CUBE)
+    keys = keys[np.argsort(cubes, kind="stable")]
+    return np.split(keys, np.arange(TOGETHER, len(keys), TOGETHER))
+
+
+def _zero_level(table: VoxelTable, keys: np.ndarray, voxel_m: float, min_weight: float) -> _Piece:
+    """Of some blocks. A face belongs to the block that its middle is in."""
     whole = len(keys) == len(table.keys)
     mesh = _volume(table, keys if whole else table.with_neighbours(keys), voxel_m, min_weight).extract_triangle_mesh(
         0.0
     )
     if "positions" not in mesh.vertex or len(mesh.vertex.positions) == 0 or "indices" not in mesh.triangle:
-        return trimesh.Trimesh(process=False)
-    vertices, faces = mesh.vertex.positions.numpy().astype(np.float64), mesh.triangle.indices.numpy()
+        return _Piece(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8), np.zeros((0, 3), np.int32))
+    vertices, faces = mesh.vertex.positions.numpy(), mesh.triangle.indices.numpy()
     colors = np.round(np.clip(mesh.vertex.colors.numpy(), 0, 1) * 255).astype(np.uint8)
     if not whole:
-        middle = vertices[faces].mean(axis=1)
+        middle = vertices.astype(np.float64)[faces].mean(axis=1)
         faces = faces[np.isin(keys_of(np.floor(middle / (BLOCK * voxel_m))), keys)]
         used, faces = np.unique(faces, return_inverse=True)
         vertices, faces, colors = vertices[used], faces.reshape(-1, 3), colors[used]
-    return trimesh.Trimesh(vertices=vertices, faces=faces, vertex_colors=colors, process=False)
+    return _Piece(vertices, colors, faces.astype(np.int32))
 
 
 def _volume(table: VoxelTable, keys: np.ndarray, voxel_m: float, min_weight: float) -> o3d.t.geometry.VoxelBlockGrid:

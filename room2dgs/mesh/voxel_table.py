@@ -51,6 +51,11 @@ class VoxelTable:
         self.keys = self.rows = np.zeros(0, np.int64)
         self.parts: list[Voxels] = []
 
+    def clear(self) -> None:
+        """Forgets all blocks."""
+        self.keys = self.rows = np.zeros(0, np.int64)
+        self.parts = []
+
     def rows_of(self, keys: np.ndarray) -> np.ndarray:
         """(M,) int64 rows of blocks; those that are not there are added.
 

@@ -99,7 +99,7 @@ def test_a_mesh_taken_in_parts_is_as_whole_and_as_near_as_one_taken_at_once(shee
     searched = module._searched
     monkeypatch.setattr(module, "PART", 4000)
     monkeypatch.setattr(
-        module, "_searched", lambda whole, *rest: parts.append(len(whole.faces)) or searched(whole, *rest)
+        module, "_searched", lambda points, faces, *rest: parts.append(len(faces)) or searched(points, faces, *rest)
     )
     found = few_faces(sheet, 0.001)
     assert len(parts) == 8 and max(parts) <= 4000

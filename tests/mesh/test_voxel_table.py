@@ -63,10 +63,10 @@ def wavy(size: int = 5) -> VoxelTable:
 
 @pytest.mark.parametrize("together", [37, 100, 400])
 def test_blocks_meshed_apart_give_the_same_mesh(monkeypatch, together):
-    table, origin = wavy(), np.array([0.3, -2.0, 1.0])
-    raw = extracted(table, 0.02, origin, 1.0)
+    origin = np.array([0.3, -2.0, 1.0])
+    raw = extracted(wavy(), 0.02, origin, 1.0)
     monkeypatch.setattr(marching, "TOGETHER", together)
-    apart = extracted(table, 0.02, origin, 1.0)
+    apart = extracted(wavy(), 0.02, origin, 1.0)
     assert len(apart.faces) == len(raw.faces) > 10_000
     whole, apart = clean(raw), clean(apart)
     np.testing.assert_array_equal(apart.vertices, whole.vertices)

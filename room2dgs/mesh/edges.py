@@ -1,0 +1,30 @@
+"""A mesh's edges, in little memory: trimesh keeps tables of them that a room's mesh has no memory for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def edges_and_faces(faces: np.ndarray, vertices: int) -> tuple[np.ndarray, np.ndarray]:
+    """(E, 2) int32 edges, each once, smaller vertex first; (E,) how many faces each is of.
+
+    Args:
+        faces: (F, 3).
+        vertices: how many there are.
+    """
+    keys = np.empty((3, len(faces)), dtype=np.int64)
+    for side in range(3):
+        a, b = faces[:, side], faces[:, (side + 1) % 3]
+        keys[side] = np.minimum(a, b) * vertices + np.maximum(a, b)
+    keys = keys.ravel()
+    keys.sort()  # in place, which numpy's unique does not
+    first = np.flatnonzero(np.diff(keys, prepend=-1))
+    count = np.diff(first, append=len(keys)).astype(np.int32)
+    keys, edges = keys[first], np.empty((len(first), 2), dtype=np.int32)
+    edges[:, 0], edges[:, 1] = keys // vertices, keys % vertices
+    return edges, count
+
+
+def is_closed(faces: np.ndarray, vertices: int) -> bool:
+    """Whether there are faces, and each edge is of two."""
+    return len(faces) > 0 and bool((edges_and_faces(faces, vertices)[1] == 2).all())
