@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import trimesh
 from scipy.sparse import coo_matrix
@@ -41,7 +43,8 @@ def _sorted_vertices(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray | No
     faces = np.asarray(mesh.faces).astype(index).reshape(-1, 3)
     colors = np.asarray(mesh.visual.vertex_colors) if mesh.visual.kind == "vertex" else None
     finite = np.isfinite(vertices).all(axis=1)
-    faces = faces[finite[faces].all(axis=1)]
+    if not finite.all():
+        faces = faces[finite[faces].all(axis=1)]
     if not len(faces):
         return vertices[:0], None, faces[:0]
     order = np.lexsort((vertices[:, 2], vertices[:, 1], vertices[:, 0], ~finite))
@@ -60,9 +63,9 @@ def _sorted_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Faces with an area, each once, starting at its smallest vertex, in lexicographic order."""
     if not len(faces):
         return faces
-    a, b, c = faces.T
-    faces = faces[(a != b) & (b != c) & (c != a)]
-    faces = faces[_with_an_area(vertices, faces)]
+    good = _with_an_area(vertices, faces)  # and so of three different vertices
+    if not good.all():
+        faces = faces[good]
     start = faces.argmin(axis=1).astype(np.uint8)
     a, b, c = (np.take_along_axis(faces, (start[:, None] + k) % 3, axis=1)[:, 0] for k in range(3))
     low, high = np.minimum(b, c), np.maximum(b, c)
@@ -77,17 +80,30 @@ def _sorted_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _with_an_area(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(F,) bool; a part at a time, since corners and their products take several times the faces' memory."""
+    """(F,) bool."""
     found = np.empty(len(faces), dtype=bool)
+    for part, normals in _normals(vertices, faces):
+        found[part] = (normals != 0).any(axis=1)
+    return found
+
+
+def area_m2(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Of all faces."""
+    return float(sum(np.linalg.norm(normals, axis=1).sum() for _, normals in _normals(vertices, faces))) / 2
+
+
+def _normals(vertices: np.ndarray, faces: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
+    """Which faces, and twice their areas' vectors; a part at a time: corners take several times the faces' memory."""
     for start in range(0, len(faces), PART):
         part = slice(start, start + PART)
         a, b, c = (vertices[faces[part, corner]] for corner in range(3))
-        found[part] = (np.cross(b - a, c - a) != 0).any(axis=1)
-    return found
+        yield part, np.cross(b - a, c - a)
 
 
 def _large_pieces(faces: np.ndarray, vertices: int, min_triangles: int, keep_clusters: int | None) -> np.ndarray:
     """(F,) bool: faces of the pieces (connected by shared vertices) that stay."""
+    if min_triangles <= 1 and keep_clusters is None:  # asked for by each stage, and a graph takes much
+        return np.ones(len(faces), dtype=bool)
     if not len(faces):
         return np.zeros(0, dtype=bool)
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])

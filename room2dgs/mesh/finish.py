@@ -9,7 +9,7 @@ from room2dgs.config import MeshConfig
 from room2dgs.errors import InputError
 from room2dgs.freed_memory import give_back
 from room2dgs.logs import Log
-from room2dgs.mesh.clean import clean
+from room2dgs.mesh.clean import area_m2, clean
 from room2dgs.mesh.edges import is_closed
 
 
@@ -70,8 +70,8 @@ def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trim
         filled = clean(holes_filled(mesh, config.fill_hole_m))
     else:
         filled = watertight(mesh, config.voxel_m)  # cleaning would tear it open where it was pressed flat
-    added = filled.area - mesh.area
-    whole = is_closed(np.asarray(filled.faces), len(filled.vertices))
+    before, after = ((np.asarray(one.vertices), np.asarray(one.faces)) for one in (mesh, filled))
+    added, whole = area_m2(*after) - area_m2(*before), is_closed(after[1], len(after[0]))
     closed = ", closed" if whole else ", not closed everywhere" if config.fill == "watertight" else ""
     log(f"mesh: mesh.fill={config.fill} added {added:.2f} m2, {len(filled.faces):,} faces{closed}")
     return filled
