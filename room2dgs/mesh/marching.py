@@ -33,7 +33,7 @@ def extracted(table: VoxelTable, voxel_m: float, origin: np.ndarray, min_weight:
     Where blocks were meshed apart, vertices come twice, with the same bits: `clean` makes them one.
 
     Args:
-        table: has no blocks afterwards; with them, a room's mesh would take half as much again.
+        table: has no blocks afterwards: a room's mesh and its voxels need not be there together.
         min_weight: views that must have seen a voxel for it to count.
     """
     pieces = [_zero_level(table, some, voxel_m, min_weight) for some in _together(table.keys)]

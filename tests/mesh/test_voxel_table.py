@@ -79,3 +79,9 @@ def test_voxels_that_too_few_views_have_seen_have_no_surface():
         extracted(wavy(2), 0.02, np.zeros(3), 3.0).faces
     )
     assert not len(extracted(VoxelTable(), 0.02, np.zeros(3), 1.0).faces)
+
+
+def test_a_table_that_was_meshed_holds_nothing_any_more():
+    table = wavy(2)
+    assert len(extracted(table, 0.02, np.zeros(3), 1.0).faces)
+    assert not len(table.keys) and not len(table.rows) and not table.parts
