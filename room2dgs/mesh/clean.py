@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import trimesh
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-PART = 200_000  # faces looked at together
+from room2dgs.mesh.area import twice_areas
 
 
 def clean(mesh: trimesh.Trimesh, min_triangles: int = 0, keep_clusters: int | None = None) -> trimesh.Trimesh:
@@ -82,22 +80,9 @@ def _sorted_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def _with_an_area(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(F,) bool."""
     found = np.empty(len(faces), dtype=bool)
-    for part, normals in _normals(vertices, faces):
-        found[part] = (normals != 0).any(axis=1)
+    for part, areas in twice_areas(vertices, faces):
+        found[part] = (areas != 0).any(axis=1)
     return found
-
-
-def area_m2(vertices: np.ndarray, faces: np.ndarray) -> float:
-    """Of all faces."""
-    return float(sum(np.linalg.norm(normals, axis=1).sum() for _, normals in _normals(vertices, faces))) / 2
-
-
-def _normals(vertices: np.ndarray, faces: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
-    """Which faces, and twice their areas' vectors; a part at a time: corners take several times the faces' memory."""
-    for start in range(0, len(faces), PART):
-        part = slice(start, start + PART)
-        a, b, c = (vertices[faces[part, corner]] for corner in range(3))
-        yield part, np.cross(b - a, c - a)
 
 
 def _large_pieces(faces: np.ndarray, vertices: int, min_triangles: int, keep_clusters: int | None) -> np.ndarray:

@@ -9,7 +9,8 @@ from room2dgs.config import MeshConfig
 from room2dgs.errors import InputError
 from room2dgs.freed_memory import give_back
 from room2dgs.logs import Log
-from room2dgs.mesh.clean import area_m2, clean
+from room2dgs.mesh.area import area_m2
+from room2dgs.mesh.clean import clean
 from room2dgs.mesh.edges import is_closed
 
 

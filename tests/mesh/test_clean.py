@@ -1,12 +1,11 @@
 """Cleaning keeps the surface and nothing else, in an order of its own."""
 
 import numpy as np
-import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from room2dgs.mesh.clean import area_m2, clean
+from room2dgs.mesh.clean import clean
 
 
 def two_boxes_and_a_speck() -> trimesh.Trimesh:
@@ -65,10 +64,3 @@ def test_the_order_of_the_input_does_not_matter_and_winding_stays(seed):
 
 def test_a_mesh_without_faces_stays_empty():
     assert len(clean(trimesh.Trimesh(process=False), 10, 3).faces) == 0
-
-
-def test_area_is_that_of_all_parts(monkeypatch):
-    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.7)
-    monkeypatch.setattr("room2dgs.mesh.clean.PART", 100)
-    assert area_m2(ball.vertices, ball.faces) == pytest.approx(ball.area, rel=1e-12)
-    assert area_m2(ball.vertices, ball.faces[:0]) == 0
