@@ -79,6 +79,22 @@ def test_a_second_look_mends_depth_that_is_all_but_right(corner):
     assert kept.mean() > 0.6 and np.median(off) < 0.006 and np.mean(off < 0.02) > 0.97
 
 
+def test_a_second_look_keeps_nothing_that_looks_unlike_the_other_photos(corner):
+    """Something stands before one camera alone; the views' depth, with which all begin, agrees there, too."""
+    cameras, xyz_sights = [camera for camera, *_ in corner], sparse(corner)
+    photos = [photo.copy() for _, photo, _, _ in corner]
+    box = (slice(20, 50), slice(30, 66))
+    photos[0][box] = 255 - photos[0][box]
+    known = [partial(np.copy, depth) for _, _, depth, _ in corner]
+    kept = []
+    for limit in (0.6, 2.0):
+        options = Options(rounds=1, refinements=1, min_agreeing=1, max_cost=limit)
+        views = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
+        depth, _ = next(second_look(views, cameras, xyz_sights[1], xyz_sights[0], known, options, Matching()))
+        kept.append(np.mean(depth[26:44, 36:60] > 0))  # windows that see nothing else
+    assert kept[0] == 0 and kept[1] > 0.1
+
+
 @pytest.mark.parametrize("levels", [1, 2])
 def test_depth_of_some_views_is_found_by_comparing_them_with_all(corner, levels):
     xyz, sights = sparse(corner)

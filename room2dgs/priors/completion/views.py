@@ -17,9 +17,11 @@ from room2dgs.captures.seen_points import seen_points
 from room2dgs.freed_memory import give_back
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
+from room2dgs.priors.completion.corrected import corrected
 from room2dgs.priors.completion.correction import Correct
-from room2dgs.priors.completion.evidence import ASKED, evidence
-from room2dgs.priors.completion.expected_error import LEAST_ERROR, confidence, expected_relative_error
+from room2dgs.priors.completion.evidence import ASKED
+from room2dgs.priors.completion.expected_error import LEAST_ERROR, confidence
+from room2dgs.priors.completion.expecting import expecting
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.on_planes import flattened, on_planes
 from room2dgs.priors.completion.other_views import LENDING, SureView, depth_of_other_views
@@ -30,18 +32,16 @@ from room2dgs.priors.completion.small_maps import Completed, SmallMaps, moved, s
 from room2dgs.priors.completion.solve import System, solved, system
 from room2dgs.priors.files import resize_depth
 from room2dgs.side_by_side import side_by_side
-from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.torch_threads import one_torch_thread
 
 AT_ONCE = 16  # images, whose systems are in memory
-MAX_PX, MAX_RELATIVE = 2.0, 0.03
-MOVED = 0.5  # of what other views moved a depth by, relatively, it is expected to be off
 ROUNDS = 2  # planes are found in the completed depth, which then bends to them and to what other views have
 CORRECTED = 0.5  # of the distance at which a sample starts to count as off a plane, for corrected depth
 LEAST_SURE = 0.3  # confidence of a pixel that takes part in finding planes
 FINE = 4.0  # expected errors by which stereo's own pixel differs if half of the difference counts as noise
 LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
+NEAR = 0.03  # relative difference up to which it is the same surface
 
 
 @one_torch_thread()  # here and not in each of the threads below, which would put back what others have set
@@ -110,7 +110,7 @@ def complete_views(
             return with_reliefs(flat, _stereo_anchors(given, space)) if relief and flat else flat
 
         for _ in range(ROUNDS if planes or other_views else 0):
-            errors = list(pool.map(_expecting(small, alone, near, space), range(len(frames))))
+            errors = list(pool.map(expecting(small, alone, near, space), range(len(frames))))
             found = planes_in(small, errors)
             held = list(pool.map(partial(_held_by_planes, planes=found, space=space), given, small))
             drawn = _held_by_other_views(held, small, errors, near) if other_views else None
@@ -118,10 +118,10 @@ def complete_views(
             small = _completed(drawn, pool) if drawn else alone
         flat = partial(_flat, planes=found)
         small, alone = list(pool.map(flat, given, small)), list(pool.map(flat, given, alone))
-        expected = _expecting(small, alone, near, space)
+        expected = expecting(small, alone, near, space)
         if correct:
-            names = [frame.name for frame in frames]
-            small, errors = _corrected(given, small, alone, near, space, found, correct, names, pool)
+            corrects = [partial(correct, frame.name) for frame in frames]
+            small, errors = corrected(given, small, alone, near, space, found, corrects)
             if other_views:
                 small, errors = with_neighbours(small, errors, near)
             found = planes_in(small, errors, CORRECTED)
@@ -149,65 +149,10 @@ def complete_views(
     return found
 
 
-def _corrected(
-    given: Sequence[SmallMaps],
-    small: Sequence[Completed],
-    alone: Sequence[Completed],
-    near: Sequence[Sequence[int]],
-    space: FreeSpace | None,
-    planes: Sequence[Plane],
-    correct: Correct,
-    names: Sequence[str],
-    pool: Executor,
-) -> tuple[list[Completed], list[np.ndarray]]:
-    """What the network makes of each view, and the relative errors that it expects then."""
-    errors = list(pool.map(_expecting(small, alone, near, space), range(len(small))))
-    sure = [SureView(part.camera, part.depth, confidence(error)) for part, error in zip(alone, errors, strict=True)]
-    lent = depth_of_other_views(sure, near)
-    inverse = [_inverse(part.depth) for part in alone]
-
-    def one(view: int) -> tuple[Completed, np.ndarray]:
-        maps, part = given[view], small[view]
-        beside = [(alone[other].camera, inverse[other]) for other in near[view][:ASKED]]
-        said = agreement(part.camera, _inverse(part.depth), beside, MAX_PX, MAX_RELATIVE)
-        through = seen_through(space, part.camera.unproject_map(part.depth))
-        on = on_planes(part.depth, maps.normal, maps.camera, planes)
-        shift, error = correct(names[view], evidence(maps, part, said, through, lent[view], on, errors[view]))
-        return moved(part, shift), error
-
-    found = list(pool.map(one, range(len(small))))
-    return [part for part, _ in found], [error for _, error in found]
-
-
-def _inverse(depth: np.ndarray) -> np.ndarray:
-    return np.divide(1, depth, out=np.zeros_like(depth), where=depth > 0)
-
-
 def _near_views(frames: Sequence[Frame], points: PointCloud) -> list[list[int]]:
     tracked = points if points.tracks is None else points.chosen(points.track_length > 1)
     seen = [seen_points(tracked, frame).index for frame in frames]
     return choose_neighbours([frame.camera for frame in frames], seen, tracked.xyz, max(ASKED, LENDING))
-
-
-def _expecting(
-    small: Sequence[Completed],
-    alone: Sequence[Completed],
-    near: Sequence[Sequence[int]],
-    space: FreeSpace | None,
-) -> Callable[[int], np.ndarray]:
-    """What gives a view's (h, w) relative error: that of the depth that it finds alone, and more where others moved
-    it."""
-    inverse = [_inverse(part.depth) for part in alone]
-
-    def expected(view: int) -> np.ndarray:
-        part = alone[view]
-        beside = [(alone[other].camera, inverse[other]) for other in near[view][:ASKED]]
-        said = agreement(part.camera, inverse[view], beside, MAX_PX, MAX_RELATIVE)
-        through = seen_through(space, part.camera.unproject_map(part.depth))
-        error = expected_relative_error(part.depth, part.anchor, part.trust, said, through)
-        return error + MOVED * np.abs(small[view].log_scale - part.log_scale)
-
-    return expected
 
 
 def _samples(
@@ -299,7 +244,7 @@ def _with_fine(
     """
     kept = np.where(agreeing >= LEAST_STEREO, stereo, 0)
     fine, there = resize_depth(kept, kept > 0, camera)
-    there &= np.abs(fine - depth) < MAX_RELATIVE * depth
+    there &= np.abs(fine - depth) < NEAR * depth
     detail = np.log(np.where(there, fine, 1) / np.where(there, depth, 1))
     noise = FINE * np.maximum(error, LEAST_ERROR)
     return (depth * np.exp(detail / (1 + (detail / noise) ** 2))).astype(np.float32)

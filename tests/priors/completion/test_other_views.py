@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from room2dgs import _C
 from room2dgs.geometry.camera import Camera
+from room2dgs.priors.completion.expecting import expecting
 from room2dgs.priors.completion.other_views import LENDING, SureView, depth_of_other_views
 from room2dgs.priors.completion.other_views_reference import depth_of_other_views_reference
 from room2dgs.priors.completion.small_maps import Completed
-from room2dgs.priors.completion.views import _expecting
 
 
 def camera(width, height, rng, turn=0.3, shift=0.5):
@@ -164,7 +164,7 @@ def test_what_others_moved_is_expected_to_be_off_by_half_of_it_more(wall):
     alone = [Completed(view.camera, blank, blank, blank, view.depth, blank) for view in wall]
     moved = [alone[0]._replace(log_scale=blank + np.float32(0.1), depth=alone[0].depth * np.float32(1.105)), *alone[1:]]
     before, after = (
-        list(map(_expecting(views, alone, everyone(wall), None), range(len(views)))) for views in (alone, moved)
+        list(map(expecting(views, alone, everyone(wall), None), range(len(views)))) for views in (alone, moved)
     )
     np.testing.assert_allclose(after[0] - before[0], 0.05, rtol=1e-3)
     assert all(np.array_equal(one, other) for one, other in zip(before[1:], after[1:], strict=True))
