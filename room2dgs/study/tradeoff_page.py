@@ -61,5 +61,5 @@ def drawing(found: Tradeoff) -> Any:
         axes.grid(alpha=0.3)
     for index, capture in enumerate(captures):
         figure.axes[0].plot([], [], "o", color=f"C{index % 10}", label=capture)
-    figure.axes[0].legend(frameon=False, fontsize=8, loc="lower right")
+    figure.legend(frameon=False, fontsize=8, loc="outside upper center", ncols=6)  # over no mark
     return figure
