@@ -73,13 +73,17 @@ def _align_to_points(
     depths: LazyMaps[np.ndarray] = LazyMaps()
     fits: dict[str, Fit] = {}
 
-    def fitted(frame: Frame) -> Fit | None:
+    def fitted(frame: Frame, usual: float | None = None) -> Fit | None:
         x, y = pairs_at_points(raw[frame.name], likely_points(points, frame)[0], settings)
         if not settings.align:
             return Fit(1.0, 0.0, residual(x, y, 1.0, 0.0), len(x))
-        return fit_scale_shift(x, y, shift_sigma=shift_sigma(settings)) if len(x) >= FEW_POINTS else None
+        return fit_scale_shift(x, y, shift_sigma=shift_sigma(settings), usual=usual) if len(x) >= FEW_POINTS else None
 
-    for frame, fit in zip(frames, side_by_side(fitted, frames, _C.threads()), strict=True):
+    found = list(side_by_side(fitted, frames, _C.threads()))
+    scales = [fit.scale for fit in found if fit]
+    if settings.align and settings.meaning == "metric_depth" and scales:
+        found = list(side_by_side(partial(fitted, usual=float(np.median(scales))), frames, _C.threads()))
+    for frame, fit in zip(frames, found, strict=True):
         if fit:
             fits[frame.name] = fit
             add_aligned(frame, raw, fit, settings, depths)

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
+from room2dgs.captures.seen_points import seen_points
+from room2dgs.config import load_config
+from room2dgs.geometry.camera import Camera
+from room2dgs.priors.align.depths import aligned_depths
 from room2dgs.priors.align.scale_shift import MIN_POINTS, Fit, aligned_depth, fit_scale_shift, residual
 
 
@@ -95,3 +104,34 @@ def test_disparity_turns_into_depth_and_what_lies_beyond_is_invalid():
 def test_residual_is_the_median_of_all_points():
     assert residual(np.array([1.0, 1.0, 1.0]), np.array([1.0, 2.0, 4.0]), 1.0, 0.0) == pytest.approx(0.5)
     assert np.isnan(residual(np.zeros(0), np.zeros(0), 1.0, 0.0))
+
+
+def test_furniture_that_the_prior_takes_for_farther_away_does_not_scale_a_photo_of_a_usual_scale():
+    """Most points lie on it, as before a mirror; but where all points say the same, the photo's scale is theirs."""
+    rng, depth = points(6, count=400)
+    before_a_mirror = rng.random(len(depth)) < 0.6
+    prior = depth * np.where(before_a_mirror, 1.8, 1.0) * rng.normal(1.0, 0.03, len(depth))
+    assert fit_scale_shift(prior, depth, shift_sigma=0.1).scale == pytest.approx(1 / 1.8, rel=0.05)
+    assert fit_scale_shift(prior, depth, shift_sigma=0.1, usual=1.03).scale == pytest.approx(1.0, rel=0.05)
+    assert fit_scale_shift(depth / 1.8, depth, shift_sigma=0.1, usual=1.0).scale == pytest.approx(1.8, rel=1e-6)
+
+
+def test_views_tell_each_other_the_usual_scale(tmp_path):
+    """Of five photos one has most of its points on what the prior takes for farther away."""
+    rng = np.random.default_rng(7)
+    camera = Camera(np.array([[80.0, 0, 40], [0, 80, 30], [0, 0, 1]]), 80, 60, np.eye(4))
+    frames = [Frame(name=str(index), camera=camera, color_path=Path(f"{index}.jpg")) for index in range(5)]
+    pixel = np.stack([rng.uniform(2, 78, 400), rng.uniform(2, 58, 400)], axis=1)
+    cloud = PointCloud(camera.unproject(pixel, rng.uniform(1, 5, 400)), np.zeros((400, 3), np.uint8))
+    files = {}
+    for frame in frames:
+        seen = seen_points(cloud, frame)
+        column, row = seen.column_row
+        values = np.zeros((60, 80), np.float32)
+        wrong = (column < 50) & (frame.name == "3")
+        values[row, column] = seen.depth * 1.25 * np.where(wrong, 1.8, 1) * rng.normal(1, 0.02, len(row))
+        files[frame.name] = tmp_path / f"{frame.name}.npy"
+        np.save(files[frame.name], values)
+    settings_ = replace(load_config(["scene.path=a", "out=b", "prior=room_prior"]).prior.depth, meaning="metric_depth")
+    _, fits = aligned_depths(frames, files, cloud, settings_, lambda _: None)
+    assert [fit.scale for fit in fits.values()] == pytest.approx([0.8] * 5, rel=0.05)
