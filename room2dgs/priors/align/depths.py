@@ -18,6 +18,7 @@ from room2dgs.logs import Log
 from room2dgs.priors.align.neighbours import FEW_POINTS, align_to_neighbours
 from room2dgs.priors.align.one_view import RawMap, RawMaps, add_aligned, pairs_at_points, shift_sigma
 from room2dgs.priors.align.scale_shift import Fit, fit_scale_shift, residual
+from room2dgs.priors.align.usual_scale import UsualScale, usual_scale
 from room2dgs.priors.confidence import read_confidence
 from room2dgs.priors.files import read_depth
 from room2dgs.side_by_side import side_by_side
@@ -73,16 +74,16 @@ def _align_to_points(
     depths: LazyMaps[np.ndarray] = LazyMaps()
     fits: dict[str, Fit] = {}
 
-    def fitted(frame: Frame, usual: float | None = None) -> Fit | None:
+    def fitted(frame: Frame, usual: UsualScale | None = None) -> Fit | None:
         x, y = pairs_at_points(raw[frame.name], likely_points(points, frame)[0], settings)
         if not settings.align:
             return Fit(1.0, 0.0, residual(x, y, 1.0, 0.0), len(x))
         return fit_scale_shift(x, y, shift_sigma=shift_sigma(settings), usual=usual) if len(x) >= FEW_POINTS else None
 
     found = list(side_by_side(fitted, frames, _C.threads()))
-    scales = [fit.scale for fit in found if fit]
-    if settings.align and settings.meaning == "metric_depth" and scales:
-        found = list(side_by_side(partial(fitted, usual=float(np.median(scales))), frames, _C.threads()))
+    usual = usual_scale([fit.scale for fit in found if fit])
+    if settings.align and settings.meaning == "metric_depth" and usual:
+        found = list(side_by_side(partial(fitted, usual=usual), frames, _C.threads()))
     for frame, fit in zip(frames, found, strict=True):
         if fit:
             fits[frame.name] = fit

@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from room2dgs.priors.align.usual_scale import UsualScale
+
 MIN_POINTS = 10
 TRIALS = 400
 JUDGES = 1000  # points by which candidates are judged; all of them take part in the refinement
@@ -21,9 +23,6 @@ MAX_SCALE_ERROR = 0.2
 # A network's error is smooth: a view's points are worth no more than so many independent ones.
 INDEPENDENT = 16
 REWEIGHTINGS = 10
-# What a factor of e from the usual scale costs, where a point costs its relative residual, at most `INLIER`: a mirror
-# makes a network take the furniture before it for far away, and most of a photo's points may lie there.
-UNUSUAL = 0.1
 
 
 class Fit(NamedTuple):
@@ -42,7 +41,7 @@ class Fit(NamedTuple):
 
 
 def fit_scale_shift(
-    x: np.ndarray, y: np.ndarray, seed: int = 0, shift_sigma: float | None = None, usual: float | None = None
+    x: np.ndarray, y: np.ndarray, seed: int = 0, shift_sigma: float | None = None, usual: UsualScale | None = None
 ) -> Fit | None:
     """Robust fit of y = scale x + shift, scale > 0; shift = 0 where the points do not determine it.
 
@@ -52,7 +51,7 @@ def fit_scale_shift(
         x: (N,) the prior's values at the points.
         y: (N,) the points' depths or disparities, > 0.
         shift_sigma: how far from 0 the shift is expected, in y's unit; None: anywhere.
-        usual: scale of other views of the room, which points have to speak against; None: any is as good.
+        usual: scale of the other views, which points have to speak against; None: any is as good.
 
     Returns:
         None with fewer than `MIN_POINTS`, or if no fit with a positive scale exists.
@@ -71,9 +70,7 @@ def fit_scale_shift(
     relative = np.abs(candidates[:, :1] * some_x + candidates[:, 1:] - some_y) / some_y
     cost = np.minimum(relative, INLIER).mean(axis=1)
     if usual is not None:
-        factors = candidates[:, 0] + candidates[:, 1] / np.median(some_x)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            cost += np.where(factors > 0, UNUSUAL * np.log(factors / usual) ** 2, np.inf)
+        cost += usual.costs(candidates[:, 0] + candidates[:, 1] / np.median(some_x))
     best = candidates[cost.argmin()]
     scale, shift = _refined(x, y, best, shift_sigma)
     return Fit(scale, shift, residual(x, y, scale, shift), len(x))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from room2dgs.config import load_config
 from room2dgs.geometry.camera import Camera
 from room2dgs.priors.align.depths import aligned_depths
 from room2dgs.priors.align.scale_shift import MIN_POINTS, Fit, aligned_depth, fit_scale_shift, residual
+from room2dgs.priors.align.usual_scale import COST, UsualScale, usual_scale
 
 
 def points(seed: int, count: int = 200, low: float = 1.0, high: float = 5.0) -> tuple[np.random.Generator, np.ndarray]:
@@ -111,9 +113,18 @@ def test_furniture_that_the_prior_takes_for_farther_away_does_not_scale_a_photo_
     rng, depth = points(6, count=400)
     before_a_mirror = rng.random(len(depth)) < 0.6
     prior = depth * np.where(before_a_mirror, 1.8, 1.0) * rng.normal(1.0, 0.03, len(depth))
-    assert fit_scale_shift(prior, depth, shift_sigma=0.1).scale == pytest.approx(1 / 1.8, rel=0.05)
-    assert fit_scale_shift(prior, depth, shift_sigma=0.1, usual=1.03).scale == pytest.approx(1.0, rel=0.05)
-    assert fit_scale_shift(depth / 1.8, depth, shift_sigma=0.1, usual=1.0).scale == pytest.approx(1.8, rel=1e-6)
+    own, usual = partial(fit_scale_shift, y=depth, shift_sigma=0.1), UsualScale(1.03, COST)
+    assert own(prior).scale == pytest.approx(1 / 1.8, rel=0.05)
+    assert own(prior, usual=usual).scale == pytest.approx(1.0, rel=0.05)
+    assert own(depth / 1.8, usual=usual).scale == pytest.approx(1.8, rel=1e-6)
+
+
+def test_where_each_photo_has_its_own_scale_none_is_usual():
+    """Of two kinds of photos that the network sees in two ways, neither is drawn to what lies between."""
+    assert usual_scale([]) is None
+    alike = usual_scale([1.0, 0.97, 1.02, 1.01, 0.55])
+    assert alike.scale == 1.0 and alike.cost > 0.9 * COST
+    assert usual_scale([0.7, 0.72, 0.68, 1.2, 1.25, 1.3]).cost < 0.1 * COST
 
 
 def test_views_tell_each_other_the_usual_scale(tmp_path):
