@@ -26,7 +26,7 @@ OURS = ("out", "resume", "point", "points")
 def main(argv: list[str]) -> int:
     """Run each capture under several settings: one table of scores, seconds, memory and surfels, and a drawing.
 
-    points=presets, the default, are runs from a mesh without training to the default one, with dense stereo alone, a
+    points=presets, the default, are runs from a mesh without training to photos of full size, with dense stereo alone, a
     Poisson surface of the sparse points and plain 2D Gaussian splatting beside; points=steps are what each part of the
     depth brings, points=stereo what comparing the photos does; point='NAME: KEY=VALUE ...', several times, are your
     own, alone or after a set that points= names. What is finished is not run again: after a kill or a failure the same
