@@ -26,11 +26,11 @@ OURS = ("out", "resume", "point", "points")
 def main(argv: list[str]) -> int:
     """Run each capture under several settings: one table of scores, seconds, memory and surfels, and a drawing.
 
-    points=presets, the default, are runs from a mesh without training to photos of full size, with dense stereo alone, a
-    Poisson surface of the sparse points and plain 2D Gaussian splatting beside; points=steps are what each part of the
-    depth brings, points=stereo what comparing the photos does; point='NAME: KEY=VALUE ...', several times, are your
-    own, alone or after a set that points= names. What is finished is not run again: after a kill or a failure the same
-    command goes on. Photos alone count (prior=room_prior) unless a setting says otherwise.
+    points=presets, the default, are runs from a mesh without training to one trained on photos of full size, with dense
+    stereo alone, a Poisson surface of the sparse points and plain 2D Gaussian splatting beside; points=steps are what
+    each part of the depth brings, points=stereo what comparing the photos does; point='NAME: KEY=VALUE ...', several
+    times, are your own, alone or after a set that points= names. What is finished is not run again: after a kill or a
+    failure the same command goes on. Photos alone count (prior=room_prior) unless a setting says otherwise.
     """
     if asked_for_help(argv):
         return show(USAGE, main.__doc__)
