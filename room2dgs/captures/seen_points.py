@@ -51,7 +51,7 @@ def likely_points(points: PointCloud, frame: Frame) -> tuple[SeenPoints, np.ndar
     """Points that a photo has seen and, if these are few, those that it probably sees too.
 
     A track has a few photos of the many that see its point. Where a photo has hardly any, a robust fit is better off
-    with guesses; where it has many, hidden points among the guesses do harm (docs/results.md).
+    with guesses; where it has many, hidden points among the guesses do harm (docs/studies/poses.md).
 
     Returns:
         The points, and (N,) bool: which of them the photo is known to have seen.

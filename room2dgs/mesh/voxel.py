@@ -19,7 +19,7 @@ STEP_M = 0.001
 def with_voxel(config: MeshConfig, cameras: Sequence[Camera]) -> MeshConfig:
     """The settings with a side for the voxels: two pixels at 2.5 m, 1 to 2 cm, if `voxel_m` is null.
 
-    Smaller ones make the mesh rougher and dearer, and hardly more exact (docs/results.md).
+    Smaller ones make the mesh rougher and dearer, and hardly more exact (docs/studies/mesh.md).
 
     Args:
         cameras: of the views that are fused; at least one.

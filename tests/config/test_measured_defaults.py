@@ -1,4 +1,4 @@
-"""Defaults that measurements of docs/results.md chose: to change one is to measure again."""
+"""Defaults that measurements of docs/studies chose: to change one is to measure again."""
 
 from room2dgs.config import load_config
 

@@ -65,7 +65,7 @@ OUTLIER_ERROR = 0.05  # relative depth error beyond which a sparse point counts 
 SLOPE_WIDTH = 0.3  # sine between the surface and the normal prior's plane
 AXIS_WIDTH = 0.1  # sine
 POINT_WEIGHT, VIEW_WEIGHT, SLOPE_WEIGHT, PLANE_WEIGHT, AXIS_WEIGHT = 6.0, 15.0, 4.0, 1.0, 1.0
-# Chosen with the maps of a network (docs/results.md): its normals and what its views share are better than its depth.
+# Chosen with the maps of a network (CHANGELOG.md): its normals and what its views share are better than its depth.
 # Smoothness acts on second differences of the grid, magnitude on the log-scale itself.
 SMOOTHNESS_WEIGHT, MAGNITUDE_WEIGHT = 8.0, 0.3
 MIN_STIFFNESS = 0.1  # where the confidence is 0: the regulariser must hold the grid where no data term does
