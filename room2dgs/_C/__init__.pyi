@@ -49,6 +49,16 @@ def depth_normals(depth: Annotated[NDArray, dict(writable=False)], fx: float, fy
 
 def normal_consistency(depth: Annotated[NDArray, dict(writable=False)], alpha: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)], fx: float, fy: float, cx: float, cy: float, cam_from_world: Annotated[NDArray, dict(writable=False)], grad_depth: NDArray, grad_normal: NDArray, grad_rotation: NDArray) -> float: ...
 
+def depth_prior(depth: Annotated[NDArray, dict(writable=False)], alpha: Annotated[NDArray, dict(writable=False)], prior: Annotated[NDArray, dict(writable=False)], valid: Annotated[NDArray, dict(writable=False)], confidence: Annotated[NDArray, dict(writable=False)] | None, disparity: bool, align: bool, gradient_weight: float, levels: int, step: int, gradient: NDArray) -> float:
+    """
+    Returns the loss and writes its gradient by the depth. Compared are every `step`-th row and column of depth and alpha, which are all that the other maps have. valid is uint8.
+    """
+
+def normal_prior(normal: Annotated[NDArray, dict(writable=False)], alpha: Annotated[NDArray, dict(writable=False)], prior: Annotated[NDArray, dict(writable=False)], valid: Annotated[NDArray, dict(writable=False)], confidence: Annotated[NDArray, dict(writable=False)] | None, l1: float, cosine: float, step: int, gradient: NDArray) -> float:
+    """
+    Returns the loss and writes its gradient by the normal; maps as in depth_prior.
+    """
+
 class StereoPhoto:
     """A grey photo, packed for bilinear samples."""
 

@@ -1,10 +1,13 @@
+#include <algorithm>
 #include <memory>
 #include <vector>
 
 #include "arrays.h"
+#include "depth_prior_maths.h"
 #include "parallel.h"
 #include "photometric.h"
 #include "pinhole_argument.h"
+#include "priors.h"
 #include "surface.h"
 
 namespace room2dgs {
@@ -101,6 +104,108 @@ double normal_consistency(const Input& depth, const Input& alpha, const Input& n
   return sums[0] / pixels;
 }
 
+constexpr int64_t kPriorStripRows = 8;
+
+// Runs `kernel(strip, worker)` over all strips of rows.
+template <class Kernel>
+void over_strips(Region& region, int64_t height, const Kernel& kernel) {
+  region.parallel_for(strips_of(height, kPriorStripRows), kernel);
+}
+
+Rendered rendered_maps(const std::vector<int64_t>& shape, int64_t step) {
+  require(shape[0] > 0 && shape[1] > 0, "the rendering has no pixels");
+  require(step >= 1, "step is not 1 or more");
+  return {shape[0], shape[1], step};
+}
+int64_t rows_compared(int64_t rows, int64_t step) { return (rows + step - 1) / step; }
+
+double depth_prior(const Input& depth, const Input& alpha, const Input& prior, const Input& valid,
+                   const OptionalInput& confidence, bool disparity, bool align, double gradient_weight, int levels,
+                   int64_t step, const Output& gradient) {
+  Arguments check;
+  DepthPriorJob job = {};
+  job.rendered = rendered_maps(lengths("depth", depth, 2), step);
+  const auto [tall, wide, every] = job.rendered;
+  const int64_t height = rows_compared(tall, every), width = rows_compared(wide, every);
+  job.depth = check.input<float>("depth", depth, {tall, wide});
+  job.alpha = check.input<float>("alpha", alpha, {tall, wide});
+  job.prior = check.input<float>("prior", prior, {height, width});
+  job.valid = check.input<uint8_t>("valid", valid, {height, width});
+  job.confidence = check.input<float>("confidence", confidence, {height, width});
+  job.gradient = check.output<float>("gradient", gradient, {tall, wide});
+  require(levels >= 0 && levels <= kPriorLevels, "levels are 0 to " + std::to_string(kPriorLevels));
+  job.height = height, job.width = width, job.strip_rows = kPriorStripRows;
+  job.disparity = disparity, job.align = align, job.levels = levels;
+  nb::gil_scoped_release unlocked;
+  Region region;
+  std::vector<double> moments(kPriorMoments * height), values(height);
+  std::vector<int64_t> pairs(kPriorPairs * height);
+  std::unique_ptr<float[]> maps(new float[2 * height * width]);
+  auto scratch = scratch_for(region, depth_prior_scratch(width));
+  job.weight = maps.get(), job.residual = maps.get() + height * width, job.scratch = scratch.get();
+  job.row_moments = moments.data(), job.row_pairs = pairs.data(), job.row_values = values.data();
+
+  const auto look = R2_BEST(depth_prior_moments);
+  over_strips(region, height, [&](int64_t strip, int) { look(job, strip); });
+  double sums[isa_baseline::kDepthSums] = {};
+  for (int64_t row = 0; row < height; ++row)
+    for (int k = 0; k < kPriorMoments; ++k) sums[k] += moments[kPriorMoments * row + k];
+  const auto alignment = isa_baseline::depth_fit(sums, align, gradient_weight, 0).alignment;
+  if (alignment.mean == 0) {
+    std::fill_n(job.gradient, tall * wide, 0.0f);
+    return 0.0;
+  }
+  job.scale = alignment.scale, job.shift = alignment.shift, job.inverse_unit = alignment.inverse_unit;
+  job.mean = alignment.mean;
+
+  const auto compare = R2_BEST(depth_prior_residuals);
+  over_strips(region, height, [&](int64_t strip, int) { compare(job, strip); });
+  for (int64_t row = 0; row < height; ++row)
+    for (int k = 0; k < kPriorPairs; ++k) sums[kPriorMoments + k] += static_cast<double>(pairs[kPriorPairs * row + k]);
+  const auto fit = isa_baseline::depth_fit(sums, align, gradient_weight, levels);
+  for (int level = 0; level < levels; ++level)
+    for (int along = 0; along < 2; ++along) job.shares[level][along] = fit.shares[level][along];
+
+  const auto descend = R2_BEST(depth_prior_gradient);
+  over_strips(region, height, [&](int64_t strip, int worker) { descend(job, strip, worker); });
+  double total = 0;
+  for (const double value : values) total += value;
+  return total;
+}
+
+double normal_prior(const Input& normal, const Input& alpha, const Input& prior, const Input& valid,
+                    const OptionalInput& confidence, double l1, double cosine, int64_t step, const Output& gradient) {
+  Arguments check;
+  NormalPriorJob job = {};
+  job.rendered = rendered_maps(lengths("normal", normal, 3), step);
+  const auto [tall, wide, every] = job.rendered;
+  const int64_t height = rows_compared(tall, every), width = rows_compared(wide, every);
+  job.normal = check.input<float>("normal", normal, {tall, wide, 3});
+  job.alpha = check.input<float>("alpha", alpha, {tall, wide});
+  job.prior = check.input<float>("prior", prior, {height, width, 3});
+  job.valid = check.input<uint8_t>("valid", valid, {height, width});
+  job.confidence = check.input<float>("confidence", confidence, {height, width});
+  job.gradient = check.output<float>("gradient", gradient, {tall, wide, 3});
+  job.height = height, job.width = width, job.strip_rows = kPriorStripRows;
+  nb::gil_scoped_release unlocked;
+  Region region;
+  std::vector<int64_t> counts(height);
+  std::vector<double> values(height);
+  auto scratch = scratch_for(region, normal_prior_scratch(width));
+  job.row_counts = counts.data(), job.row_values = values.data(), job.scratch = scratch.get();
+  const auto count = R2_BEST(normal_prior_count);
+  over_strips(region, height, [&](int64_t strip, int) { count(job, strip); });
+  int64_t compared = 0;
+  for (const int64_t of_row : counts) compared += of_row;
+  const double pixels = static_cast<double>(compared > 1 ? compared : 1);
+  job.l1 = static_cast<float>(l1 / pixels), job.cosine = static_cast<float>(cosine / pixels);
+  const auto descend = R2_BEST(normal_prior_gradient);
+  over_strips(region, height, [&](int64_t strip, int worker) { descend(job, strip, worker); });
+  double total = 0;
+  for (const double value : values) total += value;
+  return total;
+}
+
 }  // namespace
 
 void bind_losses(nb::module_& m) {
@@ -112,6 +217,14 @@ void bind_losses(nb::module_& m) {
   m.def("normal_consistency", &normal_consistency, as_is("depth"), as_is("alpha"), as_is("normal"), nb::arg("fx"),
         nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), as_is("cam_from_world"), as_is("grad_depth"),
         as_is("grad_normal"), as_is("grad_rotation"));
+  m.def("depth_prior", &depth_prior, as_is("depth"), as_is("alpha"), as_is("prior"), as_is("valid"),
+        or_none("confidence"), nb::arg("disparity"), nb::arg("align"), nb::arg("gradient_weight"), nb::arg("levels"),
+        nb::arg("step"), as_is("gradient"),
+        "Returns the loss and writes its gradient by the depth. Compared are every `step`-th row and column of depth and "
+        "alpha, which are all that the other maps have. valid is uint8.");
+  m.def("normal_prior", &normal_prior, as_is("normal"), as_is("alpha"), as_is("prior"), as_is("valid"),
+        or_none("confidence"), nb::arg("l1"), nb::arg("cosine"), nb::arg("step"), as_is("gradient"),
+        "Returns the loss and writes its gradient by the normal; maps as in depth_prior.");
 }
 
 }  // namespace room2dgs

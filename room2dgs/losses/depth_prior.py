@@ -8,7 +8,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import hardshrink
 
+from room2dgs import _C
 from room2dgs.block_code import build_for
+from room2dgs.geometry.kernel_arguments import runs_compiled
 from room2dgs.losses import blocks
 
 MIN_ALPHA = 0.5  # pixels less covered have no depth worth comparing
@@ -29,6 +31,7 @@ def depth_prior_loss(
     gradient_weight: float = 0.5,
     scales: int = 4,
     confidence: Tensor | None = None,
+    step: int = 1,
 ) -> Tensor:
     """L_d = mean w r^2 + gradient_weight * sum over scales of (mean w |d_x r| + mean w |d_y r|) (eq. 10).
 
@@ -39,6 +42,9 @@ def depth_prior_loss(
     changes the value. s, t and m are held constant in the gradient. The gradient term is that of MiDaS: neighbours of
     r taken at strides 1, 2, 4, ..., each mean over the pairs whose two pixels are compared. Differences below a
     millionth count as none: they are rounding, and the term would push as hard by their signs as by real ones.
+
+    float32 on the CPU takes the compiled kernel, the same bits on any number of threads; it has no gradient where L_d
+    is 0 for want of pixels.
 
     w is the prior's confidence; a pair of neighbours has the smaller of its two. Means are over numbers
     of pixels and not over weights: a map that doubts itself everywhere has little to say. s and t are fitted with the
@@ -55,6 +61,7 @@ def depth_prior_loss(
         space: "depth" or "disparity" (inverse depth): what the prior is.
         align: fit s and t by least squares; False takes a prior that is metric already as it is (s = 1, t = 0).
         confidence: (H, W) w in 0..1, no gradient; None: 1 everywhere.
+        step: prior, valid and confidence have every step-th row and column of depth and alpha, from the first.
 
     Returns:
         scalar, differentiable once with respect to `depth`.
@@ -64,8 +71,14 @@ def depth_prior_loss(
     """
     if space not in ("depth", "disparity"):
         raise ValueError(f"space={space!r} is not known; choose depth or disparity")
-    if any(other.shape != depth.shape for other in (alpha, prior, valid, confidence) if other is not None):
+    compared = tuple(-(-pixels // step) for pixels in depth.shape)
+    of_prior = (prior, valid) if confidence is None else (prior, valid, confidence)
+    if alpha.shape != depth.shape or any(other.shape != compared for other in of_prior):
         raise ValueError("depth, alpha, prior, valid and confidence differ in size")
+    if runs_compiled(depth, alpha, prior) and not build_for(depth) and scales <= blocks.LEVELS:
+        maps = (alpha, prior, valid, confidence)
+        return _Compiled.apply(depth, *maps, space == "disparity", align, gradient_weight, scales, step)
+    depth, alpha = depth[::step, ::step], alpha[::step, ::step]
     if build_for(depth, alpha, prior) and scales <= blocks.LEVELS:
         return blocks.depth_prior_loss(
             depth, alpha, prior, valid,
@@ -145,6 +158,26 @@ def edge_band(prior: np.ndarray, relative_jump: float, width_px: int) -> np.ndar
         smallest = np.minimum(np.minimum(before, here), after)
         mark[1:-1] |= there[:-2] & there[1:-1] & there[2:] & (bend > relative_jump * smallest)
     return cv2.dilate(edge, np.ones((2 * width_px + 1,) * 2, np.uint8)).astype(bool)
+
+
+class _Compiled(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, depth, alpha, prior, valid, confidence, disparity, align, gradient_weight, scales, step) -> Tensor:
+        maps = [None if x is None else x.detach().contiguous() for x in (depth, alpha, prior, valid, confidence)]
+        maps[3] = maps[3].view(torch.uint8)
+        if maps[4] is not None:
+            maps[4] = maps[4].float()
+        gradient = torch.empty(depth.shape, dtype=torch.float32)
+        levels = scales if gradient_weight else 0
+        value = _C.depth_prior(*maps, disparity, align, gradient_weight, levels, step, gradient)
+        ctx.save_for_backward(gradient)
+        return depth.new_tensor(value)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad: Tensor):
+        (gradient,) = ctx.saved_tensors
+        return gradient.mul_(grad), *[None] * 9  # in place: torch refuses a second backward through this node
 
 
 class _Penalty(torch.autograd.Function):

@@ -7,6 +7,9 @@ import math
 import torch
 from torch import Tensor
 
+from room2dgs import _C
+from room2dgs.geometry.kernel_arguments import runs_compiled
+
 MIN_ALPHA = 0.5  # pixels less covered have no normal worth comparing
 TINY = 1e-3  # normals that cancel along the ray have no direction; their gradient stays below 1 / TINY
 
@@ -38,11 +41,13 @@ def normal_prior_loss(
     l1: float = 0.01,
     cosine: float = 0.01,
     confidence: Tensor | None = None,
+    step: int = 1,
 ) -> Tensor:
     """L_n = l1 * mean w |n - n_p|_1 + cosine * mean w (1 - n . n_p) (eq. 11-12; l1, cosine from the supplement).
 
     n is the rendered normal made unit, n_p the prior; |.|_1 sums the three axes; w is the prior's confidence.
-    Means are over the number of pixels that are `valid` and have alpha >= 0.5; without one the loss is 0.
+    Means are over the number of pixels that are `valid` and have alpha >= 0.5; without one the loss is 0. float32 on
+    the CPU takes the compiled kernel, the same bits on any number of threads.
 
     Args:
         normal: (H, W, 3) rendered, alpha-weighted, world frame, facing the camera; not normalised.
@@ -50,16 +55,22 @@ def normal_prior_loss(
         prior: (H, W, 3) unit, world frame, facing the camera; no gradient.
         valid: (H, W) bool.
         confidence: (H, W) w in 0..1, no gradient; None: 1 everywhere.
+        step: prior, valid and confidence have every step-th row and column of normal and alpha, from the first.
 
     Returns:
-        scalar, differentiable with respect to `normal`.
+        scalar, differentiable once with respect to `normal`.
 
     Raises:
         ValueError: maps of different sizes.
     """
-    maps = [alpha, valid] if confidence is None else [alpha, valid, confidence]
-    if normal.shape != prior.shape or any(other.shape != normal.shape[:2] for other in maps):
+    compared = tuple(-(-pixels // step) for pixels in alpha.shape)
+    of_prior = (valid,) if confidence is None else (valid, confidence)
+    sizes = [prior.shape[:2], *(other.shape for other in of_prior)]
+    if normal.shape != (*alpha.shape, 3) or prior.shape[2:] != (3,) or any(size != compared for size in sizes):
         raise ValueError("normal, alpha, prior, valid and confidence differ in size")
+    if runs_compiled(normal, alpha, prior):
+        return _Compiled.apply(normal, alpha, prior, valid, confidence, l1, cosine, step)
+    normal, alpha = normal[::step, ::step], alpha[::step, ::step]
     compared = valid & (alpha.detach() >= MIN_ALPHA)
     share = compared.to(normal.dtype) / torch.count_nonzero(compared).clamp(min=1)
     if confidence is not None:
@@ -71,3 +82,22 @@ def normal_prior_loss(
     distance = (rendered - wanted).abs().sum(0)
     apart = 1 - (rendered * wanted).sum(0)
     return ((l1 * distance + cosine * apart) * share).sum()
+
+
+class _Compiled(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, normal, alpha, prior, valid, confidence, l1, cosine, step) -> Tensor:
+        maps = [None if x is None else x.detach().contiguous() for x in (normal, alpha, prior, valid, confidence)]
+        maps[3] = maps[3].view(torch.uint8)
+        if maps[4] is not None:
+            maps[4] = maps[4].float()
+        gradient = torch.empty(normal.shape, dtype=torch.float32)
+        value = _C.normal_prior(*maps, l1, cosine, step, gradient)
+        ctx.save_for_backward(gradient)
+        return normal.new_tensor(value)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad: Tensor):
+        (gradient,) = ctx.saved_tensors
+        return gradient.mul_(grad), *[None] * 7  # in place: torch refuses a second backward through this node

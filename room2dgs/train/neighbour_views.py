@@ -24,7 +24,7 @@ class Pair(NamedTuple):
 
     Attributes:
         photo: the view's own.
-        neighbour: another view.
+        neighbour: another view, of which nobody asks for priors.
         neighbour_photo: its photo.
         inverse_depth: (h, w) of the neighbour, as `KeptDepths` has it.
         seed: of the iteration's draw of pixels.
@@ -68,7 +68,7 @@ class NeighbourViews:
         other = kept[random.integers(len(kept))]
         return Pair(
             self._photo(index, fraction),
-            self.views.at(other, fraction),
+            self.views.at(other, fraction, priors=False),
             self._photo(other, fraction),
             self._depths.get(other, fraction),
             int(random.integers(2**62)),

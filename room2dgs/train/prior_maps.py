@@ -19,7 +19,8 @@ EDGE_JUMP = 0.05  # of depth, from one pixel to the next
 EDGE_BAND_PX = 3  # of the prior's own pixels, to each side of an edge
 WHOLE = 1 - 1e-4  # share of a pixel that valid ones must cover; resizing rounds
 # Every other row and column: a surfel covers many pixels, and terms and memory cost a quarter.
-COMPARED = (slice(None, None, 2), slice(None, None, 2))
+COMPARED_STEP = 2
+COMPARED = (slice(None, None, COMPARED_STEP),) * 2
 
 
 def prior_maps(prior: ViewMaps[np.ndarray], width: int, height: int) -> ViewMaps[np.ndarray]:

@@ -189,6 +189,6 @@ def mean_psnr_db(model: Model, views: Views, render: RenderConfig) -> float:
     """Mean PSNR of the model's renderings over all of `views` at full size, decibels."""
     surfels = current_surfels(model, render)
     with torch.no_grad():
-        seen = (views.at(index) for index in range(len(views)))
+        seen = (views.at(index, priors=False) for index in range(len(views)))
         values = [_psnr_of(surfels, view, render) for view in seen]
     return float(sum(values)) / len(values)

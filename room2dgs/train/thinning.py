@@ -39,7 +39,7 @@ class Thinning(Hook):
 
 def _needed(trainer: Trainer, fraction: float) -> Tensor:
     """(N,) float64: what each surfel adds to the training view that shows most of it."""
-    views = (trainer.views.at(index, fraction) for index in range(len(trainer.views)))
+    views = (trainer.views.at(index, fraction, priors=False) for index in range(len(trainer.views)))
     sized = ((view.K, view.cam_from_world.detach(), view.width, view.height) for view in views)
     return contributions(current_surfels(trainer.model, trainer.config.render), sized, trainer.config.render.near_m)
 

@@ -84,17 +84,20 @@ class Views:
     def __len__(self) -> int:
         return len(self.frames)
 
-    def at(self, index: int, fraction: float = 1.0) -> View:
+    def at(self, index: int, fraction: float = 1.0, priors: bool = True) -> View:
         """The index-th view at `fraction` of the frame's size, intrinsics and priors scaled alike.
+
+        Args:
+            priors: false: nobody will ask for them, and unpacking costs time; a view that a device keeps has them.
 
         Raises:
             InputError: the photo cannot be decoded.
         """
         if self.on_device is None:
-            return self._read(index, fraction)
+            return self._read(index, fraction, priors)
         return self.on_device.get_or((self._mine, index, fraction), lambda: self._read(index, fraction))
 
-    def _read(self, index: int, fraction: float) -> View:
+    def _read(self, index: int, fraction: float, priors: bool = True) -> View:
         frame = self.frames[index]
         camera = _resized(frame.camera, fraction)
         return View(
@@ -103,7 +106,7 @@ class Views:
             *view_matrices(camera),
             camera.width,
             camera.height,
-            self._maps(frame.name, camera),
+            self._maps(frame.name, camera) if priors else ViewMaps(),
             mask=self.mask(index, fraction),
         )
 

@@ -15,7 +15,7 @@ from room2dgs import _C
 class Array:
     """An array argument; `shape`: digits and names of sizes (h, w, n surfels, k coefficients, t tiles, c columns), and
     for joint depth k views, y x x samples of their maps, r x r knots, s draws, d and p rows of tables; f pixels of all
-    k views, m = n + 1 firsts."""
+    k views, m = n + 1 firsts; u, v every second row and column."""
 
     name: str
     shape: str
@@ -27,6 +27,7 @@ class Array:
         sizes = {**sizes, "t": -(-sizes["h"] // 16) * -(-sizes["w"] // 16), "c": 11}
         sizes |= {"y": sizes["h"] + 1, "x": sizes["w"] + 1, "r": sizes["k"] + 1, "s": sizes["h"] * sizes["w"]}
         sizes |= {"m": sizes["n"] + 1, "d": 19, "p": 18, "f": sizes["k"] * sizes["h"] * sizes["w"]}
+        sizes |= {"u": -(-sizes["h"] // 2), "v": -(-sizes["w"] // 2)}
         return tuple(int(axis) if axis.isdigit() else sizes[axis] for axis in self.shape)
 
 
@@ -97,6 +98,36 @@ CALLS = {
                 *_written(
                     Array("grad_depth", "hw"), Array("grad_normal", "hw3"), Array("grad_rotation", "33", np.float64)
                 ),
+            ),
+        ),
+        Call(
+            "depth_prior",
+            (
+                Array("depth", "hw"),
+                Array("alpha", "hw"),
+                Array("prior", "uv"),
+                Array("valid", "uv", np.uint8),
+                Array("confidence", "uv", optional=True),
+                "disparity",
+                "align",
+                "gradient_weight",
+                "levels",
+                "step",
+                Array("gradient", "hw", written=True),
+            ),
+        ),
+        Call(
+            "normal_prior",
+            (
+                Array("normal", "hw3"),
+                Array("alpha", "hw"),
+                Array("prior", "uv3"),
+                Array("valid", "uv", np.uint8),
+                Array("confidence", "uv", optional=True),
+                "l1",
+                "cosine",
+                "step",
+                Array("gradient", "hw3", written=True),
             ),
         ),
         Call(
@@ -229,6 +260,7 @@ def numbers(sizes: dict[str, int]) -> dict[str, float]:
         "width": sizes["w"], "height": sizes["h"], "near": 0.05, "every": 2, "repeats": 1, "step": 2,
         "smoothness": 8.0, "magnitude": 0.3, "reweightings": 2, "least": 1e-7, "anchor_width": 0.03, "tie_width": 0.01,
         "same": 0.02, "side": 0.05, "from_m": 0.1, "up_to": 0.95, "doubt": 2.0,
+        "disparity": True, "align": True, "gradient_weight": 0.5, "levels": 4, "l1": 0.02, "cosine": 0.01,
     }  # fmt: skip
 
 
@@ -253,6 +285,8 @@ def filled(array: Array, sizes: dict[str, int], random: np.random.Generator) -> 
         values = np.arange(shape[0])
     if array.name == "near":
         values = np.floor(values * (sizes["k"] + 1)) - 1
+    if array.name == "valid":
+        values *= 4
     if array.name == "region":
         values += 1
     if array.name == "centers":

@@ -44,7 +44,18 @@ def results(name: str, sizes: dict[str, int] = SIZES) -> list[bytes]:
 
 
 @pytest.mark.parametrize(
-    "name", ["rgb_loss", "depth_normals", "normal_consistency", "joint_gradient", "complete", "forward", "backward"]
+    "name",
+    [
+        "rgb_loss",
+        "depth_normals",
+        "normal_consistency",
+        "depth_prior",
+        "normal_prior",
+        "joint_gradient",
+        "complete",
+        "forward",
+        "backward",
+    ],
 )
 def test_same_bits_from_several_threads_while_the_pool_is_resized(name):
     _C.set_threads(1)
@@ -80,7 +91,8 @@ def test_same_bits_from_several_threads_while_the_pool_is_resized(name):
     workers=st.integers(1, 6),
 )
 def test_different_kernels_at_once_on_any_number_of_workers(sizes, workers):
-    names = ["rgb_loss", "depth_normals", "normal_consistency", "joint_gradient", "complete", "backward"]
+    names = ["rgb_loss", "depth_normals", "normal_consistency", "depth_prior", "normal_prior", "joint_gradient"]
+    names += ["complete", "backward"]
     _C.set_threads(1)
     wanted = {name: results(name, sizes) for name in names}
     _C.set_threads(workers)

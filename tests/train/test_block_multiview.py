@@ -1,15 +1,14 @@
-"""The multi-view terms by the kernels for a GPU, as plain C++: the CPU's terms in float64 and float32, any order."""
+"""The multi-view terms by block code, which float32 takes on the CPU, too: torch's in float64, in any order."""
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
-from room2dgs.block_code import plain_code, set_order
+from room2dgs.block_code import set_order
 from room2dgs.splat.types import Rendering
 from room2dgs.train.grey import GreyPhoto
 from room2dgs.train.neighbour_views import Pair
@@ -93,14 +92,13 @@ def case(name: str, dtype=torch.float64):
 CONFIG = SimpleNamespace(samples=300, patch=7)
 
 
-def found(drawn, view, pair, names=BOTH, by_blocks=False, config=CONFIG):
+def found(drawn, view, pair, names=BOTH, config=CONFIG):
     """Values and the gradients of their weighted sum."""
     torch.set_default_dtype(drawn.depth.dtype)
     leaves = [x.clone().requires_grad_() for x in (drawn.depth, drawn.normal)]
-    with plain_code() if by_blocks else nullcontext():
-        terms = multiview_terms(drawn._replace(depth=leaves[0], normal=leaves[1]), view, pair, config, names)
-        total = sum((1 + k) * value for k, value in enumerate(terms.values()))
-        gradients = torch.autograd.grad(total, leaves, allow_unused=True, materialize_grads=True)
+    terms = multiview_terms(drawn._replace(depth=leaves[0], normal=leaves[1]), view, pair, config, names)
+    total = sum((1 + k) * value for k, value in enumerate(terms.values()))
+    gradients = torch.autograd.grad(total, leaves, allow_unused=True, materialize_grads=True)
     return [*(value.detach() for value in terms.values()), *gradients]
 
 
@@ -109,32 +107,27 @@ CASES = ["plain", "hidden", "masked", "edge-on and behind", "flat", "nothing", "
 
 @pytest.mark.parametrize("names", [BOTH, BOTH[:1], BOTH[1:]], ids=["both", "geometric", "photometric"])
 @pytest.mark.parametrize("name", CASES)
-def test_they_equal_the_cpus_terms(name, names):
+def test_they_equal_torchs_terms(name, names):
     single = case(name, torch.float32)
-    mine = found(*single, names, by_blocks=True)
-    theirs = [found(*single, names)]
-    if name != "masked":  # the CPU's mask is in float32
-        theirs.append(found(*case(name), names))
-    for expected in theirs:
-        for a, b in zip(mine, expected, strict=True):
-            # a pixel's error has float32's digits of its place in the picture, the same as the CPU's
-            torch.testing.assert_close(a.double(), b.double(), rtol=1e-3, atol=1e-3 * float(b.abs().max()) + 5e-7)
+    mine = found(*single, names)
+    for a, b in zip(mine, found(*case(name), names), strict=True):
+        # a pixel's error has float32's digits of its place in the picture
+        torch.testing.assert_close(a.double(), b, rtol=1e-3, atol=1e-3 * float(b.abs().max()) + 5e-7)
     assert (mine[0] > 0) == (name != "nothing")
     if name not in ("nothing", "flat"):
         assert mine[len(names)].abs().max() > 0
     for order in (1, 12345):
         set_order(order)
-        again = found(*single, names, by_blocks=True)
+        again = found(*single, names)
         assert all(torch.equal(a, b) for a, b in zip(again, mine, strict=True))
 
 
 @pytest.mark.parametrize("patch", [1, 3, 11])
 def test_patches_of_other_sizes(patch):
     config = SimpleNamespace(samples=40, patch=patch)
-    drawn, view, pair = case("plain", torch.float32)
-    mine, theirs = (found(drawn, view, pair, BOTH, by_blocks, config) for by_blocks in (True, False))
+    mine, theirs = (found(*case("plain", dtype), BOTH, config) for dtype in (torch.float32, torch.float64))
     for a, b in zip(mine, theirs, strict=True):
-        torch.testing.assert_close(a, b, rtol=1e-3, atol=1e-3 * float(b.abs().max()) + 5e-7)
+        torch.testing.assert_close(a.double(), b, rtol=1e-3, atol=1e-3 * float(b.abs().max()) + 5e-7)
 
 
 @pytest.mark.parametrize("name", CASES)

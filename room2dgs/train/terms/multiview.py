@@ -11,6 +11,7 @@ from torch import Tensor
 from room2dgs.block_code import build_for
 from room2dgs.config import MultiviewConfig
 from room2dgs.geometry.homography import relative_pose
+from room2dgs.geometry.kernel_arguments import runs_compiled
 from room2dgs.losses import blocks
 from room2dgs.losses.multiview import (
     agreement,
@@ -39,9 +40,10 @@ def multiview_terms(
     """Unweighted values of those of the two terms that are named; differentiable once in depth and normal.
 
     Compared are up to `config.samples` pixels, drawn among those whose patch has texture and whose ray the surfels
-    stop. The neighbour's depth is that of its last rendering and gets no gradient.
+    stop. The neighbour's depth is that of its last rendering and gets no gradient. float32 takes the kernels that are
+    written for a GPU; as plain C++ they are faster than torch's operators on the CPU, too.
     """
-    if build_for(rendering.depth):
+    if build_for(rendering.depth) or runs_compiled(rendering.depth):
         return _by_blocks(rendering, view, pair, config, names)
     column, row = drawn_pixels(rendering, pair, config.samples)
     reference = patches_at(pair.photo.grey, column, row, config.patch)
@@ -63,7 +65,7 @@ def multiview_terms(
             patches, whole = neighbour_patches(image, pixels, depth, normal, pose, K, other_K, config.patch)
             if pair.neighbour.mask is not None:
                 with torch.no_grad():
-                    usable = pair.neighbour.mask.float()
+                    usable = pair.neighbour.mask.to(image.dtype)
                     shares, _ = neighbour_patches(usable, pixels, depth, normal, pose, K, other_K, config.patch)
                     whole &= (shares > WHOLE_SHARE).all(-1)
             found[PHOTOMETRIC] = multiview_photometric(reference, patches, agreement(error, seen & whole))
@@ -76,7 +78,7 @@ def multiview_terms(
 def _by_blocks(
     rendering: Rendering, view: View, pair: Pair, config: MultiviewConfig, names: list[str]
 ) -> dict[str, Tensor]:
-    """The same by the kernels for a GPU, where nothing may wait for the number of pixels."""
+    """The same by block code, which on a GPU may not wait for the number of pixels."""
     neighbour = pair.neighbour
     other = blocks.Other(
         pair.neighbour_photo.grey, neighbour.mask, pair.inverse_depth, STEP, neighbour.K, neighbour.cam_from_world

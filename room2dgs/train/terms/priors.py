@@ -7,29 +7,27 @@ from torch import Tensor
 from room2dgs.losses.depth_prior import depth_prior_loss
 from room2dgs.losses.normal_prior import normal_prior_loss, reweighting
 from room2dgs.splat.types import Rendering
-from room2dgs.train.prior_maps import COMPARED
+from room2dgs.train.prior_maps import COMPARED, COMPARED_STEP
 from room2dgs.train.schedule import reweighting_deg
 from room2dgs.train.terms.term import LossTerm, TermContext
 from room2dgs.train.views import View
 
 
 def _depth_prior(rendering: Rendering, view: View, context: TermContext) -> Tensor:
-    depth, alpha = rendering.depth[COMPARED], rendering.alpha[COMPARED]
-    confidence = view.maps.depth_confidence
-    return depth_prior_loss(
-        depth, alpha, view.maps.depth, confidence > 0, align=context.config.loss.depth_refit, confidence=confidence
-    )
+    confidence, align = view.maps.depth_confidence, context.config.loss.depth_refit
+    maps = (rendering.depth, rendering.alpha, view.maps.depth, confidence > 0)
+    return depth_prior_loss(*maps, align=align, confidence=confidence, step=COMPARED_STEP)
 
 
 def _normal_prior(rendering: Rendering, view: View, context: TermContext) -> Tensor:
-    normal, alpha = rendering.normal[COMPARED], rendering.alpha[COMPARED]
     prior, confidence = view.maps.normal, view.maps.normal_confidence
     valid = confidence > 0
     config = context.config
     width_deg = reweighting_deg(context.iteration, config.loss.normal_reweighting, config.train.iterations)
     if width_deg is not None:
-        confidence = confidence * reweighting(normal, prior, width_deg)
-    return normal_prior_loss(normal, alpha, prior, valid, confidence=confidence)
+        confidence = confidence * reweighting(rendering.normal[COMPARED], prior, width_deg)
+    maps = (rendering.normal, rendering.alpha, prior, valid)
+    return normal_prior_loss(*maps, confidence=confidence, step=COMPARED_STEP)
 
 
 DEPTH_PRIOR = LossTerm(_depth_prior, applies=lambda view, pair: view.maps.depth is not None)
