@@ -1,7 +1,7 @@
 """Block code's builds (csrc/block.h), and which of them works on a tensor.
 
 On a GPU that is the extension `_cuda`, where it was built. On the CPU none does by itself: there the same source is
-plain C++, for tests, and works while `plain_code` says so.
+plain C++, which works while `plain_code` says so, for tests. The multi-view terms alone take it without being told.
 """
 
 from __future__ import annotations

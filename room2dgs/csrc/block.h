@@ -1,4 +1,5 @@
-// Block code: one source that is a CUDA kernel and, compiled as plain C++, the same steps on the CPU, for tests.
+// Block code: one source that is a CUDA kernel and, compiled as plain C++, the same steps on the CPU: for tests, and for the
+// multi-view terms of training, which have no kernel of their own there.
 //
 // A kernel is a struct of its arguments with
 //

@@ -1,4 +1,4 @@
-// Where block code (block.h) runs, and the memory that it works on: a CUDA stream, or this machine's CPU for tests.
+// Where block code (block.h) runs, and the memory that it works on: a CUDA stream, or this machine's CPU.
 // One interface; R2_CUDA is defined in the build for CUDA.
 #pragma once
 

@@ -26,6 +26,6 @@ NB_MODULE(_C, m) {
   room2dgs::bind_joint(m);
   room2dgs::bind_completion(m);
   room2dgs::bind_mesh(m);
-  nanobind::module_ device = m.def_submodule("device", "The CUDA kernels as plain C++ on the CPU, for tests.");
+  nanobind::module_ device = m.def_submodule("device", "The CUDA kernels as plain C++ on the CPU: for tests, and multi-view terms.");
   isa_blocks::bind_device(device);
 }

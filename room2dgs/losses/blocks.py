@@ -1,4 +1,5 @@
-"""The fused losses by the kernels written for CUDA: on a GPU's tensors, or as plain C++ on the CPU's, for tests.
+"""The fused losses by the kernels written for CUDA: on a GPU's tensors, or as plain C++ on the CPU's, for tests and for
+the multi-view terms.
 
 What they compute is `photometric.rgb_loss`, `surface.normal_consistency`, `depth_prior.depth_prior_loss` and the terms
 of `multiview`. Nothing waits for the device: values are tensors there, and cameras are read there.
