@@ -1,4 +1,6 @@
-"""The CUDA kernels as plain C++ on the CPU, for tests."""
+"""
+The CUDA kernels as plain C++ on the CPU: for tests, and multi-view terms.
+"""
 
 from typing import Annotated
 
