@@ -105,6 +105,8 @@ double normal_consistency(const Input& depth, const Input& alpha, const Input& n
 }
 
 constexpr int64_t kPriorStripRows = 8;
+static_assert(kPriorMoments + kPriorPairs == isa_baseline::kDepthSums && kPriorLevels == isa_baseline::kDepthLevels,
+              "depth_fit takes the sums that the kernels leave");
 
 // Runs `kernel(strip, worker)` over all strips of rows.
 template <class Kernel>

@@ -43,8 +43,7 @@ def depth_prior_loss(
     r taken at strides 1, 2, 4, ..., each mean over the pairs whose two pixels are compared. Differences below a
     millionth count as none: they are rounding, and the term would push as hard by their signs as by real ones.
 
-    float32 on the CPU takes the compiled kernel, the same bits on any number of threads; it has no gradient where L_d
-    is 0 for want of pixels.
+    float32 on the CPU takes the compiled kernel, the same bits on any number of threads.
 
     w is the prior's confidence; a pair of neighbours has the smaller of its two. Means are over numbers
     of pixels and not over weights: a map that doubts itself everywhere has little to say. s and t are fitted with the

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.splat.types import Rendering
@@ -108,6 +109,19 @@ def test_a_neighbour_has_been_rendered_at_this_size(capture, configure):
     assert pair.photo.textured.shape == (12, 16)
     assert views.pair(4, 2) is None
     assert views.pair(6, 0) is None
+
+
+def test_a_neighbour_comes_without_its_priors_and_is_else_the_same(capture, configure):
+    scene = capture[0]
+    ones = np.ones((24, 32), np.float32)
+    views = Views(scene.train, {frame.name: ViewMaps(depth=ones, depth_confidence=ones) for frame in scene.train})
+    whole, bare = views.at(1), views.at(1, priors=False)
+    assert whole.maps.depth is not None and bare.maps == ViewMaps()
+    assert torch.equal(whole.image, bare.image) and torch.equal(whole.K, bare.K)
+    pairs = NeighbourViews(views, configure(*ON, *SMALL))
+    for index in range(len(scene.train)):
+        pairs.keep(4, index, torch.full((24, 32), 1.5), torch.ones(24, 32))
+    assert pairs.pair(5, 0).neighbour.maps == ViewMaps()
 
 
 def test_cameras_that_only_turn_train_without(capture, configure, log, tmp_path):
