@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from room2dgs.config import Config
 from room2dgs.geometry.rotations import quaternions_to, tangents
 from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.seeds.seeds import Seeds
@@ -34,6 +35,12 @@ class Spawned(NamedTuple):
     scales: Tensor
     opacities: Tensor
     sh_dc: Tensor
+
+
+def first_opacity(config: Config) -> float:
+    """Of new surfels: nearly opaque where depth priors place seeds on the surface; points alone may lie anywhere."""
+    placed = config.seeds.init == "sfm+depth" and config.prior.depth.source != "none"
+    return config.seeds.opacity if placed else config.seeds.faint_opacity
 
 
 def spawn(seeds: Seeds, per_seed: int, opacity: float, random_seed: int) -> Spawned:

@@ -19,7 +19,7 @@ from room2dgs.seeds.decoders.decoder import Decoder
 from room2dgs.seeds.decoders.registry import new_decoder, restored_decoder
 from room2dgs.seeds.depth_seeds import away_from, prior_surface
 from room2dgs.seeds.seeds import joined, seed_points, surface_seeds
-from room2dgs.seeds.spawn import spawn
+from room2dgs.seeds.spawn import first_opacity, spawn
 from room2dgs.splat.types import Surfels
 from room2dgs.train.checkpoint import Checkpoint
 
@@ -66,7 +66,7 @@ def new_model(scene: Scene, points: PointCloud, config: Config, priors: Mapping[
         if surface is not None:
             surface = away_from(surface, points.xyz, config.seeds.depth_voxel_m)
             seeds = joined(seeds, surface_seeds(surface, config.seeds))
-    spawned = spawn(seeds, config.seeds.per_seed, config.seeds.opacity, config.train.seed)
+    spawned = spawn(seeds, config.seeds.per_seed, first_opacity(config), config.train.seed)
     decoder = new_decoder(spawned, config.seeds, config.render.sh_degree, config.train.seed)
     return Model(decoder, make_adam(decoder.parameters()))
 

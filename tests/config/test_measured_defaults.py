@@ -1,6 +1,9 @@
 """Defaults that measurements of docs/studies chose: to change one is to measure again."""
 
+import pytest
+
 from room2dgs.config import load_config
+from room2dgs.seeds.spawn import first_opacity
 
 
 def test_defaults_are_those_that_were_measured():
@@ -10,7 +13,7 @@ def test_defaults_are_those_that_were_measured():
     assert (mesh.smoothing_steps, mesh.max_error_m) == (5, 0.005)
     assert [(level.fraction, level.until) for level in train.resolutions] == [(0.5, 0.7)] and train.coarsest_px == 320
     assert (config.strategy.name, config.strategy.thin, config.seeds.per_seed) == ("seeds", 0.03, 4)
-    assert config.seeds.opacity == 0.6
+    assert first_opacity(config) == 0.6
     depth = config.prior.depth
     assert depth.completion and depth.planes and depth.right_angles and depth.free_space and depth.second_look
     assert depth.other_views and depth.correction and not depth.relief
@@ -21,4 +24,9 @@ def test_defaults_are_those_that_were_measured():
 def test_what_is_compared_with_takes_none_of_ours():
     plain = load_config(["scene.path=room", "out=run", "experiment=plain_2dgs"])
     assert plain.strategy.thin == 0 and plain.train.resolutions == [] and plain.prior.depth.source == "none"
-    assert plain.seeds.opacity == 0.1  # 2DGS starts with it
+    assert first_opacity(plain) == 0.1  # 2DGS starts with it
+
+
+@pytest.mark.parametrize("setting", ["prior=none", "seeds.init=sfm", "experiment=no_depth", "experiment=no_seed"])
+def test_seeds_that_no_depth_has_placed_start_faint(setting):
+    assert first_opacity(load_config(["scene.path=room", "out=run", setting])) == 0.1

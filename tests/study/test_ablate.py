@@ -221,7 +221,7 @@ def with_priors(experiment: str) -> Config:
 def test_an_experiment_removes_its_part_and_nothing_else():
     full = leaves(with_priors("full"))
     parts = {
-        "no_seed": ("strategy.", "seeds.init", "seeds.per_seed", "seeds.opacity", "seeds.decoder"),
+        "no_seed": ("strategy.", "seeds.init", "seeds.per_seed", "seeds.decoder"),
         "no_depth": ("prior.depth.source", "loss.depth_prior.enabled", "seeds.init"),
         "no_depth_seeds": ("seeds.init",),
         "no_normal": ("prior.normal.source", "loss.normal_prior.enabled"),

@@ -23,7 +23,12 @@ class SeedsConfig:
     )
     per_seed: Int = Field(ge=1, le=64, description="k surfels a seed")
     neighbours: Int = Field(ge=3, le=256, description="points for the local normal and scale")
-    opacity: Float = Field(ge=0.005, le=0.99, description="initial opacity of every surfel")
+    opacity: Float = Field(
+        ge=0.005, le=0.99, description="initial opacity of surfels where depth priors tell the surface"
+    )
+    faint_opacity: Float = Field(
+        ge=0.005, le=0.99, description="the same of a run whose seeds no depth prior has placed"
+    )
     max_scale_m: Float = Field(ge=1e-4, le=10, description="upper bound of the initial scale")
     decoder: Literal["explicit", "shared"] = Field(
         description="explicit: surfels store their attributes | shared: a network decodes them"

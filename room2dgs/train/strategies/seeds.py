@@ -12,7 +12,7 @@ from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.seeds.grow import Growth, Parents, grow
 from room2dgs.seeds.hierarchy import level_edge
 from room2dgs.seeds.prune import transparent, unseen
-from room2dgs.seeds.spawn import spawn
+from room2dgs.seeds.spawn import first_opacity, spawn
 from room2dgs.splat.types import Surfels
 from room2dgs.train.model import Model
 from room2dgs.train.step import Step
@@ -59,7 +59,7 @@ class SeedStrategy(Strategy):
         rows = None
         if len(growth):
             draw = np.random.SeedSequence([self._config.train.seed % 2**63, model.iteration]).generate_state(1)[0]
-            spawned = spawn(growth.seeds, settings.per_seed, settings.opacity, int(draw))
+            spawned = spawn(growth.seeds, settings.per_seed, first_opacity(self._config), int(draw))
             rows = model.decoder.rows_of(spawned, _inherited(model, growth, settings.per_seed))
         if len(growth) or len(keep) < model.seeds:
             edit_seeds(model, settings, keep, rows)
