@@ -10,7 +10,7 @@ from torch.nn.functional import hardshrink
 
 from room2dgs import _C
 from room2dgs.block_code import build_for
-from room2dgs.geometry.kernel_arguments import runs_compiled
+from room2dgs.geometry.kernel_arguments import plain_map, runs_compiled
 from room2dgs.losses import blocks
 
 MIN_ALPHA = 0.5  # pixels less covered have no depth worth comparing
@@ -162,10 +162,7 @@ def edge_band(prior: np.ndarray, relative_jump: float, width_px: int) -> np.ndar
 class _Compiled(torch.autograd.Function):
     @staticmethod
     def forward(ctx, depth, alpha, prior, valid, confidence, disparity, align, gradient_weight, scales, step) -> Tensor:
-        maps = [None if x is None else x.detach().contiguous() for x in (depth, alpha, prior, valid, confidence)]
-        maps[3] = maps[3].view(torch.uint8)
-        if maps[4] is not None:
-            maps[4] = maps[4].float()
+        maps = map(plain_map, (depth, alpha, prior, valid, confidence))
         gradient = torch.empty(depth.shape, dtype=torch.float32)
         levels = scales if gradient_weight else 0
         value = _C.depth_prior(*maps, disparity, align, gradient_weight, levels, step, gradient)

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from room2dgs import _C
-from room2dgs.geometry.kernel_arguments import runs_compiled
+from room2dgs.geometry.kernel_arguments import plain_map, runs_compiled
 
 MIN_ALPHA = 0.5  # pixels less covered have no normal worth comparing
 TINY = 1e-3  # normals that cancel along the ray have no direction; their gradient stays below 1 / TINY
@@ -87,10 +87,7 @@ def normal_prior_loss(
 class _Compiled(torch.autograd.Function):
     @staticmethod
     def forward(ctx, normal, alpha, prior, valid, confidence, l1, cosine, step) -> Tensor:
-        maps = [None if x is None else x.detach().contiguous() for x in (normal, alpha, prior, valid, confidence)]
-        maps[3] = maps[3].view(torch.uint8)
-        if maps[4] is not None:
-            maps[4] = maps[4].float()
+        maps = map(plain_map, (normal, alpha, prior, valid, confidence))
         gradient = torch.empty(normal.shape, dtype=torch.float32)
         value = _C.normal_prior(*maps, l1, cosine, step, gradient)
         ctx.save_for_backward(gradient)

@@ -1,5 +1,5 @@
-// The losses of depth and normal priors over the rows of a strip (losses/depth_prior.py, losses/normal_prior.py). Rows are
-// swept by plain loops that the compiler turns into vectors; what a row adds up is added lane by lane, in one order.
+// The losses of depth and normal priors over the rows of a strip (losses/depth_prior.py, losses/normal_prior.py). Most
+// sweeps are plain loops that the compiler turns into vectors; what a row costs is added lane by lane, in one order.
 #include "priors.h"
 
 #include "lane_sum.h"
