@@ -102,7 +102,7 @@ def joint_gradient(depth: Annotated[NDArray, dict(writable=False)], depth_confid
 def adam(values: NDArray, gradient: Annotated[NDArray, dict(writable=False)], first: NDArray, second: NDArray, rate: float, step: int) -> None:
     """One step of Adam; `first` and `second` are its moments."""
 
-def complete(distance: Annotated[NDArray, dict(writable=False)], anchor: Annotated[NDArray, dict(writable=False)], prior: Annotated[NDArray, dict(writable=False)], right: Annotated[NDArray, dict(writable=False)], down: Annotated[NDArray, dict(writable=False)], reweightings: int, least: float, anchor_width: float, tie_width: float, result: NDArray) -> None:
+def complete(distance: Annotated[NDArray, dict(writable=False)], anchor: Annotated[NDArray, dict(writable=False)], prior: Annotated[NDArray, dict(writable=False)], right: Annotated[NDArray, dict(writable=False)], down: Annotated[NDArray, dict(writable=False)], step_right: Annotated[NDArray, dict(writable=False)], step_down: Annotated[NDArray, dict(writable=False)], reweightings: int, least: float, anchor_width: float, tie_width: float, result: NDArray) -> None:
     """
     Reweighted least squares of images (n, h, w) between anchors; see priors/completion/solve.py.
     """

@@ -20,7 +20,8 @@ struct Aligned {  // a vector's worth of bytes for AVX
 };
 
 void complete(const Input& distance, const Input& anchor, const Input& prior, const Input& right, const Input& down,
-              int64_t reweightings, double least, double anchor_width, double tie_width, const Output& result) {
+              const Input& step_right, const Input& step_down, int64_t reweightings, double least, double anchor_width,
+              double tie_width, const Output& result) {
   Arguments check;
   CompletionJob job = {};
   const auto shape = lengths("distance", distance, 3);
@@ -31,6 +32,8 @@ void complete(const Input& distance, const Input& anchor, const Input& prior, co
   job.prior = check.input<double>("prior", prior, {n, h, w});
   job.right = check.input<double>("right", right, {n, h, w - 1});
   job.down = check.input<double>("down", down, {n, h - 1, w});
+  job.step_right = check.input<double>("step_right", step_right, {n, h, w - 1});
+  job.step_down = check.input<double>("step_down", step_down, {n, h - 1, w});
   job.result = check.output<double>("result", result, {n, h, w});
   require(reweightings >= 1 && reweightings <= 100, "reweightings is not in 1..100");
   require(least > 0 && anchor_width > 0 && tie_width > 0, "least and the widths are not above 0");
@@ -174,7 +177,8 @@ void seen_through(const Input& corner, double side, const Input& through, const 
 
 void bind_completion(nb::module_& m) {
   m.def("complete", &complete, as_is("distance"), as_is("anchor"), as_is("prior"), as_is("right"), as_is("down"),
-        nb::arg("reweightings"), nb::arg("least"), nb::arg("anchor_width"), nb::arg("tie_width"), as_is("result"),
+        as_is("step_right"), as_is("step_down"), nb::arg("reweightings"), nb::arg("least"), nb::arg("anchor_width"),
+        nb::arg("tie_width"), as_is("result"),
         "Reweighted least squares of images (n, h, w) between anchors; see priors/completion/solve.py.");
   m.def("depth_of_other_views", &depth_of_other_views, as_is("depth"), as_is("sure"), as_is("size"), as_is("near"),
         as_is("warp"), nb::arg("least"), nb::arg("same"), as_is("result"), as_is("trust"),

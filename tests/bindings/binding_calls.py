@@ -194,6 +194,8 @@ CALLS = {
                 *(Array(name, "kyx", np.float64) for name in ("distance", "anchor", "prior")),
                 Array("right", "kyw", np.float64),
                 Array("down", "khx", np.float64),
+                Array("step_right", "kyw", np.float64),
+                Array("step_down", "khx", np.float64),
                 "reweightings",
                 "least",
                 "anchor_width",

@@ -18,8 +18,10 @@ def solved_reference(system: System) -> np.ndarray:
                 system.distance,
                 system.anchor * share(r - system.distance, ANCHOR_WIDTH),
                 system.prior * share(r, ANCHOR_WIDTH),
-                system.right * share(np.diff(r, axis=1), TIE_WIDTH),
-                system.down * share(np.diff(r, axis=0), TIE_WIDTH),
+                system.right * share(np.diff(r, axis=1) - system.step_right, TIE_WIDTH),
+                system.down * share(np.diff(r, axis=0) - system.step_down, TIE_WIDTH),
+                system.step_right,
+                system.step_down,
             )
         )
     return r
@@ -27,7 +29,14 @@ def solved_reference(system: System) -> np.ndarray:
 
 def _once(system: System) -> np.ndarray:
     pull = system.anchor + system.prior + LEAST
-    return _solved(pull, system.anchor * system.distance, system.right, system.down)
+    target = system.anchor * system.distance
+    for axis, pulled in ((1, system.right * system.step_right), (0, system.down * system.step_down)):
+        target = target + _padded(pulled, axis, (1, 0)) - _padded(pulled, axis, (0, 1))
+    return _solved(pull, target, system.right, system.down)
+
+
+def _padded(values: np.ndarray, axis: int, by: tuple[int, int]) -> np.ndarray:
+    return np.pad(values, [by if k == axis else (0, 0) for k in (0, 1)])
 
 
 def _solved(pull: np.ndarray, target: np.ndarray, right: np.ndarray, down: np.ndarray) -> np.ndarray:

@@ -1,11 +1,13 @@
-"""One view's depth between anchors: it keeps the prior's slopes, passes through the anchors, and breaks at edges.
+"""One view's depth between anchors: it has the normals' slopes, or the prior's, passes through the anchors, and breaks
+at edges.
 
 Unknown is r, the logarithm of completed over prior depth, on the pixels of a small image. Minimised is
 
-    sum a (r - d)^2 + sum p r^2 + stiffness * sum over neighbours b (r_i - r_j)^2
+    sum a (r - d)^2 + sum p r^2 + stiffness * sum over neighbours b (r_i - r_j - s_ij)^2
 
-with d the logarithm of anchor over prior depth. Anchors a, prior p and ties b are reweighted (Geman and McClure), since
-some anchors are wrong, the prior is wrong where anchors say so, and surfaces end. Kernels solve it directly, four
+with d the logarithm of anchor over prior depth, and s what the normals' slope has more than the prior's: networks' walls
+lean towards what frames them, their normals do not. Anchors a, prior p and ties b are reweighted (Geman and McClure),
+since some anchors are wrong, the prior is wrong where anchors say so, and surfaces end. Kernels solve it directly, four
 images at a time (csrc/completion_kernels.cpp); reference.py does it with scipy.
 """
 
@@ -36,6 +38,7 @@ class System(NamedTuple):
         anchor, prior: (h, w) a and p before any reweighting.
         right: (h, w - 1) stiffness times b between neighbours along x.
         down: (h - 1, w) likewise along y.
+        step_right, step_down: likewise s, of the pixel to the right or below over the one itself.
     """
 
     distance: np.ndarray
@@ -43,6 +46,8 @@ class System(NamedTuple):
     prior: np.ndarray
     right: np.ndarray
     down: np.ndarray
+    step_right: np.ndarray
+    step_down: np.ndarray
 
 
 def system(
@@ -53,6 +58,8 @@ def system(
     slopes: tuple[np.ndarray, np.ndarray],
     tie: np.ndarray,
     edges: tuple[np.ndarray, np.ndarray],
+    *,
+    by_normals: bool,
 ) -> System:
     """Of one image.
 
@@ -61,17 +68,21 @@ def system(
         trust: (h, w) of each anchor, 0..1.
         prior: (h, w) metres, 0 = invalid; r is 0 there.
         prior_weight: (h, w) confidence in the prior, 0..1.
-        slopes: (h, w) each, d ln z / dx and d ln z / dy a pixel, of the normals; NaN where there is none.
+        slopes: (h, w) each, d ln z / dx and d ln z / dy a pixel; NaN where there is none.
         tie: (h, w) confidence in the slopes, 0..1.
         edges: (h, w - 1) and (h - 1, w) what the photo leaves of the ties along x and y (`ties_across_edges`).
+        by_normals: the slopes are those of normals; else the prior's, which it keeps.
     """
     known = prior > 0
     log_prior = np.log(np.where(known, prior, 1.0))
     anchored = (anchor > 0) & known
     distance = np.where(anchored, np.log(np.where(anchored, anchor, 1.0)) - log_prior, 0.0)
-    right = STIFFNESS * edges[0] * _ties(log_prior, known, slopes[0], tie)
-    down = STIFFNESS * edges[1] * _ties(log_prior.T, known.T, slopes[1].T, tie.T).T
-    return System(distance, anchored * trust, PRIOR_WEIGHT * prior_weight * known, right, down)
+    right, step_right = _ties(log_prior, known, slopes[0], tie)
+    down, step_down = (one.T for one in _ties(log_prior.T, known.T, slopes[1].T, tie.T))
+    weights = anchored * trust, PRIOR_WEIGHT * prior_weight * known
+    ties = STIFFNESS * edges[0] * right, STIFFNESS * edges[1] * down
+    steps = (step_right, step_down) if by_normals else (0 * step_right, 0 * step_down)
+    return System(distance, *weights, *ties, *steps)
 
 
 def solved(systems: Sequence[System]) -> list[np.ndarray]:
@@ -117,12 +128,16 @@ def prior_slopes(prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return across, down
 
 
-def _ties(log_prior: np.ndarray, known: np.ndarray, slope: np.ndarray, tie: np.ndarray) -> np.ndarray:
-    """(h, w - 1) stiffness between neighbours along x."""
+def _ties(
+    log_prior: np.ndarray, known: np.ndarray, slope: np.ndarray, tie: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(h, w - 1) stiffness between neighbours along x, and the step of r that they are to make: none across a jump."""
     expected = 0.5 * (slope[:, :-1] + slope[:, 1:])
-    jump = np.abs(np.diff(log_prior, axis=1) - np.nan_to_num(expected))
-    sure = np.minimum(tie[:, :-1], tie[:, 1:]) * np.isfinite(expected) + WEAKEST_TIE
-    return sure * share(jump, JUMP_WIDTH) * (known[:, :-1] & known[:, 1:])
+    told, both = np.isfinite(expected), known[:, :-1] & known[:, 1:]
+    step = np.where(told, expected, 0) - np.diff(log_prior, axis=1)
+    sure = np.minimum(tie[:, :-1], tie[:, 1:]) * told + WEAKEST_TIE
+    smooth = share(step, JUMP_WIDTH)
+    return sure * smooth * both, np.where(told & both, smooth * step, 0)
 
 
 def share(residual: np.ndarray, width: float) -> np.ndarray:

@@ -219,7 +219,8 @@ def _completed(given: Iterable[SmallMaps], pool: Executor) -> list[Completed]:
 def _system(maps: SmallMaps) -> System:
     anchor, trust, prior, weight, slopes, tie, edges = maps[3:]
     double = partial(np.asarray, dtype=np.float64)
-    return system(*map(double, (anchor, trust, prior, weight)), tuple(map(double, slopes)), double(tie), edges)
+    given = (*map(double, (anchor, trust, prior, weight)), tuple(map(double, slopes)), double(tie), edges)
+    return system(*given, by_normals=bool(maps.normal.any()))
 
 
 def _at_scale(maps: SmallMaps, scale: np.ndarray) -> Completed:

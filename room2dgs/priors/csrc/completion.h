@@ -18,6 +18,7 @@ struct CompletionJob {
   const double *distance, *anchor, *prior;  // (images, height, width)
   const double* right;                      // (images, height, width - 1)
   const double* down;                       // (images, height - 1, width)
+  const double *step_right, *step_down;     // by how much the ties want neighbours to differ, likewise
   int64_t reweightings;
   double least, anchor_width, tie_width;
   double* result;  // (images, height, width)
@@ -27,7 +28,7 @@ constexpr int64_t kCompletionPanel = 16;  // pixels that are eliminated before t
 
 // Vectors of scratch that a worker needs.
 inline int64_t completion_scratch(const Dissection& order) {
-  return 10 * order.height * order.width + order.kept + order.stack + (order.widest + 1) * kCompletionPanel;
+  return 12 * order.height * order.width + order.kept + order.stack + (order.widest + 1) * kCompletionPanel;
 }
 
 }  // namespace room2dgs

@@ -137,6 +137,7 @@ void complete_images(const CompletionJob& job, int64_t first, double* scratch) {
   d4* at = reinterpret_cast<d4*>(scratch);
   const auto take = [&](int64_t numbers) { return at += numbers, at - numbers; };
   d4 *distance = take(count), *anchor = take(count), *prior = take(count), *right = take(count), *down = take(count);
+  d4 *step_right = take(count), *step_down = take(count);
   d4 *diagonal = take(count), *target = take(count), *pull_right = take(count), *pull_down = take(count);
   d4 *result = take(count), *kept = take(order.kept), *stack = take(order.stack), *scaled = take((order.widest + 1) * kCompletionPanel);
   int64_t image[kCompletionLanes];  // the last ones again where there are fewer
@@ -152,6 +153,8 @@ void complete_images(const CompletionJob& job, int64_t first, double* scratch) {
   gather(prior, job.prior, height, width);
   gather(right, job.right, height, width - 1);
   gather(down, job.down, height - 1, width);
+  gather(step_right, job.step_right, height, width - 1);
+  gather(step_down, job.step_down, height - 1, width);
   for (int64_t step = 0; step < job.reweightings; ++step) {
     for (int64_t row = 0; row < height; ++row)
       for (int64_t column = 0; column < width; ++column) {
@@ -160,12 +163,14 @@ void complete_images(const CompletionJob& job, int64_t first, double* scratch) {
         const d4 sure = step ? anchor[k] * share(r - distance[k], job.anchor_width) : anchor[k];
         const d4 trusted = step ? prior[k] * share(r, job.anchor_width) : prior[k];
         d4 x = all(0.0), y = all(0.0);
-        if (column + 1 < width) x = step ? right[k] * share(result[k + 1] - r, job.tie_width) : right[k];
-        if (row + 1 < height) y = step ? down[k] * share(result[k + width] - r, job.tie_width) : down[k];
-        d4 sum = sure + trusted + job.least + x + y;
-        if (column > 0) sum -= pull_right[k - 1];
-        if (row > 0) sum -= pull_down[k - width];
-        diagonal[k] = sum, target[k] = sure * distance[k], pull_right[k] = -x, pull_down[k] = -y;
+        if (column + 1 < width) x = step ? right[k] * share(result[k + 1] - r - step_right[k], job.tie_width) : right[k];
+        if (row + 1 < height) y = step ? down[k] * share(result[k + width] - r - step_down[k], job.tie_width) : down[k];
+        d4 sum = sure + trusted + job.least + x + y, pull = sure * distance[k];
+        if (column + 1 < width) pull -= x * step_right[k];
+        if (row + 1 < height) pull -= y * step_down[k];
+        if (column > 0) sum -= pull_right[k - 1], pull -= pull_right[k - 1] * step_right[k - 1];
+        if (row > 0) sum -= pull_down[k - width], pull -= pull_down[k - width] * step_down[k - width];
+        diagonal[k] = sum, target[k] = pull, pull_right[k] = -x, pull_down[k] = -y;
       }
     solve(order, {diagonal, pull_right, pull_down, target}, kept, stack, scaled, result);
   }

@@ -23,11 +23,13 @@ from room2dgs.priors.completion.views import complete_views
 from room2dgs.stereo.agreement import Agreement
 
 
-def solved(anchor, trust, prior, weight=0.0, tie=1.0, photo=None):
+def solved(anchor, trust, prior, weight=0.0, tie=1.0, photo=None, slopes=None):
     shape = prior.shape
     edges = ties_across_edges(np.zeros((*shape, 3)) if photo is None else photo)
     trusted, weights, ties = (np.full(shape, value) for value in (trust, weight, tie))
-    return solve.solved([solve.system(anchor, trusted, prior, weights, prior_slopes(prior), ties, edges)])[0]
+    own = prior_slopes(prior) if slopes is None else slopes
+    given = solve.system(anchor, trusted, prior, weights, own, ties, edges, by_normals=slopes is not None)
+    return solve.solved([given])[0]
 
 
 def test_a_few_anchors_correct_the_scale_everywhere():
@@ -106,6 +108,33 @@ def test_nothing_is_made_where_the_prior_has_nothing():
     r = solved(anchor, 1.0, prior)
     assert (r[5:9] == 0).all() and np.isfinite(r).all()
     assert np.abs(r[:5] - np.log(1.1)).max() < 1e-3
+
+
+@pytest.mark.parametrize("lacking", [False, True])
+def test_a_wall_stands_as_its_normals_say_though_the_prior_leans(lacking):
+    """An upright wall at 4 m, of which the floor holds the foot; the prior has its top at 3.4 m."""
+    prior = np.repeat(np.linspace(3.4, 4.0, 30)[:, None], 40, axis=1)
+    anchor = np.zeros_like(prior)
+    anchor[-2:] = 4.0
+    upright = np.zeros_like(prior)
+    if lacking:  # one row without normals keeps the prior's slope, and the ones above are as upright as before
+        upright[14] = np.nan
+    depth = np.exp(solved(anchor, 1.0, prior, weight=1e-4, slopes=(np.zeros_like(prior), upright))) * prior
+    step = 4.0 * np.log(4.0 / 3.4) / 29
+    assert np.abs(depth[16:] - 4).max() < 0.02
+    assert np.abs(depth[:13] - (4 - lacking * 2 * step)).max() < 0.04
+    kept = np.exp(solved(anchor, 1.0, prior, weight=1e-4)) * prior
+    assert np.abs(kept[0] - 3.4).max() < 0.02
+
+
+def test_a_jump_of_the_prior_stays_where_normals_are_alike():
+    """Two parallel walls at 2 and 4 m; only the near one is held."""
+    prior = np.full((30, 40), 2.0)
+    prior[:, 20:] = 4.0
+    anchor = np.where(prior < 3, 2.0, 0)
+    none = np.zeros_like(prior)
+    depth = np.exp(solved(anchor, 1.0, prior, weight=0.01, slopes=(none, none))) * prior
+    assert np.abs(depth / prior - 1).max() < 0.01
 
 
 def test_slopes_are_those_of_the_plane():

@@ -20,7 +20,8 @@ def drawn_system(rng: np.random.Generator, height: int, width: int) -> System:
     prior = 0.5 * rng.random(shape) * (rng.random(shape) < 0.3) * (rng.random() < 0.7)
     distance = np.where(anchor > 0, rng.normal(0, 0.05, shape), 0)
     ties = [10 * rng.random(one) ** 4 * (rng.random(one) < 0.95) for one in ((height, width - 1), (height - 1, width))]
-    return System(distance, anchor, prior, *ties)
+    steps = [rng.normal(0, 0.02, one.shape) for one in ties]
+    return System(distance, anchor, prior, *ties, *steps)
 
 
 @settings(deadline=None)
@@ -64,7 +65,8 @@ def test_the_same_bits_on_any_number_of_threads():
 
 def test_nothing_anywhere_is_no_change():
     none = np.zeros((8, 9))
-    assert not solved([System(none, none, none, np.ones((8, 8)), np.ones((7, 9)))])[0].any()
+    ties = np.ones((8, 8)), np.ones((7, 9))
+    assert not solved([System(none, none, none, *ties, *(0 * tie for tie in ties))])[0].any()
 
 
 def test_no_image_is_no_result():
