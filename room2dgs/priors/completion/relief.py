@@ -111,7 +111,8 @@ def _relief(normal: np.ndarray, on: Anchors, height: np.ndarray) -> Relief:
     median, precision = _cells(row * shape[1] + column, on, height, shape[0] * shape[1])
     tie, flat = STEP_M**-2 * np.ones(shape), FLAT_M**-2 * np.ones(shape)
     solved = np.empty((1, *shape))
-    given = (median.reshape(shape), precision.reshape(shape), flat, tie[:, 1:], tie[1:], np.zeros(tie[:, 1:].shape), np.zeros(tie[1:].shape))
+    ties = tie[:, 1:], tie[1:]
+    given = (median.reshape(shape), precision.reshape(shape), flat, *ties, *(0 * one for one in ties))
     _C.complete(*(np.ascontiguousarray(one[None]) for one in given), REWEIGHTINGS, LEAST, WRONG_M, BREAK_M, solved)
     return Relief(across, corner, cell, solved[0].astype(np.float32))
 

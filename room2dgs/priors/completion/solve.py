@@ -5,10 +5,10 @@ Unknown is r, the logarithm of completed over prior depth, on the pixels of a sm
 
     sum a (r - d)^2 + sum p r^2 + stiffness * sum over neighbours b (r_i - r_j - s_ij)^2
 
-with d the logarithm of anchor over prior depth, and s what the normals' slope has more than the prior's: networks' walls
-lean towards what frames them, their normals do not. Anchors a, prior p and ties b are reweighted (Geman and McClure),
-since some anchors are wrong, the prior is wrong where anchors say so, and surfaces end. Kernels solve it directly, four
-images at a time (csrc/completion_kernels.cpp); reference.py does it with scipy.
+with d the logarithm of anchor over prior depth, and s what the normals' slope has more than the prior's: walls of a
+network's depth lean towards what frames them, those of its normals do not. Anchors a, prior p and ties b are reweighted
+(Geman and McClure), since some anchors are wrong, the prior is wrong where anchors say so, and surfaces end. Kernels
+solve it directly, four images at a time (csrc/completion_kernels.cpp); reference.py does it with scipy.
 """
 
 from __future__ import annotations
