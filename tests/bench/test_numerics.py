@@ -179,6 +179,20 @@ def test_the_tradeoffs_rows_are_errors_against_the_exact_build(tmp_path, monkeyp
     ]  # fmt: skip
     assert "0.700 (0.640)" in terminal(tradeoff.tradeoff_table(scored_rows))
 
+    def failing(library, *rest):
+        if library.name == broken:
+            raise InputError("it ran out of memory")
+        return scored(library, *rest)
+
+    monkeypatch.setattr(tradeoff, "scored", failing)
+    told, broken = [], "1e-2"
+    rows = tradeoff.tradeoff(tmp_path / "half", "1e-2", told.append, ["a/hall"], ["experiment=quick"])
+    assert [row["scores"]["hall"] is None for row in rows] == [False, False, True]
+    assert "failed" in terminal(tradeoff.tradeoff_table(rows)) and "it ran out of memory" in told
+    broken = "shipped"
+    with pytest.raises(InputError, match="out of memory"):
+        tradeoff.tradeoff(tmp_path / "none", "1e-2", captures=["a/hall"])
+
 
 def test_a_variants_run_has_its_library_and_its_scores(tmp_path, monkeypatch):
     """The process is made up; a failed one is said with its last words."""

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,13 @@ from torch import Tensor
 from room2dgs.bench.numerics.variant_run import COUNT, SIZE
 from room2dgs.bench.numerics.variant_score import scored
 from room2dgs.bench.numerics.variants import EXACT, SHIPPED, VARIANTS, Builder, Variant
+from room2dgs.errors import InputError
 from room2dgs.report.table import NOTHING, Table, table
 
 REPEATS = 15
 COVERED = 0.5  # alpha of the pixels whose depth is compared
 Row = dict[str, Any]
+Scores = dict[str, tuple[float, float] | None]  # F at 5 and 2 cm by capture; None: the run failed
 
 
 def tradeoff(
@@ -38,20 +41,29 @@ def tradeoff(
         captures: folders that each variant makes a run of, to be scored.
         settings: of those runs.
 
+    A variant whose run fails has None for that capture's scores; `tell` gets its last words.
+
     Raises:
-        InputError: a variant cannot be built, or a run fails.
+        InputError: a variant cannot be built, or a run of the shipped kernels fails.
     """
     builder = Builder(folder)
     wanted = only.split(",")
     chosen = [v for v in VARIANTS if any(text in f"{v.part}: {v.name}" for text in wanted)]
 
-    def scores(library: Path, isa: str) -> dict[str, tuple[float, float]]:
-        found = {}
+    def scores(library: Path, isa: str) -> Scores:
+        found: Scores = {}
         for capture in captures:
             name = Path(capture).name
             out, caches = folder / "runs" / name, folder / "caches" / name
-            run = scored(library, _environment(isa), capture, settings, out, caches)
-            found[name] = run["f_score_5cm"], run["f_score_2cm"]
+            try:
+                run = scored(library, _environment(isa), capture, settings, out, caches)
+            except InputError as error:
+                if library == shipped and not isa:  # the others would fail as well
+                    raise
+                tell(str(error))
+                found[name] = None
+            else:
+                found[name] = run["f_score_5cm"], run["f_score_2cm"]
         return found
 
     tell("shipped")
@@ -93,9 +105,9 @@ def _row(
     ratios: tuple[float, float] | None,
     out: Path,
     exact: dict[str, list[Tensor]],
-    scores: dict[str, tuple[float, float]],
+    scores: Scores,
 ) -> Row:
-    """`ratios`: None where times mean nothing; `scores`: F at 5 and 2 cm by capture."""
+    """`ratios`: None where times mean nothing."""
     found = torch.load(out, weights_only=True)
     color, alpha, depth = found["images"][:3]
     true_color, true_alpha, true_depth = exact["images"][:3]
@@ -120,6 +132,10 @@ def tradeoff_table(rows: list[Row]) -> Table:
     def ratio(value: float | None) -> str:
         return NOTHING if value is None else f"{value:.2f}"
 
+    def score(row: Row, name: str) -> str:
+        found = row["scores"][name]
+        return "failed" if found is None else "{:.3f} ({:.3f})".format(*found)
+
     columns: dict[str, Callable[[Row], str]] = {
         "part": lambda r: r["part"] or NOTHING,
         "variant": lambda r: r["variant"],
@@ -131,5 +147,5 @@ def tradeoff_table(rows: list[Row]) -> Table:
         "gradient": lambda r: f"{r['gradient']:.1e}",
     }
     for name in rows[0]["scores"]:
-        columns[f"F @ 5 cm (2 cm), {name}"] = lambda r, name=name: "{:.3f} ({:.3f})".format(*r["scores"][name])
+        columns[f"F @ 5 cm (2 cm), {name}"] = partial(score, name=name)
     return table(f"Speed against error: {COUNT} surfels at {SIZE[0]}x{SIZE[1]}, one thread", columns, rows)
