@@ -19,7 +19,7 @@ from room2dgs.priors.completion.expected_error import confidence, expected_relat
 from room2dgs.priors.completion.photo_edges import ties_across_edges
 from room2dgs.priors.completion.small_maps import small_maps
 from room2dgs.priors.completion.solve import normal_slopes, prior_slopes
-from room2dgs.priors.completion.views import complete_views
+from room2dgs.priors.completion.views import _system, complete_views
 from room2dgs.stereo.agreement import Agreement
 
 
@@ -99,6 +99,18 @@ def test_a_views_ties_are_weak_where_its_own_photo_has_an_edge(box_room, tmp_pat
     weak = (right < 0.1).any(axis=0)
     assert 1 <= weak.sum() <= 2 and (right[:, weak] < 0.1).any(axis=1).all() and (right[:, ~weak] == 1).all()
     assert (down == 1).all()
+
+
+def test_only_a_view_with_normals_follows_them(box_room):
+    """Depth that leans by 10 % over the width of a view, with and without the normal of a wall that faces the camera."""
+    room = box_room(count=2, turn=0.1)
+    frame, shape = room.frames[0], room.depths[0].shape
+    leaning = np.broadcast_to(np.linspace(2.0, 2.2, shape[1], dtype=np.float32), shape)
+    facing = np.broadcast_to(-frame.camera.forward.astype(np.float32), (*shape, 3))
+    for normal, wanted in ((None, 0.0), (facing, -np.log(1.1))):
+        found = _system(small_maps(frame, leaning, None, normal, None, room.points, 0.0))
+        np.testing.assert_allclose(found.step_right.sum(axis=1), wanted, atol=0.01)
+        np.testing.assert_allclose(found.step_down, 0, atol=1e-6)
 
 
 def test_nothing_is_made_where_the_prior_has_nothing():
