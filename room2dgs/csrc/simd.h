@@ -1,5 +1,5 @@
 // Eight-lane vectors, written with the compiler's vector extensions: one source for AVX-512, AVX2,
-// SSE2 and NEON.
+// SSE2 and NEON. As many lanes as there are: wide.h.
 //
 // Fused multiply-add is explicit (`fma`), because forward and backward must take the same branch for the same
 // pixel, bit for bit; the build forbids contraction by the compiler.

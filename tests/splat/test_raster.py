@@ -116,7 +116,8 @@ def test_a_bad_surfel_spoils_nothing_else(make_surfels, make_view, field, value)
 
 @pytest.mark.parametrize("isa", ["baseline", "avx2"])
 def test_the_kernels_of_other_instruction_sets_agree(isa, make_surfels, make_view, tmp_path):
-    """All are in every build. AVX-512 gives the bits of AVX2; the baseline, which fuses nothing, the same picture."""
+    """All are in every build. AVX-512 draws the bits of AVX2, and sums gradients in another order; the baseline, which
+    fuses nothing, draws the same picture."""
     if isa == "avx2" and _C.isa() == "baseline":
         pytest.skip("the processor has no AVX2")
     surfels, (K, pose) = make_surfels(300, 15), make_view()
@@ -139,8 +140,9 @@ def test_the_kernels_of_other_instruction_sets_agree(isa, make_surfels, make_vie
     leaves = [x.requires_grad_() for x in surfels]
     out = splat.render(Surfels(*leaves), K, pose, 53, 40)
     sum(x.sum() for x in out).backward()
-    for a, b in zip([*out, *(x.grad for x in leaves)], theirs, strict=True):
+    for a, b in zip(out, theirs, strict=False):
         assert isa == "baseline" or torch.equal(a, b)
+    for a, b in zip([*out, *(x.grad for x in leaves)], theirs, strict=True):
         torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4 * b.abs().max().item())
 
 

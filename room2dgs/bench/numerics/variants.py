@@ -62,19 +62,28 @@ def _filter(inverse_variance: float) -> tuple[Edit, ...]:
     return (Edit(f"{SPLAT}/surfel.h", "kFilterInverseVariance = 2.0f;", new),)
 
 
-_POLYNOMIAL = """  f8 p = splat(0.001327647129073739f);
-  p = fma(p, f, splat(0.009675540961325169f));
-  p = fma(p, f, splat(0.05550713092088699f));
-  p = fma(p, f, splat(0.24022120237350464f));
-  p = fma(p, f, splat(0.6931469440460205f));
-  p = fma(p, f, splat(1.0000001192092896f));
+def _exp(new: str) -> tuple[Edit, ...]:
+    """The powers of two, of eight lanes and of sixteen."""
+    eight = ("room2dgs/csrc/simd.h", "f8", "splat")
+    return tuple(
+        Edit(file, *(text.format(type=kind, all=broadcast) for text in (_POLYNOMIAL, new)))
+        for file, kind, broadcast in (eight, ("room2dgs/csrc/wide.h", "fw", "all"))
+    )
+
+
+_POLYNOMIAL = """  {type} p = {all}(0.001327647129073739f);
+  p = fma(p, f, {all}(0.009675540961325169f));
+  p = fma(p, f, {all}(0.05550713092088699f));
+  p = fma(p, f, {all}(0.24022120237350464f));
+  p = fma(p, f, {all}(0.6931469440460205f));
+  p = fma(p, f, {all}(1.0000001192092896f));
 """
-_CUBIC = """  f8 p = splat(0.0558f);
-  p = fma(p, f, splat(0.2402f));
-  p = fma(p, f, splat(0.69314f));
-  p = fma(p, f, splat(1.0f));
+_CUBIC = """  {type} p = {all}(0.0558f);
+  p = fma(p, f, {all}(0.2402f));
+  p = fma(p, f, {all}(0.69314f));
+  p = fma(p, f, {all}(1.0f));
 """
-_LIBRARY = "  f8 p;\n  for (int k = 0; k < kLanes; ++k) p[k] = __builtin_exp2f(f[k]);\n"
+_LIBRARY = "  {type} p;\n  for (int k = 0; k < int(sizeof p / 4); ++k) p[k] = __builtin_exp2f(f[k]);\n"
 _SHORT = """
 inline float shortened(float x) {  // to the 11 bits of a half's mantissa
   uint32_t bits;
@@ -84,7 +93,7 @@ inline float shortened(float x) {  // to the 11 bits of a half's mantissa
   return x;
 }
 """
-_PROJECT, _SIMD = f"{SPLAT}/stages.h", "room2dgs/csrc/simd.h"
+_PROJECT = f"{SPLAT}/stages.h"
 _FIRST = "R2_HD Surfel<double> load_surfel("  # of the functions there
 _WITH_SHORT = Edit(_PROJECT, _FIRST, _SHORT + _FIRST)
 _REACH = "d.rho = 2.0 * ::log(static_cast<double>(s.opacities[i]) / kAlphaMin);"
@@ -99,8 +108,8 @@ def _short(place: str) -> Edit:
 EXACT = Variant("", "none of them", (*_floor(25500, 4.6), *_stop("1e-8")))
 SHIPPED = Variant("", "shipped")
 VARIANTS = (
-    Variant("exp", "cubic", (Edit(_SIMD, _POLYNOMIAL, _CUBIC),)),
-    Variant("exp", "the library's", (Edit(_SIMD, _POLYNOMIAL, _LIBRARY),)),
+    Variant("exp", "cubic", _exp(_CUBIC)),
+    Variant("exp", "the library's", _exp(_LIBRARY)),
     Variant("opacity floor", "1/1000", _floor(1000, 3.75)),
     Variant("opacity floor", "1/64", _floor(64, 3.34)),
     Variant("early stop", "1e-6", _stop("1e-6")),
@@ -108,7 +117,7 @@ VARIANTS = (
     Variant("early stop", "1e-2", _stop("1e-2")),
     Variant("filter", "half as wide", _filter(8.0)),
     Variant("bounds", "no masks inside tiles", (
-        Edit(f"{SPLAT}/tile_hits.h", "reach_of(r, x, y) & alive}", "alive}"),
+        Edit(f"{SPLAT}/tile_hits.h", "reach_of(r, x, y) & alive;", "alive;"),
     )),
     Variant("bounds", "3 deviations whatever the opacity", (Edit(_PROJECT, _REACH, "d.rho = 9.0;"),)),
     Variant("16 bits", "normals", (

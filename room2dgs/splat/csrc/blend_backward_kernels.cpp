@@ -10,7 +10,7 @@ using room2dgs::Images;
 using room2dgs::Item;
 using room2dgs::kGradients;
 
-struct alignas(32) BackwardTile {
+struct alignas(64) BackwardTile {
   float T[kTilePixels], behind[kTilePixels];  // `behind`: what the rest of the ray is worth, per unit of light
   float red[kTilePixels], green[kTilePixels], blue[kTilePixels], alpha[kTilePixels];
   float depth[kTilePixels], expected[kTilePixels];  // gradient of sum w z, and the expected depth itself
@@ -26,16 +26,18 @@ int load_gradients(const BlendArgs& a, const Images& out, const ImageGradients& 
   const int x = static_cast<int>(tile % a.tiles_x) * kTile, y = static_cast<int>(tile / a.tiles_x) * kTile;
   const int64_t base = tile * kTilePixels;
   int tile_last = 0;
+  for (int32_t& last : s.vector_last) last = 0;
   for (int row = 0; row < kTile; ++row) {
     for (int column = 0; column < kTile; ++column) {
-      const int p = row * kTile + column;
+      const int p = pixel_at(row, column);
+      const int64_t k = base + row * kTile + column;
       const bool inside = x + column < a.width && y + row < a.height;
       const int64_t q = inside ? static_cast<int64_t>(y + row) * a.width + x + column : 0;
       const float on = inside ? 1.0f : 0.0f;
       const float covered = inside ? out.alpha[q] : 0.0f;
-      s.T[p] = a.state.transmittance[base + p];
-      s.last[p] = inside ? a.state.last[base + p] : 0;
-      s.median_item[p] = a.state.median[base + p];
+      s.T[p] = a.state.transmittance[k];
+      s.last[p] = inside ? a.state.last[k] : 0;
+      s.median_item[p] = a.state.median[k];
       s.red[p] = g.color ? on * g.color[3 * q] : 0.0f;
       s.green[p] = g.color ? on * g.color[3 * q + 1] : 0.0f;
       s.blue[p] = g.color ? on * g.color[3 * q + 2] : 0.0f;
@@ -48,13 +50,12 @@ int load_gradients(const BlendArgs& a, const Images& out, const ImageGradients& 
       if (kNormal) s.nx[p] = on * g.normal[3 * q], s.ny[p] = on * g.normal[3 * q + 1], s.nz[p] = on * g.normal[3 * q + 2];
       if (kDistortion) {
         s.distortion[p] = on * g.distortion[q];
-        s.first_z[p] = a.state.first_z[base + p];
-        s.m1[p] = a.state.m1[base + p], s.m2[p] = a.state.m2[base + p];
+        s.first_z[p] = a.state.first_z[k];
+        s.m1[p] = a.state.m1[k], s.m2[p] = a.state.m2[k];
         s.covered[p] = covered;
       }
-      const int v = (column / kLanes) * kTile + row;
-      if (column % kLanes == 0) s.vector_last[v] = 0;
-      if (s.last[p] > s.vector_last[v]) s.vector_last[v] = s.last[p];
+      int32_t& vector_last = s.vector_last[p / kWide];
+      if (s.last[p] > vector_last) vector_last = s.last[p];
       if (s.last[p] > tile_last) tile_last = s.last[p];
     }
   }
@@ -76,9 +77,21 @@ R2_INLINE f8 hsum8(const f8* v) {
   return r;
 }
 
+// Likewise of eight vectors of as many lanes as there are.
+R2_INLINE f8 sums_of_eight(const fw* v) {
+#if defined(__AVX512F__)
+  f8 halves[8];
+  for (int k = 0; k < 8; ++k) halves[k] = _mm512_castps512_ps256(v[k]) + _mm512_extractf32x8_ps(v[k], 1);
+  return hsum8(halves);
+#else
+  return hsum8(v);
+#endif
+}
+
 template <bool kNormal, bool kDistortion>
 void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradients& g, int64_t tile, float* entries) {
   const int x = static_cast<int>(tile % a.tiles_x) * kTile, y = static_cast<int>(tile / a.tiles_x) * kTile;
+  const auto all = [](float value) { return Lanes<fw>::all(value); };
   BackwardTile s;
   const int tile_last = load_gradients<kNormal, kDistortion>(a, out, g, tile, s);
   const Item* items = a.items + a.tile_begin[tile];
@@ -97,9 +110,9 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
   }
   uint32_t alive = 0;
   int reached = 0;
-  Hit<f8> hits[kVectors];
-  HitGradient<f8> grads[kVectors];
-  f8 weights[kVectors];
+  Hit<fw> hits[kVectors];
+  HitGradient<fw> grads[kVectors];
+  fw weights[kVectors];
   for (int j = tile_last - 1; j >= 0; --j) {
     if (j >= kPrefetch) prefetch(a.records + items[j - kPrefetch].record);
     const Record& r = a.records[items[j].record];
@@ -107,64 +120,64 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
     const InTile t = in_tile(r, x, y, alive);
     for_vectors(t.reach, [&](int k, int v) { hits[k] = hit_at(r, t, v); });
     for_vectors(t.reach, [&](int k, int v) {
-      const int q = first_pixel_of(v);
-      const Hit<f8>& hit = hits[k];
-      const i8 keep = (hit.raw >= kAlphaMin) & (load_i(s.last + q) > j);
-      const f8 alpha = alpha_of(hit.raw, keep);
-      const f8 T = load(s.T + q) / (1.0f - alpha);
-      store(s.T + q, T);
-      const f8 weight = T * alpha;
-      const f8 depth = load(s.depth + q);
+      const int q = kWide * v;
+      const Hit<fw>& hit = hits[k];
+      const iw keep = (hit.raw >= kAlphaMin) & (load_wide(s.last + q) > j);
+      const fw alpha = alpha_of(hit.raw, keep);
+      const fw T = load_wide(s.T + q) / (1.0f - alpha);
+      store_wide(s.T + q, T);
+      const fw weight = T * alpha;
+      const fw depth = load_wide(s.depth + q);
       // what this hit is worth, per unit of its weight
-      f8 worth = fma(load(s.red + q), splat(r.color[0]),
-                     fma(load(s.green + q), splat(r.color[1]), fma(load(s.blue + q), splat(r.color[2]), load(s.alpha + q))));
-      worth = fma(depth, hit.z - load(s.expected + q), worth);
-      f8 gz = weight * depth;
+      fw worth = fma(load_wide(s.red + q), all(r.color[0]),
+                     fma(load_wide(s.green + q), all(r.color[1]), fma(load_wide(s.blue + q), all(r.color[2]), load_wide(s.alpha + q))));
+      worth = fma(depth, hit.z - load_wide(s.expected + q), worth);
+      fw gz = weight * depth;
       if (kNormal) {
-        worth = fma(load(s.nx + q), splat(r.normal[0]),
-                    fma(load(s.ny + q), splat(r.normal[1]), fma(load(s.nz + q), splat(r.normal[2]), worth)));
+        worth = fma(load_wide(s.nx + q), all(r.normal[0]),
+                    fma(load_wide(s.ny + q), all(r.normal[1]), fma(load_wide(s.nz + q), all(r.normal[2]), worth)));
       }
       if (kDistortion) {
-        const f8 gd = load(s.distortion + q), m1 = load(s.m1 + q), A = load(s.covered + q);
-        const f8 mu = masked(keep, shifted_depth(hit.z, load(s.first_z + q)));
-        worth = fma(gd, spread(mu, A, m1, load(s.m2 + q)), worth);
+        const fw gd = load_wide(s.distortion + q), m1 = load_wide(s.m1 + q), A = load_wide(s.covered + q);
+        const fw mu = masked(keep, shifted_depth(hit.z, load_wide(s.first_z + q)));
+        worth = fma(gd, spread(mu, A, m1, load_wide(s.m2 + q)), worth);
         gz = fma(2.0f * kDistortionScale * gd * weight, fma(mu, A, -m1) / (hit.z * hit.z), gz);
       }
-      const f8 behind = load(s.behind + q);
-      const f8 galpha = T * (worth - behind);
-      store(s.behind + q, fma(alpha, worth - behind, behind));
-      gz += masked(load_i(s.median_item + q) == splat_i(j), load(s.median + q));
+      const fw behind = load_wide(s.behind + q);
+      const fw galpha = T * (worth - behind);
+      store_wide(s.behind + q, fma(alpha, worth - behind, behind));
+      gz += masked(load_wide(s.median_item + q) == all_wide(j), load_wide(s.median + q));
       weights[k] = weight;
       grads[k] = hit_backward(hit, keep, galpha, gz);
     });
     // in the order of raster.h's kSum..., each sum over the vectors in their order; nine or ten at a time fit the registers
-    f8 sum[24];
-    for (f8& v : sum) v = splat(0);
+    fw sum[24];
+    for (fw& one : sum) one = all(0);
     for_vectors(t.reach, [&](int k, int v) {
-      const HitGradient<f8>& grad = grads[k];
-      const f8 dx = t.dx[v >> 4], dy = splat(t.rows.dy[v & 15]);
+      const HitGradient<fw>& grad = grads[k];
+      const fw dx = t.dx(v), dy = t.dy(v);
       sum[0] += grad.u, sum[1] = fma(grad.u, dx, sum[1]), sum[2] = fma(grad.u, dy, sum[2]);
       sum[3] += grad.v, sum[4] = fma(grad.v, dx, sum[4]), sum[5] = fma(grad.v, dy, sum[5]);
       sum[6] += grad.den, sum[7] = fma(grad.den, dx, sum[7]), sum[8] = fma(grad.den, dy, sum[8]);
     });
     for_vectors(t.reach, [&](int k, int v) {
-      const int q = first_pixel_of(v);
-      const HitGradient<f8>& grad = grads[k];
-      const f8 weight = weights[k];
+      const int q = kWide * v;
+      const HitGradient<fw>& grad = grads[k];
+      const fw weight = weights[k];
       sum[9] += grad.z;
-      sum[10] = fma(grad.filter, t.dx[v >> 4], sum[10]), sum[11] = fma(grad.filter, splat(t.rows.dy[v & 15]), sum[11]);
+      sum[10] = fma(grad.filter, t.dx(v), sum[10]), sum[11] = fma(grad.filter, t.dy(v), sum[11]);
       sum[12] += grad.opacity;
-      sum[13] = fma(weight, load(s.red + q), sum[13]), sum[14] = fma(weight, load(s.green + q), sum[14]);
-      sum[15] = fma(weight, load(s.blue + q), sum[15]);
+      sum[13] = fma(weight, load_wide(s.red + q), sum[13]), sum[14] = fma(weight, load_wide(s.green + q), sum[14]);
+      sum[15] = fma(weight, load_wide(s.blue + q), sum[15]);
       if (kNormal) {
-        sum[16] = fma(weight, load(s.nx + q), sum[16]), sum[17] = fma(weight, load(s.ny + q), sum[17]);
-        sum[18] = fma(weight, load(s.nz + q), sum[18]);
+        sum[16] = fma(weight, load_wide(s.nx + q), sum[16]), sum[17] = fma(weight, load_wide(s.ny + q), sum[17]);
+        sum[18] = fma(weight, load_wide(s.nz + q), sum[18]);
       }
     });
     float* entry = entries + static_cast<int64_t>(items[j].entry) * kGradients;
-    store(entry, hsum8(sum)), store(entry + 8, hsum8(sum + 8));
+    store(entry, sums_of_eight(sum)), store(entry + 8, sums_of_eight(sum + 8));
     if (kNormal) {
-      const f8 normal = hsum8(sum + 16);
+      const f8 normal = sums_of_eight(sum + 16);
       for (int k = 0; k < 4; ++k) entry[16 + k] = normal[k];
     } else {
       for (int k = 0; k < 4; ++k) entry[16 + k] = 0;

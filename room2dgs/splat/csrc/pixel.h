@@ -1,5 +1,5 @@
-// The maths of one surfel at one pixel, and its derivative, for any lane type F (scalar.h): float, or eight pixels of a
-// row (simd.h, included before this file). Both directions take their branches from `intersect`: the same ones.
+// The maths of one surfel at one pixel, and its derivative, for any lane type F (scalar.h): float, or a vector of pixels
+// (wide.h, included before this file). Both directions take their branches from `intersect`: the same ones.
 #pragma once
 
 #include "raster.h"
