@@ -23,8 +23,8 @@ struct RgbLossJob {
   float* scratch;       // rgb_loss_scratch(row_floats) floats for each worker
 };
 
-// Filter rows have a margin of 16 floats on both sides: 5 pixels of 3 channels, rounded up.
-static inline int64_t rgb_loss_stride(int64_t row_floats) { return (row_floats + 7) / 8 * 8 + 32; }
+// Filter rows hold whole vectors, with a margin of 16 floats on both sides: 5 pixels of 3 channels, rounded up.
+static inline int64_t rgb_loss_stride(int64_t row_floats) { return (row_floats + 15) / 16 * 16 + 32; }
 // Two rows of four images filtered along y, one row of three maps, a ring of twelve rows of three filtered maps.
 static inline int64_t rgb_loss_scratch(int64_t row_floats) {
   return (2 * 4 + 3 + 12 * 3) * rgb_loss_stride(row_floats);

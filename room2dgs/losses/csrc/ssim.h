@@ -1,5 +1,5 @@
-// SSIM and L1 of one value from its window means, with their gradient, for any lane type F (scalar.h): float, or eight
-// values of a row (simd.h, included before this file).
+// SSIM and L1 of one value from its window means, with their gradient, for any lane type F (scalar.h): float, or values
+// side by side (wide.h, included before this file).
 //
 // With x rendered, y target, d = x - y and m(.) the Gaussian window, SSIM is written with the moments of d:
 //
