@@ -17,6 +17,7 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.sfm.matching import IndexPairs, Matches, epipolar_error, pinhole
 
 RANSAC_PX = 2.0
+TRIALS, CONFIDENCE = (20, 1000), 0.999  # more find less than a hundredth more tracks and take several times as long
 MIN_PAIR_INLIERS = 15
 # A pair whose own geometry lies further from the given poses than they can be wrong has matched a look-alike.
 LARGEST_POSE_ERROR_DEG = 6.0
@@ -73,25 +74,23 @@ def pair_inliers(matches: Matches, pair: tuple[int, int], first: Camera, second:
     none = np.zeros((0, 2), np.int64)
     if len(matches.of_pair.get(pair, none)) < MIN_PAIR_INLIERS:
         return none
-    options = pycolmap.TwoViewGeometryOptions()
-    options.min_num_inliers = MIN_PAIR_INLIERS
-    options.detect_watermark = False
-    options.ransac.max_error = RANSAC_PX
-    options.ransac.random_seed = 0
-    geometry = pycolmap.estimate_calibrated_two_view_geometry(
-        pinhole(first),
-        matches.keypoints[pair[0]],
-        pinhole(second),
-        matches.keypoints[pair[1]],
-        matches.of_pair[pair],
-        options,
+    of_pair, (first_px, second_px) = matches.of_pair[pair], matches.pixels(pair)
+    options = pycolmap.RANSACOptions(
+        max_error=RANSAC_PX,
+        min_num_trials=TRIALS[0],
+        max_num_trials=TRIALS[1],
+        confidence=CONFIDENCE,
+        random_seed=0,
     )
-    inliers = geometry.inlier_matches.astype(np.int64)
-    if len(inliers) < MIN_PAIR_INLIERS:
+    found = pycolmap.estimate_essential_matrix(first_px, second_px, pinhole(first), pinhole(second), options)
+    if found is None:
         return none
-    pixels = matches.keypoints[pair[0]][inliers[:, 0]], matches.keypoints[pair[1]][inliers[:, 1]]
+    own = np.asarray(found["inlier_mask"], bool)
+    if np.count_nonzero(own) < MIN_PAIR_INLIERS:
+        return none
     largest_px = np.tan(np.radians(LARGEST_POSE_ERROR_DEG)) * first.K[0, 0]
-    return inliers if np.median(epipolar_error(first, second, *pixels)) <= largest_px else none
+    near = np.median(epipolar_error(first, second, first_px[own], second_px[own])) <= largest_px
+    return of_pair[own].astype(np.int64) if near else none
 
 
 def covering(tracks: Tracks, wanted: int) -> np.ndarray:
