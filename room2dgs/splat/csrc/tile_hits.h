@@ -52,7 +52,7 @@ R2_INLINE void fill_rows(const Record& r, float oy, TileRows& rows) {
 
 // A record in a tile: the offsets of its columns and rows from its projected centre, and the vectors that it reaches.
 struct InTile {
-  fw columns[kTile / kColumns];
+  fw columns[kAcross];
   TileRows rows;
   uint32_t reach;  // a bit a vector
   R2_INLINE fw dx(int v) const { return columns[column_group_of(v)]; }
@@ -61,7 +61,7 @@ struct InTile {
 R2_INLINE InTile in_tile(const Record& r, int x, int y, uint32_t alive) {
   InTile t;
   const float ox = offset(x, r.cx, r.cx_rest);
-  for (int k = 0; k < kTile / kColumns; ++k) {  // rounded as block code does it, by halves of a row
+  for (int k = 0; k < kAcross; ++k) {  // rounded as block code does it, by halves of a row
     const int column = k * kColumns, half = column / kLanes * kLanes;
     t.columns[k] = (column_of_lane() + static_cast<float>(column - half) + ox) + static_cast<float>(half);
   }

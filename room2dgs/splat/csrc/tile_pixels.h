@@ -12,16 +12,16 @@ using room2dgs::kTile;
 using room2dgs::kTilePixels;
 
 constexpr int kColumns = 4, kRows = kWide / kColumns;  // of a vector
-constexpr int kVectors = kTilePixels / kWide;
+constexpr int kVectors = kTilePixels / kWide, kAcross = kTile / kColumns, kDown = kTile / kRows;  // of a tile
 
 // In memory vectors follow one another. With sixteen lanes they are numbered row by row, with eight column by column, as
 // their bits come out of `vectors_reached`.
-R2_INLINE int first_row_of(int v) { return kWide == 16 ? v / kColumns * kRows : v % (kTile / kRows) * kRows; }
-R2_INLINE int column_group_of(int v) { return kWide == 16 ? v % kColumns : v / (kTile / kRows); }
+R2_INLINE int first_row_of(int v) { return kWide == 16 ? v / kAcross * kRows : v % kDown * kRows; }
+R2_INLINE int column_group_of(int v) { return kWide == 16 ? v % kAcross : v / kDown; }
 R2_INLINE int first_column_of(int v) { return column_group_of(v) * kColumns; }
 R2_INLINE int pixel_at(int row, int column) {
   const int down = row / kRows, across = column / kColumns;
-  const int v = kWide == 16 ? down * kColumns + across : across * (kTile / kRows) + down;
+  const int v = kWide == 16 ? down * kAcross + across : across * kDown + down;
   return v * kWide + column % kColumns * kRows + row % kRows;
 }
 
@@ -84,9 +84,9 @@ R2_INLINE uint32_t vectors_reached(const fw* left, const fw* right) {
   const auto lower = [](const fw* x) { return R2_PICKED(x[0], x[1], 1, 3, 5, 7, 9, 11, 13, 15); };
   const fw least = vmin(upper(left), lower(left)), most = vmax(upper(right), lower(right));
   uint32_t reached = 0;
-  for (int group = 0; group < kTile / kColumns; ++group) {
+  for (int group = 0; group < kAcross; ++group) {
     const float column = static_cast<float>(group * kColumns);
-    reached |= bits((least <= column + (kColumns - 1)) & (most >= column)) << (kTile / kRows * group);
+    reached |= bits((least <= column + (kColumns - 1)) & (most >= column)) << (kDown * group);
   }
   return reached;
 #endif
