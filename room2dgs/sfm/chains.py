@@ -14,7 +14,7 @@ from room2dgs.captures.point_cloud import Tracks
 from room2dgs.colmap import pycolmap
 from room2dgs.cores import available_cores
 from room2dgs.geometry.camera import Camera
-from room2dgs.sfm.matching import IndexPairs, Matches, epipolar_error, pinhole
+from room2dgs.sfm.matching import IndexPairs, Matches, epipolar_error, essential_inliers
 
 RANSAC_PX = 2.0
 TRIALS, CONFIDENCE = (20, 1000), 0.999  # more find less than a hundredth more tracks and take several times as long
@@ -82,10 +82,7 @@ def pair_inliers(matches: Matches, pair: tuple[int, int], first: Camera, second:
         confidence=CONFIDENCE,
         random_seed=0,
     )
-    found = pycolmap.estimate_essential_matrix(first_px, second_px, pinhole(first), pinhole(second), options)
-    if found is None:
-        return none
-    own = np.asarray(found["inlier_mask"], bool)
+    own = essential_inliers(first, second, first_px, second_px, options)
     if np.count_nonzero(own) < MIN_PAIR_INLIERS:
         return none
     largest_px = np.tan(np.radians(LARGEST_POSE_ERROR_DEG)) * first.K[0, 0]

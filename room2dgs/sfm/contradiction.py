@@ -15,7 +15,7 @@ import numpy as np
 
 from room2dgs.colmap import pycolmap
 from room2dgs.geometry.camera import Camera
-from room2dgs.sfm.matching import Matches, epipolar_error, pinhole
+from room2dgs.sfm.matching import Matches, epipolar_error, essential_inliers
 from room2dgs.sfm.pairs import MIN_BASELINE_M
 
 ASKED_PAIRS = 24  # those with most matches
@@ -80,8 +80,5 @@ def _own_geometry(first: Camera, second: Camera, first_px: np.ndarray, second_px
     if len(first_px) < OWN_MATCHES:
         return nothing
     options = pycolmap.RANSACOptions(min_num_trials=1, max_num_trials=TRIALS, max_error=MAX_PX, random_seed=0)
-    found = pycolmap.estimate_essential_matrix(first_px, second_px, pinhole(first), pinhole(second), options)
-    if found is None:
-        return nothing
-    own = np.asarray(found["inlier_mask"], bool)
+    own = essential_inliers(first, second, first_px, second_px, options)
     return own if own.sum() >= max(OWN_MATCHES, OWN_SHARE * len(own)) else nothing

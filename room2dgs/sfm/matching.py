@@ -140,6 +140,14 @@ def epipolar_error(first: Camera, second: Camera, first_px: np.ndarray, second_p
     return np.sqrt(pycolmap.compute_squared_sampson_error(first_px, second_px, fundamental))
 
 
+def essential_inliers(
+    first: Camera, second: Camera, first_px: np.ndarray, second_px: np.ndarray, options: pycolmap.RANSACOptions
+) -> np.ndarray:
+    """(M,) bool: matched pixels (M, 2) that one essential matrix holds, whatever the poses; none if there is none."""
+    found = pycolmap.estimate_essential_matrix(first_px, second_px, pinhole(first), pinhole(second), options)
+    return np.zeros(len(first_px), bool) if found is None else np.asarray(found["inlier_mask"], bool)
+
+
 def agreement(matches: Matches, cameras: Sequence[Camera], pairs: Iterable[tuple[int, int]], max_px: float) -> float:
     """Share of the pairs' matches within `max_px` of the epipolar lines of posed cameras; 0 without any."""
     total = near = 0
