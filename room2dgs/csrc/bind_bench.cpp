@@ -172,10 +172,9 @@ nb::dict operations(int64_t terms) {
   Counted inverse_distance, color[3];
   const Vec3<Counted> direction = view_direction(view, o, inverse_distance);
   const float sh[48] = {0.1f};
-  float to_sh[48];
   color_of(sh, static_cast<int>(terms), direction, color);
   lap("color");
-  const Vec3<Counted> gd = color_backward<Counted>(sh, static_cast<int>(terms), direction, sums + kSumColor, to_sh);
+  const Vec3<Counted> gd = color_backward(sh, static_cast<int>(terms), direction, sums + kSumColor, [](int, Counted) {});
   inverse_distance * (gd + (-dot(gd, direction)) * direction);
   lap("color_backward");
   Record r{};

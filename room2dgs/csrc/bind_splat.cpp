@@ -33,7 +33,7 @@ bool draw(RasterFrame& f, const Arguments&, const ViewArrays& view, const Surfel
 }
 
 void run_back(RasterFrame& f, const BackwardArrays& a) {
-  CameraGradient camera;
+  CameraGradient<double> camera;
   f.backward(a.surfels, a.maps, a.from, a.to, camera);
   if (a.to_background) f.background_backward(a.from.color, a.to_background);
   std::fill(a.to_pose, a.to_pose + 16, 0.0), std::fill(a.to_K, a.to_K + 9, 0.0);

@@ -1,5 +1,5 @@
-// What templated maths needs of a scalar type: fma, vsqrt, select, masks and broadcasts, for float and double here and
-// for eight lanes in simd.h. Free of intrinsics, so that a compiler for another machine reads it too: it defines R2_HD
+// What templated maths needs of a scalar type: fma, vsqrt, select, masks and broadcasts, for float and double here, for
+// eight floats in simd.h and for several doubles in doubles.h. Free of intrinsics, so that a compiler for another machine reads it too: it defines R2_HD
 // (how a function is marked) and R2_ISA (the namespace of its own copy) as it needs.
 #pragma once
 
@@ -59,8 +59,26 @@ R2_HD float masked(bool mask, float x) { return mask ? x : 0.0f; }
 R2_HD bool inverted(bool mask) { return !mask; }
 R2_HD float vmin(float a, float b) { return a < b ? a : b; }  // b where a is NaN
 R2_HD float vmax(float a, float b) { return a > b ? a : b; }
+R2_HD double vmin(double a, double b) { return a < b ? a : b; }
+R2_HD double vmax(double a, double b) { return a > b ? a : b; }
+R2_HD double vfloor(double x) {
+#if defined(__CUDA_ARCH__)
+  return ::floor(x);
+#else
+  return __builtin_floor(x);
+#endif
+}
+R2_HD double vceil(double x) {
+#if defined(__CUDA_ARCH__)
+  return ::ceil(x);
+#else
+  return __builtin_ceil(x);
+#endif
+}
+R2_HD float narrow(double x) { return static_cast<float>(x); }
+R2_HD double widen(float x) { return x; }
 
-// The type of a comparison's result, and a number in every lane.
+// The type of a comparison's result, a number in every lane, and the floats that go with doubles.
 template <class F>
 struct Lanes;
 template <>
@@ -68,8 +86,15 @@ struct Lanes<float> {
   using Mask = bool;
   static R2_HD float all(float x) { return x; }
 };
+template <>
+struct Lanes<double> {
+  using Mask = bool;
+  using Narrow = float;
+};
 template <class F>
 using Mask = typename Lanes<F>::Mask;
+template <class T>
+using Narrow = typename Lanes<T>::Narrow;
 
 // 2^x for -24 <= x < 100, relative error below 1e-7; smaller x counts as -24. The same steps as for eight lanes.
 R2_HD float exp2_from(float x) {
@@ -88,6 +113,36 @@ R2_HD float exp2_from(float x) {
   bits += static_cast<int32_t>(static_cast<uint32_t>(power) << 23);
   memcpy(&p, &bits, 4);
   return p;
+}
+
+// x = 2^power m with m from sqrt(1/2) to sqrt(2), for a normal number above 0.
+constexpr uint64_t kRootHalf = 0x3fe6a09e667f3bcdull, kMantissa = (uint64_t{1} << 52) - 1;
+R2_HD double mantissa_of(double x, double& power) {
+  uint64_t bits;
+  memcpy(&bits, &x, 8);
+  bits = bits - kRootHalf + (uint64_t{1023} << 52);
+  power = static_cast<double>(bits >> 52) - 1023;
+  bits = (bits & kMantissa) + kRootHalf;
+  memcpy(&x, &bits, 8);
+  return x;
+}
+// Logarithm to base 2 of a normal number above 0, by double or several; within 1e-15 of the result or of 1, whichever is
+// larger, and exact for powers of 2.
+template <class T>
+R2_HD T log2_of(T x) {
+  T power;
+  const T m = mantissa_of(x, power);
+  const T s = (m - T(1)) / (m + T(1)), z = s * s;  // ln m = 2 atanh s
+  T p = T(1.0 / 17);
+  p = fma(z, p, T(1.0 / 15));
+  p = fma(z, p, T(1.0 / 13));
+  p = fma(z, p, T(1.0 / 11));
+  p = fma(z, p, T(1.0 / 9));
+  p = fma(z, p, T(1.0 / 7));
+  p = fma(z, p, T(1.0 / 5));
+  p = fma(z, p, T(1.0 / 3));
+  p = fma(z, p, T(1));
+  return fma(T(2.8853900817779268) * s, p, power);  // 2 / ln 2
 }
 
 }  // namespace R2_ISA

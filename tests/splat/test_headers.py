@@ -6,9 +6,11 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
+from room2dgs import _C
 from room2dgs.geometry.spherical_harmonics import sh_color
 from room2dgs.splat import Surfels, reference
 
@@ -45,10 +47,10 @@ int main() {
     r.aux = o.aux, r.auy = o.auy, r.avx = o.avx, r.avy = o.avy, r.bx = o.bx, r.by = o.by;
     const Hit<float> hit = intersect<float>(r, pixel[0] - r.cx, pixel[1] - r.cy);
     const auto back = hit_backward<float>(hit, true, 1.0f, 0.0f);
-    Disc d{};
+    Disc<double> d{};
     d.rho = 2 * log(opacity * 255), d.su = s[7], d.sv = s[8], d.tu = o.tu, d.tv = o.tv, d.plane = o.plane;
     d.cx = o.cx, d.cy = o.cy, d.dx = o.dx, d.dy = o.dy, d.z = o.p.z;
-    const Reach reach = reach_of(d, view);
+    const Reach<double> reach = reach_of(d, view);
     printf("%d %.9g %.9g %.9g %.9g %.9g %.9g", o.front, o.cx, o.cy, hit.rho, hit.z, hit.raw, back.opacity);
     printf(" %.9g %.9g %.9g %.9g %.9g\\n", color[0], color[1], color[2], reach.x0, reach.x1);
   }
@@ -118,3 +120,47 @@ def test_one_scalar_at_a_time_is_the_reference(compiler, source, make_surfels, m
         torch.stack(color, -1).clamp_min(0)[seen], sh_color(exact.sh, view)[seen], rtol=1e-5, atol=1e-5
     )
     assert ((x0 <= pixels[:, 0]) & (pixels[:, 0] <= x1))[seen].all()
+
+
+LOGARITHMS = """
+#include "doubles.h"
+#include <cstdio>
+using namespace R2_ISA;
+
+int main() {
+  double x[kDoubles];
+  for (int n = 0; scanf("%lf", &x[n]) == 1;) {
+    if (++n < kDoubles) continue;
+    n = 0;
+    dn several;
+    memcpy(&several, x, sizeof several);
+    const Doubles found = log2_of(Doubles(several));
+    for (int k = 0; k < kDoubles; ++k) {
+      const double one = log2_of(x[k]), lane = reinterpret_cast<const double*>(&found)[k];
+      printf("%.17g %d\\n", one, memcmp(&one, &lane, 8) == 0);
+    }
+  }
+}
+"""
+
+
+@pytest.mark.parametrize("options", [[], ["-mavx2", "-mfma"]], ids=["baseline", "avx2"])
+def test_the_logarithm_is_exact_by_one_double_and_by_several(compiler, tmp_path, options):
+    if options and _C.isa() == "baseline":
+        pytest.skip("no AVX2 on this machine")
+    source, program = tmp_path / "logarithms.cpp", tmp_path / "logarithms"
+    source.write_text(LOGARITHMS)
+    subprocess.run([*compiler, "-O1", "-ffp-contract=off", *options, str(source), "-o", str(program)], check=True)
+    random = np.random.default_rng(0)
+    powers = 2.0 ** np.arange(-100, 100)
+    near_one = 1 + random.uniform(-1e-3, 1e-3, 400)
+    roots = np.sqrt(0.5) * (1 + np.array([-1e-15, 0, 1e-15, 1e-9]))
+    x = np.concatenate([powers, near_one, roots, random.uniform(1 / 255, 1, 2000), 10 ** random.uniform(-30, 30, 1000)])
+    out = subprocess.run(
+        [str(program)], input="\n".join(map(repr, x.tolist())), check=True, capture_output=True, text=True
+    ).stdout
+    found, same = np.array([line.split() for line in out.splitlines()], dtype=float).T
+    expected = np.log2(x[: len(found)])
+    assert len(found) > len(x) - 8 and same.all()
+    assert (np.abs(found - expected) <= 1e-15 * np.maximum(1, np.abs(expected))).all()
+    np.testing.assert_array_equal(found[: len(powers)], np.arange(-100, 100))

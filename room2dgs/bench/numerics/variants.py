@@ -85,18 +85,19 @@ _CUBIC = """  {type} p = {all}(0.0558f);
 """
 _LIBRARY = "  {type} p;\n  for (int k = 0; k < int(sizeof p / 4); ++k) p[k] = __builtin_exp2f(f[k]);\n"
 _SHORT = """
-inline float shortened(float x) {  // to the 11 bits of a half's mantissa
-  uint32_t bits;
-  __builtin_memcpy(&bits, &x, 4);
-  bits = (bits + 0x1000u) & ~0x1fffu;
-  __builtin_memcpy(&x, &bits, 4);
+template <class F>
+inline F shortened(F x) {  // each of its floats to the 11 bits of a half's mantissa
+  uint32_t bits[sizeof(F) / 4];
+  __builtin_memcpy(bits, &x, sizeof x);
+  for (uint32_t& b : bits) b = (b + 0x1000u) & ~0x1fffu;
+  __builtin_memcpy(&x, bits, sizeof x);
   return x;
 }
 """
 _PROJECT = f"{SPLAT}/stages.h"
 _FIRST = "R2_HD Surfel<double> load_surfel("  # of the functions there
 _WITH_SHORT = Edit(_PROJECT, _FIRST, _SHORT + _FIRST)
-_REACH = "d.rho = 2.0 * ::log(static_cast<double>(s.opacities[i]) / kAlphaMin);"
+_REACH = "d.rho = T(2 * kLn2) * (r.log2_opacity - log2_of(T(kAlphaMin)));"
 
 
 def _short(place: str) -> Edit:
@@ -119,14 +120,14 @@ VARIANTS = (
     Variant("bounds", "no masks inside tiles", (
         Edit(f"{SPLAT}/tile_hits.h", "reach_of(r, x, y) & alive;", "alive;"),
     )),
-    Variant("bounds", "3 deviations whatever the opacity", (Edit(_PROJECT, _REACH, "d.rho = 9.0;"),)),
+    Variant("bounds", "3 deviations whatever the opacity", (Edit(_PROJECT, _REACH, "d.rho = T(9);"),)),
     Variant("16 bits", "normals", (
         _WITH_SHORT,
-        *(_short(f"r.normal[{k}] = static_cast<float>(o.side * axes.tw.{x})") for k, x in enumerate("xyz")),
+        *(_short(f"r.normal[{k}] = narrow(o.side * s.axes.tw.{x})") for k, x in enumerate("xyz")),
     ), timed=False),
     Variant("16 bits", "slopes", (
         _WITH_SHORT,
-        *(_short(f"r.{x} = static_cast<float>(o.{x})") for x in ("aux", "auy", "avx", "avy", "bx", "by")),
+        *(_short(f"r.{x} = narrow(o.{x})") for x in ("aux", "auy", "avx", "avy", "bx", "by")),
     ), timed=False),
     Variant("16 bits", "gradients of a tile", (
         _WITH_SHORT, Edit(_PROJECT, "sum[k] += entry[k];", "sum[k] += shortened(entry[k]);"),

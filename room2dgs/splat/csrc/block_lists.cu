@@ -75,14 +75,12 @@ struct ListTallTiles {
       const int64_t k = block.place(thread);
       if (k >= lists.visible || lists.rows[lists.order[k]].count <= kKeptRows) return;
       Writer writer(lists, k);
-      Axes<double> axes;
-      Projected<double> o;
-      Disc d;
-      PixelRange pixels;
-      if (!stand(surfels, writer.surfel, view->camera, axes, o, d)) return;
-      const Reach reach = reach_of(d, view->camera);
-      if (!pixels_of(reach, view->camera, pixels)) return;
-      for_tile_rows(d, reach, view->camera, pixels, [&](int ty, int begin, int end) { writer.row(ty, begin, end); });
+      const Standing<double> surfel = stand(surfels, writer.surfel, view->camera);
+      if (!surfel.seen) return;
+      const Reach<double> reach = reach_of(surfel.disc, view->camera);
+      const Box<double> box = box_of(reach, view->camera);
+      if (!box.some) return;
+      for_tile_rows(surfel.disc, reach, view->camera, range_of(box), [&](int ty, int begin, int end) { writer.row(ty, begin, end); });
     });
   }
 };

@@ -75,24 +75,25 @@ struct ProjectSurfels {
     const View& camera = view->camera;
     const float *c = surfels.centers + 3 * i, *e = surfels.scales + 2 * i;
     if (!maybe_seen<float>(view->frustum, c[0], c[1], c[2], e[0] > e[1] ? e[0] : e[1], surfels.opacities[i])) return 0;
-    Axes<double> axes;
-    Projected<double> o;
-    Disc d;
-    if (!stand(surfels, i, camera, axes, o, d)) return 0;
-    const Reach reach = reach_of(d, camera);
-    PixelRange pixels;
-    if (!pixels_of(reach, camera, pixels)) return 0;
+    const Standing<double> surfel = stand(surfels, i, camera);
+    if (!surfel.seen) return 0;
+    const Reach<double> reach = reach_of(surfel.disc, camera);
+    const Box<double> box = box_of(reach, camera);
+    if (!box.some) return 0;
+    const PixelRange pixels = range_of(box);
     uint32_t reached = 0;
     const int first = pixels.y0 / kTile;
     kept.first = static_cast<uint16_t>(first), kept.count = static_cast<uint16_t>(pixels.y1 / kTile - first + 1);
-    for_tile_rows(d, reach, camera, pixels, [&](int ty, int begin, int end) {
+    for_tile_rows(surfel.disc, reach, camera, pixels, [&](int ty, int begin, int end) {
       reached += static_cast<uint32_t>(end - begin);
       const room2dgs::Span span = {static_cast<uint16_t>(begin), static_cast<uint16_t>(end)};
       // written out: an index that is not known before would put the spans into slow memory
       for (int k = 0; k < kKeptRows; ++k)
         if (ty - first == k) kept.spans[k] = span;
     });
-    if (reached) fill_record(surfels, i, camera, axes, o, d, reach, pixels, record);
+    if (!reached) return 0;
+    static_cast<RecordNumbers<float>&>(record) = numbers_of(surfel, reach, camera, sh_of(surfels, i), surfels.sh_count);
+    put_box(pixels, record);
     return reached;
   }
 };
@@ -126,12 +127,20 @@ struct SurfelsBackward {
     Own<Sums<double, kCameraNumbers>, kThreads> mine;
     block.threads([&](int thread) {
       const int64_t i = block.place(thread);
-      room2dgs::CameraGradient g = {};
+      room2dgs::CameraGradient<double> g = {};
       if (i < surfels.count) {
         const uint32_t count = tiles[i];
-        const float* first = entries + static_cast<int64_t>(first_entry[i]) * kGradients;
-        if (count) surfel_backward(view->camera, surfels, i, first, count, to, g);
-        else zero_gradients(to, i, 3 * surfels.sh_count);
+        if (count) {
+          double sum[kGradients];
+          add_entries(entries + static_cast<int64_t>(first_entry[i]) * kGradients, count, sum);
+          const auto put = [&](float* array, int numbers, int k, double gradient) {
+            array[numbers * i + k] = static_cast<float>(gradient);
+          };
+          surfel_backward<double>(view->camera, load_surfel(surfels, i), surfels.opacities[i], sum, sh_of(surfels, i),
+                                  surfels.sh_count, to, put, g);
+        } else {
+          zero_gradients(to, i, 3 * surfels.sh_count);
+        }
       }
       double* all = mine[thread].value;
       for (int k = 0; k < 9; ++k) all[k] = g.R[k];

@@ -13,28 +13,43 @@ namespace R2_ISA {
 // Pixels are tested in float: what is left out here must be out there too.
 constexpr double kLoose = 1.00001, kMarginPx = 1e-3;
 
+template <class T>
 struct Disc {
-  double su, sv;
-  Vec3<double> tu, tv;      // camera frame
-  double cx, cy, dx, dy, z;  // projected centre, p / z_c, z_c
-  double aux, auy, avx, avy, bx, by;
-  bool plane;
-  double rho;
+  T su, sv;
+  Vec3<T> tu, tv;       // camera frame
+  T cx, cy, dx, dy, z;  // projected centre, p / z_c, z_c
+  T aux, auy, avx, avy, bx, by;
+  Mask<T> plane;
+  T rho;
 };
 
+template <class T>
 struct Reach {
-  double x0, x1, y0, y1;  // pixel coordinates
-  bool crossing;         // crosses the near plane: tiles are tested one by one
-  double ex, ey;         // ellipse: its centre relative to (cx, cy),
-  double hx, hy;         // half extents,
-  double shear, lean;    // centre of a row over y; height of its rightmost point,
-  double width;          // half width of its middle row, all in pixels
-  double filter;         // radius, pixels
+  T x0, x1, y0, y1;  // pixel coordinates
+  Mask<T> crossing;  // crosses the near plane: tiles are tested one by one
+  T ex, ey;          // ellipse: its centre relative to (cx, cy),
+  T hx, hy;          // half extents,
+  T shear, lean;     // centre of a row over y; height of its rightmost point,
+  T width;           // half width of its middle row, all in pixels
+  T filter;          // radius, pixels
 };
 
-R2_HD void include(double x, double& low, double& high) {
-  low = x < low ? x : low;
-  high = x > high ? x : high;
+template <class T>
+R2_HD void include(T x, T& low, T& high) {
+  low = vmin(x, low);
+  high = vmax(x, high);
+}
+
+// A disc's two axes on the screen, before the division by depth, and how its depth goes along them, for a deviation.
+template <class T>
+struct Spread {
+  T Xu, Xv, Yu, Yv, Wu, Wv;
+};
+template <class T>
+R2_HD Spread<T> spread_of(const Disc<T>& d, const View& view) {
+  return {d.su * view.fx * (d.tu.x - d.dx * d.tu.z), d.sv * view.fx * (d.tv.x - d.dx * d.tv.z),
+          d.su * view.fy * (d.tu.y - d.dy * d.tu.z), d.sv * view.fy * (d.tv.y - d.dy * d.tv.z),
+          d.su * d.tu.z, d.sv * d.tv.z};
 }
 
 // Extremes over the visible part (z >= near) of a disc that crosses the near plane, relative to the projected centre.
@@ -58,47 +73,55 @@ R2_HD void crossing_extremes(double Lu, double Lv, double Wu, double Wv, double 
   }
 }
 
-R2_HD Reach reach_of(const Disc& d, const View& view) {
-  Reach r;
-  r.filter = ::sqrt(d.rho / kFilterInverseVariance) * kLoose + kMarginPx;
+// What a disc reaches that lies before the near plane as a whole; one that crosses it lacks its box (`add_crossing`).
+template <class T>
+R2_HD Reach<T> reach_before(const Disc<T>& d, const View& view) {
+  Reach<T> r;
+  r.filter = vsqrt(d.rho / T(kFilterInverseVariance)) * T(kLoose) + T(kMarginPx);
   r.x0 = d.cx - r.filter, r.x1 = d.cx + r.filter;
   r.y0 = d.cy - r.filter, r.y1 = d.cy + r.filter;
-  r.crossing = false;
-  r.ex = r.ey = r.hx = r.hy = r.shear = r.lean = r.width = 0;
-  if (!d.plane) return r;
-  const double Xu = d.su * view.fx * (d.tu.x - d.dx * d.tu.z), Xv = d.sv * view.fx * (d.tv.x - d.dx * d.tv.z);
-  const double Yu = d.su * view.fy * (d.tu.y - d.dy * d.tu.z), Yv = d.sv * view.fy * (d.tv.y - d.dy * d.tv.z);
-  const double Wu = d.su * d.tu.z, Wv = d.sv * d.tv.z;
-  const double rho = d.rho * kLoose;
-  const double radius = ::sqrt(rho), along = radius * ::sqrt(Wu * Wu + Wv * Wv);
-  if (d.z - along > view.near) {
-    const double D = 1.0 / (d.z * d.z - along * along);
-    const double s = rho * D;
-    r.ex = -s * (Xu * Wu + Xv * Wv);
-    r.ey = -s * (Yu * Wu + Yv * Wv);
-    const double sxx = r.ex * r.ex + s * (Xu * Xu + Xv * Xv), syy = r.ey * r.ey + s * (Yu * Yu + Yv * Yv);
-    const double sxy = r.ex * r.ey + s * (Xu * Yu + Xv * Yv);
-    r.hx = ::sqrt(sxx), r.hy = ::sqrt(syy);
-    r.shear = sxy / syy, r.lean = sxy / r.hx;
-    const double w2 = sxx - sxy * r.shear;
-    r.width = w2 > 0 ? ::sqrt(w2) : 0;
-    const double hx = r.hx * kLoose + kMarginPx, hy = r.hy * kLoose + kMarginPx;
-    include(d.cx + r.ex - hx, r.x0, r.x1), include(d.cx + r.ex + hx, r.x0, r.x1);
-    include(d.cy + r.ey - hy, r.y0, r.y1), include(d.cy + r.ey + hy, r.y0, r.y1);
-  } else {
-    r.crossing = true;
-    double x0 = 0, x1 = 0, y0 = 0, y1 = 0;
-    crossing_extremes(Xu, Xv, Wu, Wv, d.z, view.near, radius, x0, x1);
-    crossing_extremes(Yu, Yv, Wu, Wv, d.z, view.near, radius, y0, y1);
-    const double mx = 1e-4 * (x1 - x0) + kMarginPx, my = 1e-4 * (y1 - y0) + kMarginPx;
-    include(d.cx + x0 - mx, r.x0, r.x1), include(d.cx + x1 + mx, r.x0, r.x1);
-    include(d.cy + y0 - my, r.y0, r.y1), include(d.cy + y1 + my, r.y0, r.y1);
-  }
+  const Spread<T> a = spread_of(d, view);
+  const T rho = d.rho * T(kLoose);
+  const T along = vsqrt(rho) * vsqrt(a.Wu * a.Wu + a.Wv * a.Wv);
+  const Mask<T> before = d.z - along > T(view.near);
+  const Mask<T> whole = d.plane & before;
+  r.crossing = d.plane & inverted(before);
+  const T s = rho * (T(1) / (d.z * d.z - along * along));
+  const T ex = -s * (a.Xu * a.Wu + a.Xv * a.Wv), ey = -s * (a.Yu * a.Wu + a.Yv * a.Wv);
+  const T sxx = ex * ex + s * (a.Xu * a.Xu + a.Xv * a.Xv), syy = ey * ey + s * (a.Yu * a.Yu + a.Yv * a.Yv);
+  const T sxy = ex * ey + s * (a.Xu * a.Yu + a.Xv * a.Yv);
+  const T half_x = vsqrt(sxx), half_y = vsqrt(syy), shear = sxy / syy;
+  // without an ellipse they are 0, and the box below lies inside the filter's
+  r.ex = select(whole, ex, T()), r.ey = select(whole, ey, T());
+  r.hx = select(whole, half_x, T()), r.hy = select(whole, half_y, T());
+  r.shear = select(whole, shear, T()), r.lean = select(whole, sxy / half_x, T());
+  r.width = select(whole, vsqrt(vmax(sxx - sxy * shear, T())), T());
+  const T hx = r.hx * T(kLoose) + T(kMarginPx), hy = r.hy * T(kLoose) + T(kMarginPx);
+  include(d.cx + r.ex - hx, r.x0, r.x1), include(d.cx + r.ex + hx, r.x0, r.x1);
+  include(d.cy + r.ey - hy, r.y0, r.y1), include(d.cy + r.ey + hy, r.y0, r.y1);
+  return r;
+}
+
+// The box of a disc that crosses the near plane.
+R2_HD void add_crossing(const Disc<double>& d, const View& view, Reach<double>& r) {
+  const Spread<double> a = spread_of(d, view);
+  const double radius = vsqrt(d.rho * kLoose);
+  double x0 = 0, x1 = 0, y0 = 0, y1 = 0;
+  crossing_extremes(a.Xu, a.Xv, a.Wu, a.Wv, d.z, view.near, radius, x0, x1);
+  crossing_extremes(a.Yu, a.Yv, a.Wu, a.Wv, d.z, view.near, radius, y0, y1);
+  const double mx = 1e-4 * (x1 - x0) + kMarginPx, my = 1e-4 * (y1 - y0) + kMarginPx;
+  include(d.cx + x0 - mx, r.x0, r.x1), include(d.cx + x1 + mx, r.x0, r.x1);
+  include(d.cy + y0 - my, r.y0, r.y1), include(d.cy + y1 + my, r.y0, r.y1);
+}
+
+R2_HD Reach<double> reach_of(const Disc<double>& d, const View& view) {
+  Reach<double> r = reach_before(d, view);
+  if (r.crossing) add_crossing(d, view, r);
   return r;
 }
 
 // The x range of ellipse and filter circle over the strip [y0, y1], pixels. False when neither reaches it.
-R2_HD bool strip_range(const Disc& d, const Reach& r, double y0, double y1, double& x0, double& x1) {
+R2_HD bool strip_range(const Disc<double>& d, const Reach<double>& r, double y0, double y1, double& x0, double& x1) {
   bool found = false;
   x0 = 1e30, x1 = -1e30;
   const double fy = (d.cy < y0 ? y0 : (d.cy > y1 ? y1 : d.cy)) - d.cy;
@@ -125,7 +148,7 @@ R2_HD bool strip_range(const Disc& d, const Reach& r, double y0, double y1, doub
 
 // Does a disc that crosses the near plane reach the rectangle? Its visible part is convex on the screen, so either it
 // holds the projected centre or it cuts an edge, where the condition is a quadratic.
-R2_HD bool crossing_meets(const Disc& d, double x0, double x1, double y0, double y1) {
+R2_HD bool crossing_meets(const Disc<double>& d, double x0, double x1, double y0, double y1) {
   const double ax = x0 - d.cx, bx = x1 - d.cx, ay = y0 - d.cy, by = y1 - d.cy;
   const double f = ::sqrt(d.rho / kFilterInverseVariance);
   if (ax <= f && bx >= -f && ay <= f && by >= -f) return true;

@@ -154,20 +154,20 @@ void RasterFrame::forward(const Camera& view, const SurfelArrays& surfels, const
 }
 
 void RasterFrame::backward(const SurfelArrays& surfels, const Images& out, const ImageGradients& gradients,
-                           const SurfelGradients& to, CameraGradient& to_camera) {
+                           const SurfelGradients& to, CameraGradient<double>& to_camera) {
   const BlendArgs args = blend_args();
   entry_sums.grow(static_cast<int64_t>(entries) * kGradients);
   parallel_for(tile_count(),
                [&](int64_t tile, int) { kernels().blend_backward(args, out, gradients, tile, entry_sums.data()); });
   const int64_t blocks = (count + kProjectBlock - 1) / kProjectBlock;
-  std::vector<CameraGradient> partial(blocks);
+  std::vector<CameraGradient<double>> partial(blocks);
   parallel_for(blocks, [&](int64_t block, int) {
     const int64_t begin = block * kProjectBlock, end = std::min(begin + kProjectBlock, count);
     kernels().project_backward(camera, surfels, extents.data(), first_entry.data(), entry_sums.data(), begin, end, to,
                                &partial[block]);
   });
   to_camera = {};
-  for (const CameraGradient& p : partial) {
+  for (const CameraGradient<double>& p : partial) {
     for (int k = 0; k < 9; ++k) to_camera.R[k] += p.R[k];
     for (int k = 0; k < 3; ++k) to_camera.t[k] += p.t[k];
     to_camera.fx += p.fx, to_camera.fy += p.fy, to_camera.cx += p.cx, to_camera.cy += p.cy;

@@ -33,17 +33,22 @@ struct SurfelGradients {
   float *centers, *rotations, *scales, *opacities, *sh, *center_px;
 };
 
-// One visible surfel, ready for blending.
-struct Record {
-  float cx, cy, cx_rest, cy_rest;  // projected centre, and what its rounding to float left
-  float z;
-  float aux, auy, avx, avy, bx, by;
-  float den_max;  // hits nearer than the near plane have a larger `den`
-  float log2_opacity;
-  float color[3], normal[3];
+// Of one visible surfel, or of several.
+template <class F>
+struct RecordNumbers {
+  F cx, cy, cx_rest, cy_rest;  // projected centre, and what its rounding to float left
+  F z;
+  F aux, auy, avx, avy, bx, by;
+  F den_max;  // hits nearer than the near plane have a larger `den`
+  F log2_opacity;
+  F color[3], normal[3];
   // which pixels of a row it can reach: those of an ellipse and those of the filter's circle, a little enlarged;
   // a disc that crosses the near plane has no ellipse (`half_width` < 0) and takes its box
-  float ellipse_x, ellipse_y, inverse_half_height, shear, half_width, margin, filter2;
+  F ellipse_x, ellipse_y, inverse_half_height, shear, half_width, margin, filter2;
+};
+
+// One visible surfel, ready for blending.
+struct Record : RecordNumbers<float> {
   int16_t x0, x1, y0, y1;  // pixels that it can reach, inclusive
 };
 
@@ -96,9 +101,10 @@ struct BlendArgs {
 };
 
 // Sums over surfels of the camera's gradient.
+template <class T>
 struct CameraGradient {
-  double R[9], t[3];
-  double fx, fy, cx, cy;
+  T R[9], t[3];
+  T fx, fy, cx, cy;
 };
 
 struct Kernels {
@@ -107,7 +113,7 @@ struct Kernels {
   int64_t (*count_pairs)(const BlendArgs&, const Images&, int64_t tile);
   void (*blend_backward)(const BlendArgs&, const Images&, const ImageGradients&, int64_t tile, float* entries);
   void (*project_backward)(const Camera&, const SurfelArrays&, const Extent*, const uint32_t* first_entry,
-                           const float* entries, int64_t begin, int64_t end, const SurfelGradients&, CameraGradient*);
+                           const float* entries, int64_t begin, int64_t end, const SurfelGradients&, CameraGradient<double>*);
 };
 
 }  // namespace room2dgs

@@ -101,7 +101,7 @@ struct RasterFrame {
 
   void forward(const Camera& view, const SurfelArrays& surfels, const Images& out);
   void backward(const SurfelArrays& surfels, const Images& out, const ImageGradients& gradients,
-                const SurfelGradients& to, CameraGradient& to_camera);
+                const SurfelGradients& to, CameraGradient<double>& to_camera);
   // The background's gradient: the light that passes all surfels times the colour's, summed over pixels.
   void background_backward(const float* g_color, double* to);
   int64_t count_pairs(const Images& out);

@@ -36,27 +36,28 @@ R2_HD void sh_terms(Vec3<T> d, int count, F&& f) {
   f(15, c30 * x * (xx - 3.0f * yy), c30 * (3.0f * xx - 3.0f * yy), -6.0f * c30 * x * y, o);
 }
 
-// Colour seen along a unit direction, before the clamp at 0; `sh` is (count, 3).
-template <class T>
-R2_HD void color_of(const float* sh, int count, Vec3<T> direction, T* color) {
-  for (int c = 0; c < 3; ++c) color[c] = 0.5;
+// Colour seen along a unit direction, before the clamp at 0; sh[3 k + c] is the k-th coefficient of channel c.
+template <class T, class Coefficients>
+R2_HD void color_of(const Coefficients& sh, int count, Vec3<T> direction, T* color) {
+  for (int c = 0; c < 3; ++c) color[c] = T(0.5);
   sh_terms<T>(direction, count, [&](int term, T value, T, T, T) {
     for (int c = 0; c < 3; ++c) color[c] += value * sh[3 * term + c];
   });
 }
 
-// Gradient of the coefficients, to `to_sh`; gives that of the unit direction.
-template <class T>
-R2_HD Vec3<T> color_backward(const float* sh, int count, Vec3<T> direction, const T* g_color, float* to_sh) {
+// Gives the coefficients' gradients to put(3 k + c, gradient), and returns that of the unit direction.
+template <class T, class Coefficients, class Put>
+R2_HD Vec3<T> color_backward(const Coefficients& sh, int count, Vec3<T> direction, const T* g_color, Put&& put) {
+  const T none = T();
   T color[3], g[3];
   color_of(sh, count, direction, color);
-  for (int c = 0; c < 3; ++c) g[c] = color[c] > 0 ? g_color[c] : 0;
-  Vec3<T> g_direction = {0, 0, 0};
+  for (int c = 0; c < 3; ++c) g[c] = select(color[c] > none, g_color[c], none);
+  Vec3<T> g_direction = {none, none, none};
   sh_terms<T>(direction, count, [&](int term, T value, T ddx, T ddy, T ddz) {
-    T through = 0;
+    T through = none;
     for (int c = 0; c < 3; ++c) {
-      to_sh[3 * term + c] = static_cast<float>(value * g[c]);
-      if (g[c] != 0) through += g[c] * sh[3 * term + c];
+      put(3 * term + c, value * g[c]);
+      through += select(g[c] != none, g[c] * sh[3 * term + c], none);
     }
     g_direction = g_direction + through * Vec3<T>{ddx, ddy, ddz};
   });

@@ -18,6 +18,7 @@ using room2dgs::kSumNormal;
 using room2dgs::kSumOpacity;
 using room2dgs::kTile;
 using room2dgs::Record;
+using room2dgs::RecordNumbers;
 using room2dgs::SurfelArrays;
 
 R2_HD Surfel<double> load_surfel(const SurfelArrays& s, int64_t i) {
@@ -65,41 +66,69 @@ R2_HD Mask<F> maybe_seen(const Frustum& f, F x, F y, F z, F scale, F opacity) {
          (f.bottom[0] * py + f.bottom[1] * pz >= reach);
 }
 
-// A surfel in a view. False where it has no disc or lies in front of the near plane.
-R2_HD bool stand(const SurfelArrays& s, int64_t i, const View& view, Axes<double>& axes, Projected<double>& o, Disc& d) {
-  const Surfel<double> surfel = load_surfel(s, i);
-  axes = axes_of(surfel);
+// A surfel in a view, or several.
+template <class T>
+struct Standing {
+  Axes<T> axes;
+  Projected<T> o;
+  Disc<T> disc;
+  T log2_opacity;
+  Mask<T> seen;  // clear where it has no disc or lies in front of the near plane
+};
+template <class T>
+R2_HD Standing<T> stand(const Surfel<T>& s, T opacity, const View& view) {
+  Standing<T> r;
+  r.axes = axes_of(s);
+  r.o = project(s, r.axes, view);
   // a quaternion of no norm (kept in step with splat/constants.py) and scales that are not positive have no disc
-  if (!(axes.inverse_norm > 0 && axes.inverse_norm < 1e30 && surfel.su > 0 && surfel.sv > 0)) return false;
-  o = project(surfel, axes, view);
-  if (!o.front) return false;
-  d.rho = 2.0 * ::log(static_cast<double>(s.opacities[i]) / kAlphaMin);
-  d.su = surfel.su, d.sv = surfel.sv, d.tu = o.tu, d.tv = o.tv;
+  r.seen = (r.axes.inverse_norm > T(0)) & (r.axes.inverse_norm < T(1e30)) & (s.su > T(0)) & (s.sv > T(0)) & r.o.front;
+  r.log2_opacity = log2_of(opacity);
+  constexpr double kLn2 = 0.69314718055994530942;
+  Disc<T>& d = r.disc;
+  const Projected<T>& o = r.o;
+  d.rho = T(2 * kLn2) * (r.log2_opacity - log2_of(T(kAlphaMin)));
+  d.su = s.su, d.sv = s.sv, d.tu = o.tu, d.tv = o.tv;
   d.cx = o.cx, d.cy = o.cy, d.dx = o.dx, d.dy = o.dy, d.z = o.p.z;
   d.aux = o.aux, d.auy = o.auy, d.avx = o.avx, d.avy = o.avy, d.bx = o.bx, d.by = o.by;
   d.plane = o.plane;
-  return true;
+  return r;
+}
+R2_HD Standing<double> stand(const SurfelArrays& s, int64_t i, const View& view) {
+  return stand<double>(load_surfel(s, i), s.opacities[i], view);
 }
 
-R2_HD int first_pixel(double x) { return static_cast<int>(::ceil(x - 0.5)); }
-R2_HD int last_pixel(double x) { return static_cast<int>(::floor(x - 0.5)); }
+template <class T>
+R2_HD T first_pixel(T x) { return vceil(x - T(0.5)); }
+template <class T>
+R2_HD T last_pixel(T x) { return vfloor(x - T(0.5)); }
 
-// Pixels that a disc can reach, inclusive.
+// Pixels that a disc can reach, inclusive, as whole numbers; `some` is clear where there are none.
+template <class T>
+struct Box {
+  T x0, x1, y0, y1;
+  Mask<T> some;
+};
+template <class T>
+R2_HD Box<T> box_of(const Reach<T>& r, const View& view) {
+  const T zero = T(), width = T(view.width), height = T(view.height);
+  Box<T> b;
+  b.x0 = first_pixel(vmax(r.x0, zero)), b.x1 = last_pixel(vmin(r.x1, width));
+  b.y0 = first_pixel(vmax(r.y0, zero)), b.y1 = last_pixel(vmin(r.y1, height));
+  // written so that a NaN fails
+  b.some = (r.x0 < width) & (r.x1 > zero) & (r.y0 < height) & (r.y1 > zero) & (b.x0 <= b.x1) & (b.y0 <= b.y1);
+  return b;
+}
+
 struct PixelRange {
   int x0, x1, y0, y1;
 };
-R2_HD bool pixels_of(const Reach& r, const View& view, PixelRange& p) {
-  const double width = view.width, height = view.height;
-  // written so that a NaN fails
-  if (!(r.x0 < width && r.x1 > 0 && r.y0 < height && r.y1 > 0)) return false;
-  p.x0 = first_pixel(r.x0 > 0 ? r.x0 : 0), p.x1 = last_pixel(r.x1 < width ? r.x1 : width);
-  p.y0 = first_pixel(r.y0 > 0 ? r.y0 : 0), p.y1 = last_pixel(r.y1 < height ? r.y1 : height);
-  return p.x0 <= p.x1 && p.y0 <= p.y1;
+R2_HD PixelRange range_of(const Box<double>& b) {
+  return {static_cast<int>(b.x0), static_cast<int>(b.x1), static_cast<int>(b.y0), static_cast<int>(b.y1)};
 }
 
 // Calls row(ty, begin, end) for every row of tiles in the range, with the tiles [begin, end) of it that the disc reaches.
 template <class Row>
-R2_HD void for_tile_rows(const Disc& d, const Reach& r, const View& view, const PixelRange& p, Row&& row) {
+R2_HD void for_tile_rows(const Disc<double>& d, const Reach<double>& r, const View& view, const PixelRange& p, Row&& row) {
   const double width = view.width;
   const int tx0 = p.x0 / kTile, tx1 = p.x1 / kTile, ty0 = p.y0 / kTile, ty1 = p.y1 / kTile;
   for (int ty = ty0; ty <= ty1; ++ty) {
@@ -113,7 +142,7 @@ R2_HD void for_tile_rows(const Disc& d, const Reach& r, const View& view, const 
       const bool found = strip_range(d, r, sy0, sy1, s0, s1);
       // a NaN takes the whole row; far numbers do not fit an int
       s0 = s0 > 0 ? (s0 < width ? s0 : width) : 0, s1 = s1 < width ? (s1 > -1 ? s1 : -1) : width;
-      const int p0 = found ? first_pixel(s0) : 0, p1 = found ? last_pixel(s1) : -1;
+      const int p0 = found ? static_cast<int>(first_pixel(s0)) : 0, p1 = found ? static_cast<int>(last_pixel(s1)) : -1;
       a = p0 / kTile > tx0 ? p0 / kTile : tx0;
       b = p1 < p0 ? a - 1 : (p1 / kTile < tx1 ? p1 / kTile : tx1);
     }
@@ -122,36 +151,47 @@ R2_HD void for_tile_rows(const Disc& d, const Reach& r, const View& view, const 
   }
 }
 
-// Everything of a record: where it lies, what its pixels need, its colour and its normal.
-R2_HD void fill_record(const SurfelArrays& s, int64_t i, const View& view, const Axes<double>& axes,
-                       const Projected<double>& o, const Disc& d, const Reach& reach, const PixelRange& p, Record& r) {
+// A record's numbers: where it lies, what its pixels need, its normal and, from its coefficients `sh`, its colour.
+template <class T, class Coefficients>
+R2_HD RecordNumbers<Narrow<T>> numbers_of(const Standing<T>& s, const Reach<T>& reach, const View& view,
+                                                    const Coefficients& sh, int sh_count) {
+  const Projected<T>& o = s.o;
+  RecordNumbers<Narrow<T>> r;
+  constexpr double kPixelMargin = 0.02;  // pixels are placed in float
+  const T radius = reach.filter + T(kPixelMargin);
+  r.filter2 = narrow(radius * radius);
+  r.ellipse_x = narrow(o.cx + reach.ex), r.ellipse_y = narrow(o.cy + reach.ey);
+  r.inverse_half_height = narrow(T(1) / (reach.hy * T(kLoose) + T(kPixelMargin)));
+  r.shear = narrow(reach.shear);
+  r.half_width = narrow(select(reach.crossing, T(-1), reach.width * T(kLoose)));
+  r.margin = narrow(T(kPixelMargin) + T(1e-5) * reach.hx);
+  r.cx = narrow(o.cx), r.cy = narrow(o.cy), r.z = narrow(o.p.z);
+  r.cx_rest = narrow(o.cx - widen(r.cx)), r.cy_rest = narrow(o.cy - widen(r.cy));
+  r.aux = narrow(o.aux), r.auy = narrow(o.auy);
+  r.avx = narrow(o.avx), r.avy = narrow(o.avy);
+  r.bx = narrow(o.bx), r.by = narrow(o.by);
+  r.den_max = narrow(o.p.z / T(view.near));
+  r.log2_opacity = narrow(s.log2_opacity);
+  T inverse_distance, color[3];
+  color_of(sh, sh_count, view_direction(view, o, inverse_distance), color);
+  for (int c = 0; c < 3; ++c) r.color[c] = narrow(select(color[c] > T(0), color[c], T(0)));
+  r.normal[0] = narrow(o.side * s.axes.tw.x);
+  r.normal[1] = narrow(o.side * s.axes.tw.y);
+  r.normal[2] = narrow(o.side * s.axes.tw.z);
+  return r;
+}
+R2_HD void put_box(const PixelRange& p, Record& r) {
   r.x0 = static_cast<int16_t>(p.x0), r.x1 = static_cast<int16_t>(p.x1);
   r.y0 = static_cast<int16_t>(p.y0), r.y1 = static_cast<int16_t>(p.y1);
-  constexpr double kPixelMargin = 0.02;  // pixels are placed in float
-  r.filter2 = static_cast<float>((reach.filter + kPixelMargin) * (reach.filter + kPixelMargin));
-  r.ellipse_x = static_cast<float>(d.cx + reach.ex), r.ellipse_y = static_cast<float>(d.cy + reach.ey);
-  r.inverse_half_height = static_cast<float>(1 / (reach.hy * kLoose + kPixelMargin));
-  r.shear = static_cast<float>(reach.shear);
-  r.half_width = reach.crossing ? -1.0f : static_cast<float>(reach.width * kLoose);
-  r.margin = static_cast<float>(kPixelMargin + 1e-5 * reach.hx);
-  r.cx = static_cast<float>(o.cx), r.cy = static_cast<float>(o.cy), r.z = static_cast<float>(o.p.z);
-  r.cx_rest = static_cast<float>(o.cx - r.cx), r.cy_rest = static_cast<float>(o.cy - r.cy);
-  r.aux = static_cast<float>(o.aux), r.auy = static_cast<float>(o.auy);
-  r.avx = static_cast<float>(o.avx), r.avy = static_cast<float>(o.avy);
-  r.bx = static_cast<float>(o.bx), r.by = static_cast<float>(o.by);
-  r.den_max = static_cast<float>(o.p.z / view.near);
-  r.log2_opacity = static_cast<float>(::log2(static_cast<double>(s.opacities[i])));
-  double inverse_distance, color[3];
-  color_of(sh_of(s, i), s.sh_count, view_direction(view, o, inverse_distance), color);
-  for (int c = 0; c < 3; ++c) r.color[c] = color[c] > 0 ? static_cast<float>(color[c]) : 0.0f;
-  r.normal[0] = static_cast<float>(o.side * axes.tw.x);
-  r.normal[1] = static_cast<float>(o.side * axes.tw.y);
-  r.normal[2] = static_cast<float>(o.side * axes.tw.z);
 }
 
-R2_HD void put(float* p, Vec3<double> v) {
-  p[0] = static_cast<float>(v.x), p[1] = static_cast<float>(v.y), p[2] = static_cast<float>(v.z);
+// A surfel's pixel sums (raster.h, kSum...) over its `count` entries.
+R2_HD void add_entries(const float* entry, uint32_t count, double* sum) {
+  for (int k = 0; k < kGradients; ++k) sum[k] = 0;
+  for (uint32_t e = 0; e < count; ++e, entry += kGradients)
+    for (int k = 0; k < kGradients; ++k) sum[k] += entry[k];
 }
+
 R2_HD void zero(float* p, int64_t count) {
   for (int64_t k = 0; k < count; ++k) p[k] = 0;
 }
@@ -161,45 +201,46 @@ R2_HD void zero_gradients(const room2dgs::SurfelGradients& out, int64_t i, int s
 }
 
 // m += left right^T, row-major
-R2_HD void add_outer(double* m, Vec3<double> left, Vec3<double> right) {
+template <class T>
+R2_HD void add_outer(T* m, Vec3<T> left, Vec3<T> right) {
   m[0] += left.x * right.x, m[1] += left.x * right.y, m[2] += left.x * right.z;
   m[3] += left.y * right.x, m[4] += left.y * right.y, m[5] += left.y * right.z;
   m[6] += left.z * right.x, m[7] += left.z * right.y, m[8] += left.z * right.z;
 }
 
-// A visible surfel's gradients from its `count` entries of pixel sums; adds its part of the camera's.
-R2_HD void surfel_backward(const View& view, const SurfelArrays& s, int64_t i, const float* entry, uint32_t count,
-                           const room2dgs::SurfelGradients& out, room2dgs::CameraGradient& total) {
-  double sum[kGradients] = {};
-  for (uint32_t e = 0; e < count; ++e, entry += kGradients)
-    for (int k = 0; k < kGradients; ++k) sum[k] += entry[k];
+// From a visible surfel's pixel sums the gradients of its parameters, each to put(array, numbers a surfel, which of them,
+// gradient) as soon as it is known; adds the surfel's part of the camera's.
+template <class T, class Coefficients, class Put>
+R2_HD void surfel_backward(const View& view, const Surfel<T>& surfel, T opacity, const T* sum, const Coefficients& sh,
+                           int sh_count, const room2dgs::SurfelGradients& out, Put&& put,
+                           room2dgs::CameraGradient<T>& total) {
+  const Axes<T> axes = axes_of(surfel);
+  const Projected<T> o = project(surfel, axes, view);
+  const NineGrad<T> g = nine_from_sums(sum, o);
+  put(out.center_px, 2, 0, g.cx), put(out.center_px, 2, 1, g.cy);
+  const CameraGrad<T> c = project_backward(surfel, o, view, g);
+  put(out.scales, 2, 0, c.su), put(out.scales, 2, 1, c.sv);
+  put(out.opacities, 1, 0, sum[kSumOpacity] / opacity);
 
-  const Surfel<double> surfel = load_surfel(s, i);
-  const Axes<double> axes = axes_of(surfel);
-  const Projected<double> o = project(surfel, axes, view);
-  const NineGrad<double> g = nine_from_sums(sum, o);
-  out.center_px[2 * i] = static_cast<float>(g.cx), out.center_px[2 * i + 1] = static_cast<float>(g.cy);
-  const CameraGrad<double> c = project_backward(surfel, o, view, g);
-  out.scales[2 * i] = static_cast<float>(c.su), out.scales[2 * i + 1] = static_cast<float>(c.sv);
-  out.opacities[i] = static_cast<float>(sum[kSumOpacity] / s.opacities[i]);
-
-  double inverse_distance;
-  const Vec3<double> direction = view_direction(view, o, inverse_distance);
-  const Vec3<double> gd =
-      color_backward<double>(sh_of(s, i), s.sh_count, direction, sum + kSumColor, out.sh + int64_t{3} * s.sh_count * i);
+  T inverse_distance;
+  const Vec3<T> direction = view_direction(view, o, inverse_distance);
+  const auto put_sh = [&](int k, T gradient) { put(out.sh, 3 * sh_count, k, gradient); };
+  const Vec3<T> gd = color_backward(sh, sh_count, direction, sum + kSumColor, put_sh);
   // normalise(p - o): the part across the ray, over the distance
-  const Vec3<double> g_view = inverse_distance * (gd + (-dot(gd, direction)) * direction);
-  put(out.centers + 3 * i, rotate_transposed(view.R, c.p) + g_view);
-  double gq[4];
+  const Vec3<T> g_view = inverse_distance * (gd + (-dot(gd, direction)) * direction);
+  const Vec3<T> center = rotate_transposed(view.R, c.p) + g_view;
+  put(out.centers, 3, 0, center.x), put(out.centers, 3, 1, center.y), put(out.centers, 3, 2, center.z);
+  T rotation[4];
+  const Vec3<T> g_normal = {sum[kSumNormal], sum[kSumNormal + 1], sum[kSumNormal + 2]};
   axes_backward(axes, rotate_transposed(view.R, c.tu), rotate_transposed(view.R, c.tv),
-                rotate_transposed(view.R, c.tw) + o.side * Vec3<double>{sum[kSumNormal], sum[kSumNormal + 1], sum[kSumNormal + 2]}, gq);
-  for (int k = 0; k < 4; ++k) out.rotations[4 * i + k] = static_cast<float>(gq[k]);
+                rotate_transposed(view.R, c.tw) + o.side * g_normal, rotation);
+  for (int k = 0; k < 4; ++k) put(out.rotations, 4, k, rotation[k]);
 
   // camera = R world + t for the centre, R alone for the axes, and the projection centre -R^T t for the direction
   add_outer(total.R, c.p, surfel.center);
   add_outer(total.R, c.tu, axes.tu), add_outer(total.R, c.tv, axes.tv), add_outer(total.R, c.tw, axes.tw);
-  add_outer(total.R, {view.t[0], view.t[1], view.t[2]}, g_view);
-  const Vec3<double> g_translation = c.p + rotate(view.R, g_view);
+  add_outer(total.R, {T(view.t[0]), T(view.t[1]), T(view.t[2])}, g_view);
+  const Vec3<T> g_translation = c.p + rotate(view.R, g_view);
   total.t[0] += g_translation.x, total.t[1] += g_translation.y, total.t[2] += g_translation.z;
   total.fx += c.fx, total.fy += c.fy, total.cx += c.cx, total.cy += c.cy;
 }

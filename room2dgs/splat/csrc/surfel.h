@@ -1,6 +1,6 @@
-// The maths of one surfel in one view, and its derivative, for any scalar type and machine (scalar.h). The CPU uses
-// double: a few hundred nanoseconds a surfel buy the digits that a grazing disc loses in float, and pixels cost far more
-// than surfels. What happens at a pixel is in pixel.h.
+// The maths of one surfel in one view, and its derivative, for any scalar type and machine (scalar.h); for several at
+// once as well (doubles.h). The CPU uses double: some hundred nanoseconds a surfel buy the digits that a grazing disc
+// loses in float, and pixels cost far more than surfels. What happens at a pixel is in pixel.h.
 //
 // Centre form of the ray-disc intersection (eq. 5-7 of the paper, rewritten about the projected centre c):
 //   delta = x - c,  den = 1 + b.delta,  z = z_c / den,  u = a_u.delta / den,  v = a_v.delta / den.
@@ -95,7 +95,7 @@ struct Projected {
   T kappa;             // t_w . p / z_c
   T bx, by, aux, auy, avx, avy;
   T side;              // the normal that faces the camera is side * t_w
-  bool front, plane;
+  Mask<T> front, plane;
 };
 
 // Unit direction from the camera to the surfel in the world, and 1 / distance.
@@ -153,10 +153,8 @@ R2_HD NineGrad<T> nine_from_sums(const T* sum, const Projected<T>& o) {
   g.aux = sum[kSumU + 1], g.auy = sum[kSumU + 2], g.avx = sum[kSumV + 1], g.avy = sum[kSumV + 2];
   g.bx = sum[kSumDen + 1], g.by = sum[kSumDen + 2], g.z = sum[kSumZ];
   g.cx = T(kFilterInverseVariance) * sum[kSumFilter], g.cy = T(kFilterInverseVariance) * sum[kSumFilter + 1];
-  if (o.plane) {
-    g.cx -= gu * o.aux + gv * o.avx + gden * o.bx;
-    g.cy -= gu * o.auy + gv * o.avy + gden * o.by;
-  }
+  g.cx -= select(o.plane, gu * o.aux + gv * o.avx + gden * o.bx, T());
+  g.cy -= select(o.plane, gu * o.auy + gv * o.avy + gden * o.by, T());
   return g;
 }
 
