@@ -119,6 +119,7 @@ R2_HD Box<T> box_of(const Reach<T>& r, const View& view) {
   return b;
 }
 
+// A box that has pixels, in integers.
 struct PixelRange {
   int x0, x1, y0, y1;
 };
