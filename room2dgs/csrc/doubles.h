@@ -20,7 +20,6 @@ typedef int32_t in __attribute__((vector_size(4 * kDoubles)));
 struct DoublesMask {
   ln lanes;
   friend R2_INLINE DoublesMask operator&(DoublesMask a, DoublesMask b) { return {a.lanes & b.lanes}; }
-  friend R2_INLINE DoublesMask operator|(DoublesMask a, DoublesMask b) { return {a.lanes | b.lanes}; }
   friend R2_INLINE DoublesMask inverted(DoublesMask a) { return {~a.lanes}; }
   // A bit a lane.
   friend R2_INLINE uint32_t bits(DoublesMask a) {

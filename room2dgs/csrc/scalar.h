@@ -1,7 +1,10 @@
 // What templated maths needs of a scalar type: fma, vsqrt, select, masks and broadcasts, for float and double here, for
-// eight floats in simd.h and for several doubles in doubles.h. Free of intrinsics, so that a compiler for another machine reads it too: it defines R2_HD
+// eight floats in simd.h and for several doubles in doubles.h. Free of intrinsics, so that a compiler for another machine
+// reads it too: it defines R2_HD
 // (how a function is marked) and R2_ISA (the namespace of its own copy) as it needs.
 #pragma once
+
+#include <math.h>  // the C functions: inline ones of <cmath> must not be shared between instruction sets
 
 #include <cstdint>
 #include <cstring>
@@ -61,20 +64,8 @@ R2_HD float vmin(float a, float b) { return a < b ? a : b; }  // b where a is Na
 R2_HD float vmax(float a, float b) { return a > b ? a : b; }
 R2_HD double vmin(double a, double b) { return a < b ? a : b; }
 R2_HD double vmax(double a, double b) { return a > b ? a : b; }
-R2_HD double vfloor(double x) {
-#if defined(__CUDA_ARCH__)
-  return ::floor(x);
-#else
-  return __builtin_floor(x);
-#endif
-}
-R2_HD double vceil(double x) {
-#if defined(__CUDA_ARCH__)
-  return ::ceil(x);
-#else
-  return __builtin_ceil(x);
-#endif
-}
+R2_HD double vfloor(double x) { return ::floor(x); }
+R2_HD double vceil(double x) { return ::ceil(x); }
 R2_HD float narrow(double x) { return static_cast<float>(x); }
 R2_HD double widen(float x) { return x; }
 

@@ -80,7 +80,8 @@ struct ListTallTiles {
       const Reach<double> reach = reach_of(surfel.disc, view->camera);
       const Box<double> box = box_of(reach, view->camera);
       if (!box.some) return;
-      for_tile_rows(surfel.disc, reach, view->camera, range_of(box), [&](int ty, int begin, int end) { writer.row(ty, begin, end); });
+      for_tile_rows(surfel.disc, reach, view->camera, range_of(box),
+                    [&](int ty, int begin, int end) { writer.row(ty, begin, end); });
     });
   }
 };

@@ -132,7 +132,7 @@ struct SurfelsBackward {
         const uint32_t count = tiles[i];
         if (count) {
           double sum[kGradients];
-          add_entries(entries + static_cast<int64_t>(first_entry[i]) * kGradients, count, sum);
+          sum_entries(entries + static_cast<int64_t>(first_entry[i]) * kGradients, count, sum);
           const auto put = [&](float* array, int numbers, int k, double gradient) {
             array[numbers * i + k] = static_cast<float>(gradient);
           };

@@ -183,7 +183,7 @@ void project_backward(const View& view, const SurfelArrays& s, const Extent* ext
     // lanes that only fill up have sums of 0, so that they add nothing to the camera's gradient
     double sums[kDoubles][kGradients] = {};
     for (int k = 0; k < lanes; ++k)
-      add_entries(entries + static_cast<int64_t>(first_entry[index[k]]) * kGradients, extents[index[k]].tiles, sums[k]);
+      sum_entries(entries + static_cast<int64_t>(first_entry[index[k]]) * kGradients, extents[index[k]].tiles, sums[k]);
     Doubles sum[kGradients];
     for (int n = 0; n < kGradients; ++n)
       for (int k = 0; k < kDoubles; ++k) sum[n].lanes[k] = sums[k][n];

@@ -113,7 +113,8 @@ struct Kernels {
   int64_t (*count_pairs)(const BlendArgs&, const Images&, int64_t tile);
   void (*blend_backward)(const BlendArgs&, const Images&, const ImageGradients&, int64_t tile, float* entries);
   void (*project_backward)(const Camera&, const SurfelArrays&, const Extent*, const uint32_t* first_entry,
-                           const float* entries, int64_t begin, int64_t end, const SurfelGradients&, CameraGradient<double>*);
+                           const float* entries, int64_t begin, int64_t end, const SurfelGradients&,
+                           CameraGradient<double>*);
 };
 
 }  // namespace room2dgs

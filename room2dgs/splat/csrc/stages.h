@@ -129,7 +129,8 @@ R2_HD PixelRange range_of(const Box<double>& b) {
 
 // Calls row(ty, begin, end) for every row of tiles in the range, with the tiles [begin, end) of it that the disc reaches.
 template <class Row>
-R2_HD void for_tile_rows(const Disc<double>& d, const Reach<double>& r, const View& view, const PixelRange& p, Row&& row) {
+R2_HD void for_tile_rows(const Disc<double>& d, const Reach<double>& r, const View& view, const PixelRange& p,
+                         Row&& row) {
   const double width = view.width;
   const int tx0 = p.x0 / kTile, tx1 = p.x1 / kTile, ty0 = p.y0 / kTile, ty1 = p.y1 / kTile;
   for (int ty = ty0; ty <= ty1; ++ty) {
@@ -155,7 +156,7 @@ R2_HD void for_tile_rows(const Disc<double>& d, const Reach<double>& r, const Vi
 // A record's numbers: where it lies, what its pixels need, its normal and, from its coefficients `sh`, its colour.
 template <class T, class Coefficients>
 R2_HD RecordNumbers<Narrow<T>> numbers_of(const Standing<T>& s, const Reach<T>& reach, const View& view,
-                                                    const Coefficients& sh, int sh_count) {
+                                          const Coefficients& sh, int sh_count) {
   const Projected<T>& o = s.o;
   RecordNumbers<Narrow<T>> r;
   constexpr double kPixelMargin = 0.02;  // pixels are placed in float
@@ -187,7 +188,7 @@ R2_HD void put_box(const PixelRange& p, Record& r) {
 }
 
 // A surfel's pixel sums (raster.h, kSum...) over its `count` entries.
-R2_HD void add_entries(const float* entry, uint32_t count, double* sum) {
+R2_HD void sum_entries(const float* entry, uint32_t count, double* sum) {
   for (int k = 0; k < kGradients; ++k) sum[k] = 0;
   for (uint32_t e = 0; e < count; ++e, entry += kGradients)
     for (int k = 0; k < kGradients; ++k) sum[k] += entry[k];
