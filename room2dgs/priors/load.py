@@ -149,6 +149,7 @@ def load_priors(
                     take,
                     planes=settings.planes,
                     right_angles=settings.right_angles,
+                    creases=settings.creases,
                     relief=settings.relief,
                     other_views=settings.other_views,
                     space=held.space,

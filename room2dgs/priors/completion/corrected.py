@@ -46,7 +46,7 @@ def corrected(
     def one(view: int) -> tuple[Completed, np.ndarray]:
         maps, part = given[view], small[view]
         through = seen_through(space, part.camera.unproject_map(part.depth))
-        on = on_planes(part.depth, maps.normal, maps.camera, planes)
+        on = on_planes(part.depth, maps.normal, maps.camera, planes)[:2]
         shift, error = corrects[view](
             evidence(maps, part, asked(view, part.depth), through, lent[view], on, errors[view])
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,22 +17,33 @@ FROM_PLANE = 2.0  # expected errors between a depth and a plane at which it goes
 TURNED = (0.85, 0.95)  # cosine between the normals of pixel and plane: from none of the trust to all of it
 
 
+class OnPlanes(NamedTuple):
+    """What one view's pixels show of the planes.
+
+    Attributes:
+        depth: (h, w) metres, of the plane; 0 = none.
+        trust: (h, w) 0..1, that it is this one.
+        which: (h, w) int, its place among the planes; -1 = none.
+    """
+
+    depth: np.ndarray
+    trust: np.ndarray
+    which: np.ndarray
+
+
 def on_planes(
     depth: np.ndarray, normal: np.ndarray, camera: Camera, planes: Sequence[Plane], near: float = NEAR
-) -> tuple[np.ndarray, np.ndarray]:
-    """Depth of the plane that each pixel most probably shows, and the trust in that.
+) -> OnPlanes:
+    """The plane that each pixel most probably shows.
 
     Args:
         depth: (h, w) metres, 0 = invalid.
         normal: (h, w, 3) unit, world frame, towards the camera; 0 = invalid.
         near: relative difference that halves the trust.
-
-    Returns:
-        (h, w) metres, 0 = none, and (h, w) 0..1.
     """
-    found, trust = np.zeros(depth.shape), np.zeros(depth.shape)
+    found, trust, which = np.zeros(depth.shape), np.zeros(depth.shape), np.full(depth.shape, -1)
     rays, centre = camera.rays() @ camera.rotation, camera.centre
-    for plane in planes:
+    for index, plane in enumerate(planes):
         facing = rays @ plane.normal
         to_plane = plane.offset - centre @ plane.normal
         z = np.divide(to_plane, facing, out=np.zeros(depth.shape), where=facing < -1e-3)
@@ -43,8 +55,8 @@ def on_planes(
         turned = np.clip((normal @ plane.normal - TURNED[0]) / (TURNED[1] - TURNED[0]), 0, 1)
         mine = np.where(seen & (np.abs(off) < 2), turned / (1 + off**2), 0)
         better = mine > trust
-        found[better], trust[better] = z[better], mine[better]
-    return found, trust
+        found[better], trust[better], which[better] = z[better], mine[better], index
+    return OnPlanes(found, trust, which)
 
 
 def flattened(
@@ -62,7 +74,7 @@ def flattened(
     Returns:
         (h, w) to add to ln(depth), and (h, w) the share 0..1 of the way to the plane that this is.
     """
-    on, share = on_planes(depth, normal, camera, planes, FLAT)
+    on, share, _ = on_planes(depth, normal, camera, planes, FLAT)
     known = share > 0
     away = np.log(np.where(known, on, 1) / np.where(known, depth, 1))
     if error is not None:

@@ -19,12 +19,14 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.priors.completion.corrected import corrected
 from room2dgs.priors.completion.correction import Correct
+from room2dgs.priors.completion.creases import SeenPlanes
 from room2dgs.priors.completion.evidence import ASKED
 from room2dgs.priors.completion.expected_error import LEAST_ERROR, confidence
 from room2dgs.priors.completion.expecting import expecting
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.on_planes import flattened, on_planes
 from room2dgs.priors.completion.other_views import LENDING, SureView, depth_of_other_views
+from room2dgs.priors.completion.places import placed
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
 from room2dgs.priors.completion.reconciled import on_their_planes, with_neighbours
 from room2dgs.priors.completion.relief import LEAST_TRUST, Anchors, with_reliefs
@@ -38,6 +40,7 @@ from room2dgs.torch_threads import one_torch_thread
 AT_ONCE = 16  # images, whose systems are in memory
 ROUNDS = 2  # planes are found in the completed depth, which then bends to them and to what other views have
 CORRECTED = 0.5  # of the distance at which a sample starts to count as off a plane, for corrected depth
+LEAST_SEEN = 0.2  # trust that a pixel shows a plane, for the plane's creases
 LEAST_SURE = 0.3  # confidence of a pixel that takes part in finding planes
 FINE = 4.0  # expected errors by which stereo's own pixel differs if half of the difference counts as noise
 LEAST_STEREO = 3  # views that must agree with a pixel of stereo for it to stand in its own right
@@ -59,6 +62,7 @@ def complete_views(
     *,
     planes: bool,
     right_angles: bool,
+    creases: bool,
     relief: bool,
     other_views: bool,
     space: FreeSpace | None,
@@ -78,6 +82,7 @@ def complete_views(
         take: gets each frame's name, its (H, W) depth in metres, 0 = invalid, and (H, W) confidence.
         planes: what looks as if it lay on one of the room's large planes is drawn to it.
         right_angles: and those that are almost parallel or at right angles are so.
+        creases: and they meet where the photos see them meet.
         relief: and each bends by centimetres to what stereo finds on it.
         other_views: depth is drawn to what is sure in other views.
         space: depth that other views look through counts for less; None = not asked.
@@ -107,6 +112,8 @@ def complete_views(
             if not planes:
                 return []
             flat = find_planes(_samples(given, parts, errors, space), right_angles=right_angles, width=width)
+            if creases:
+                flat = placed(flat, list(pool.map(partial(_seen_planes, planes=flat), given, parts)))
             return with_reliefs(flat, _stereo_anchors(given, space)) if relief and flat else flat
 
         for _ in range(ROUNDS if planes or other_views else 0):
@@ -149,6 +156,12 @@ def complete_views(
     return found
 
 
+def _seen_planes(maps: SmallMaps, part: Completed, planes: Sequence[Plane]) -> SeenPlanes:
+    _, trust, which = on_planes(part.depth, maps.normal, maps.camera, planes)
+    grey = cv2.cvtColor(maps.photo, cv2.COLOR_RGB2GRAY)
+    return SeenPlanes(part.camera, grey, np.where(trust < LEAST_SEEN, -1, which), maps.anchor, maps.trust)
+
+
 def _near_views(frames: Sequence[Frame], points: PointCloud) -> list[list[int]]:
     tracked = points if points.tracks is None else points.chosen(points.track_length > 1)
     seen = [seen_points(tracked, frame).index for frame in frames]
@@ -189,7 +202,7 @@ def _held_by_planes(maps: SmallMaps, before: Completed, planes: Sequence[Plane],
     see through what was found, the prior has no say."""
     through = seen_through(space, maps.camera.unproject_map(before.depth))
     maps = maps._replace(prior_weight=(maps.prior_weight * (1 - through) ** 2).astype(np.float32))
-    return _anchored(maps, *on_planes(before.depth, maps.normal, maps.camera, planes))
+    return _anchored(maps, *on_planes(before.depth, maps.normal, maps.camera, planes)[:2])
 
 
 def _held_by_other_views(

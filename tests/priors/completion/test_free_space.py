@@ -125,6 +125,7 @@ def left_half(room, depths, points, through: bool, names, misfit=0.0, others=Fal
         lambda *one: found.update({one[0]: one[1:]}),
         planes=False,
         right_angles=True,
+        creases=True,
         relief=True,
         other_views=others,
         space=space,

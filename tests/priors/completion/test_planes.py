@@ -118,7 +118,7 @@ def test_pixels_get_the_plane_that_they_are_near_and_face(camera: Camera):
     depth[0], depth[1] = 2.9, 0
     normal = np.broadcast_to(towards, (*depth.shape, 3)).copy()
     normal[:, 0] = camera.rotation[0]
-    found, trust = on_planes(depth, normal, camera, planes)
+    found, trust, _ = on_planes(depth, normal, camera, planes)
     np.testing.assert_allclose(found[2:, 1:], 2.0)
     np.testing.assert_allclose(found[0, 1:], 3.0)
     assert (trust[2:, 1:] > 0.7).all() and (trust[0, 1:] > trust[2, 5]).all()
@@ -170,7 +170,7 @@ def test_a_plane_seen_from_behind_is_nobodys(camera: Camera):
     away = camera.forward
     plane = Plane(away, float(away @ (camera.centre + 2 * away)), 0.5)
     depth = np.full((camera.height, camera.width), 2.0)
-    _, trust = on_planes(depth, np.broadcast_to(away, (*depth.shape, 3)), camera, [plane])
+    _, trust, _ = on_planes(depth, np.broadcast_to(away, (*depth.shape, 3)), camera, [plane])
     assert (trust == 0).all()
 
 
@@ -194,6 +194,7 @@ def off_by_view(room, factors, planes: bool, relief: bool = True) -> list[float]
         lambda *one: found.update({one[0]: one[1]}),
         planes=planes,
         right_angles=True,
+        creases=False,
         relief=relief,
         other_views=True,
         space=None,

@@ -125,7 +125,7 @@ def test_pixels_get_the_depth_of_the_bent_plane(height):
     exact = (2.0 - height) / rays[..., 2]
     near = np.abs(rays[..., 0] / rays[..., 2]) < 1.8  # where there are anchors
     normal = np.broadcast_to(WALL.normal, (*exact.shape, 3))
-    found, trust = on_planes(2.0 / rays[..., 2], normal, camera, [plane])
+    found, trust, _ = on_planes(2.0 / rays[..., 2], normal, camera, [plane])
     np.testing.assert_allclose(found[near], exact[near], atol=0.002)
     assert trust[near].min() > 0.9
     assert abs(height) < REACH_M
