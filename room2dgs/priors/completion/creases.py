@@ -12,7 +12,6 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from room2dgs.geometry.camera import Camera
-from room2dgs.priors.completion.planes import Plane
 
 GAP = 2  # most pixels from one plane's last to another's first
 MOST_ALONG = 0.5  # cosine between two planes whose crease is asked
@@ -58,25 +57,19 @@ class Creases(NamedTuple):
     weight: np.ndarray
 
 
-def creases_in(seen: Sequence[SeenPlanes], planes: Sequence[Plane]) -> Creases:
+def creases_in(seen: Sequence[SeenPlanes], normals: np.ndarray, offsets: np.ndarray) -> Creases:
     """Of all photos.
 
     Args:
-        planes: the room's, as `SeenPlanes` counts them.
+        normals, offsets: (P, 3) and (P,) metres, of the planes as `SeenPlanes` counts them, world frame.
     """
-    normals = np.array([plane.normal for plane in planes]).reshape(-1, 3)
-    offsets = np.array([plane.offset for plane in planes])
     none = Creases(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros((0, 2)), np.zeros((0, 3)), np.zeros(0))
     parts = [creases_of(one, normals, offsets) for one in seen]
     return Creases(*(np.concatenate(part) for part in zip(none, *parts, strict=True)))
 
 
 def creases_of(seen: SeenPlanes, normals: np.ndarray, offsets: np.ndarray) -> Creases:
-    """Of one photo.
-
-    Args:
-        normals, offsets: (P, 3) and (P,) of the planes.
-    """
+    """Of one photo; likewise."""
     planes, pixel, across = _between(seen.which)
     meet = np.abs((normals[planes[:, 0]] * normals[planes[:, 1]]).sum(axis=1)) < MOST_ALONG
     planes, pixel, across = planes[meet], pixel[meet], across[meet]

@@ -36,16 +36,18 @@ def placed(planes: Sequence[Plane], seen: Sequence[SeenPlanes]) -> list[Plane]:
         planes: the room's.
         seen: of all photos.
     """
-    creases = creases_in(seen, planes)
+    normals = np.array([plane.normal for plane in planes]).reshape(-1, 3)
+    offsets = np.array([plane.offset for plane in planes])
+    creases = creases_in(seen, normals, offsets)
     if not len(creases.off):
         return list(planes)
     count = len(planes)
-    at, error = _by_stereo(planes, seen)
-    centres = _centres(planes, seen)
+    at, error = _by_stereo(normals, offsets, seen)
+    centres = _centres(normals, offsets, seen)
     tilt = np.hypot(LEAST_TILT, TILT_PER_M * np.minimum(error, UNKNOWN_M))
     sure = np.stack([1 / np.hypot(LEAST_M, error) ** 2 + UNKNOWN_M**-2, 1 / tilt**2, 1 / tilt**2], axis=1)
     pull = np.stack([at / np.hypot(LEAST_M, error) ** 2, np.zeros(count), np.zeros(count)], axis=1)
-    across = np.array([across_of(plane.normal) for plane in planes])
+    across = np.array([across_of(normal) for normal in normals])
     gains = _gains(creases, centres, across)
     places = (3 * creases.planes[..., None] + np.arange(3)).reshape(-1, 6)
     move = np.zeros(3 * count)
@@ -84,10 +86,9 @@ def _moved(plane: Plane, centre: np.ndarray, across: np.ndarray, move: np.ndarra
     return plane._replace(normal=normal / length, offset=float(offset / length))
 
 
-def _by_stereo(planes: Sequence[Plane], seen: Sequence[SeenPlanes]) -> tuple[np.ndarray, np.ndarray]:
+def _by_stereo(normals: np.ndarray, offsets: np.ndarray, seen: Sequence[SeenPlanes]) -> tuple[np.ndarray, np.ndarray]:
     """(P,) metres by which stereo has each plane before its place, and (P,) what that is off by."""
-    normals, offsets = np.array([plane.normal for plane in planes]), np.array([plane.offset for plane in planes])
-    count, parts = len(planes), []
+    count, parts = len(offsets), []
     shown = sum(np.bincount(one.which[one.which >= 0], minlength=count) for one in seen)
     for one in seen:
         row, column = np.nonzero((one.which >= 0) & (one.anchor > 0))
@@ -105,16 +106,15 @@ def _by_stereo(planes: Sequence[Plane], seen: Sequence[SeenPlanes]) -> tuple[np.
     return at, STEREO_M / np.maximum(mean, 1e-3)
 
 
-def _centres(planes: Sequence[Plane], seen: Sequence[SeenPlanes]) -> np.ndarray:
+def _centres(normals: np.ndarray, offsets: np.ndarray, seen: Sequence[SeenPlanes]) -> np.ndarray:
     """(P, 3) metres, about the middle of what the photos show of each plane, world frame: a few of its pixels' mean."""
-    normals, offsets = np.array([plane.normal for plane in planes]), np.array([plane.offset for plane in planes])
-    total, count = np.zeros((len(planes), 3)), np.zeros(len(planes))
+    total, count = np.zeros(normals.shape), np.zeros(len(offsets))
     for one in seen:
         few = (slice(1, None, MIDDLE_STEP), slice(1, None, MIDDLE_STEP))
         which, rays = one.which[few], one.camera.rays()[few] @ one.camera.rotation
         which, rays = which[which >= 0], rays[which >= 0]
         facing = np.minimum((rays * normals[which]).sum(axis=1), -1e-3)
         xyz = one.camera.centre + rays * ((offsets - normals @ one.camera.centre)[which] / facing)[:, None]
-        total += np.stack([np.bincount(which, axis, len(planes)) for axis in xyz.T], axis=1)
-        count += np.bincount(which, minlength=len(planes))
+        total += np.stack([np.bincount(which, axis, len(offsets)) for axis in xyz.T], axis=1)
+        count += np.bincount(which, minlength=len(offsets))
     return np.asarray(total / np.maximum(count, 1)[:, None])
