@@ -18,6 +18,9 @@ ROOM_OPTIONS ?=
 DEMO_OPTIONS ?=
 GPU_ARCHITECTURES ?= native
 GPU_OPTIONS ?=
+GPU_TESTS ?= $(wildcard tests/bindings/test_block_*.py) $(addprefix tests/,splat/test_blocks.py losses/test_blocks.py \
+	train/test_block_multiview.py train/test_on_device.py stereo/test_patchmatch.py stereo/test_dense.py \
+	mesh/test_device_volume.py commands/test_mesh_on_device.py)
 TEST_OPTIONS ?= -n 2 --dist loadfile
 
 .PHONY: install demo test test-slow test-all lint sanitize bench gpu-check clean
@@ -63,6 +66,7 @@ gpu-check:
 	$(PIP) install -q --no-build-isolation --no-deps --no-index -C cmake.define.ROOM2DGS_CUDA=on \
 		-C cmake.define.ROOM2DGS_CUDA_ARCHITECTURES=$(GPU_ARCHITECTURES) -e .
 	@$(BIN)/room2dgs doctor | grep -E "CUDA|GPU"
+	$(BIN)/python -m pytest -p tests.device.on_gpu $(GPU_TESTS)
 	$(BIN)/room2dgs bench gpu --json gpu_check.json $(GPU_OPTIONS)
 
 clean:

@@ -21,6 +21,7 @@ import pytest
 import trimesh
 from hypothesis import settings
 
+from room2dgs import cuda_state
 from room2dgs.config import Config, PointsConfig, load_config
 from room2dgs.eval.protocol import MeshFile, Options
 from room2dgs.geometry.camera import Camera
@@ -32,6 +33,12 @@ if os.environ.get("CI"):
 
 WIDTH, HEIGHT, FOCAL = 64, 48, 50.0
 WALL_Z = 2.0
+
+
+@pytest.fixture
+def without_gpu(monkeypatch):
+    """As on a machine that has none."""
+    monkeypatch.setattr(cuda_state, "missing", lambda: ["an NVIDIA driver"])
 
 
 @pytest.fixture(scope="session")

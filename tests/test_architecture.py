@@ -27,6 +27,7 @@ FLOW = (
         "cuda_extension",
         "cuda_state",
         "block_code",
+        "kernel_calls",
         "freed_memory",
         "side_by_side",
         "interrupts",

@@ -70,6 +70,11 @@ class BlockLosses:
         Writes the loss to values, (1,) float64, and its gradient by the depth. valid is uint8.
         """
 
+    def normal_prior(self, normal: Annotated[NDArray, dict(writable=False)], alpha: Annotated[NDArray, dict(writable=False)], prior: Annotated[NDArray, dict(writable=False)], valid: Annotated[NDArray, dict(writable=False)], confidence: Annotated[NDArray, dict(writable=False)] | None, l1: float, cosine: float, step: int, gradient: NDArray, values: NDArray, queue: int = 0) -> None:
+        """
+        Writes the loss and 1 / number of its pixels to values, (2,) float64, and the loss's gradient by the normal, not yet multiplied by that. prior, valid (uint8) and confidence have every `step`-th row and column.
+        """
+
     def multiview(self, depth: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)] | None, pixels: Annotated[NDArray, dict(writable=False)], grey: Annotated[NDArray, dict(writable=False)], other_grey: Annotated[NDArray, dict(writable=False)], usable: Annotated[NDArray, dict(writable=False)] | None, inverse_depth: Annotated[NDArray, dict(writable=False)], step: int, K: Annotated[NDArray, dict(writable=False)], cam_from_world: Annotated[NDArray, dict(writable=False)], other_K: Annotated[NDArray, dict(writable=False)], other_cam_from_world: Annotated[NDArray, dict(writable=False)], patch: int, to_depth: NDArray, to_normal: NDArray, values: NDArray, queue: int = 0) -> None:
         """
         Writes geometric and photometric mean and the numbers of their pixels to values, (4,) float64, and each pixel's gradients, not yet divided by these. pixels, int32, are row * width + column, or -1; usable is uint8. Without a normal there is no photometric term.

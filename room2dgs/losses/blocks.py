@@ -1,8 +1,9 @@
 """The fused losses by the kernels written for CUDA: on a GPU's tensors, or as plain C++ on the CPU's, for tests and for
 the multi-view terms.
 
-What they compute is `photometric.rgb_loss`, `surface.normal_consistency`, `depth_prior.depth_prior_loss` and the terms
-of `multiview`. Nothing waits for the device: values are tensors there, and cameras are read there.
+What they compute is `photometric.rgb_loss`, `surface.normal_consistency`, `depth_prior.depth_prior_loss`,
+`normal_prior.normal_prior_loss` and the terms of `multiview`. Nothing waits for the device: values are tensors there,
+and cameras are read there.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import torch
 from torch import Tensor
 
 from room2dgs.block_code import PLAIN, build_for
+from room2dgs.kernel_calls import call
 
 LEVELS = 4  # of the depth prior's differences, at most
 
@@ -37,7 +39,7 @@ def depth_normals(depth: Tensor, K: Tensor, pose: Tensor) -> Tensor:
     """(H, W, 3) `geometry.depth_to_normals` of a float32 map; no gradient."""
     losses, queue = _losses(depth)
     normal = torch.empty(*depth.shape, 3, dtype=torch.float32, device=depth.device)
-    losses.depth_normals(_plain(depth), _there(K, depth), _there(pose, depth), normal, queue)
+    call(losses.depth_normals, _plain(depth), _there(K, depth), _there(pose, depth), normal, queue)
     return normal
 
 
@@ -58,6 +60,24 @@ def depth_prior_loss(
         confidence = _plain(confidence)
     maps = (_plain(alpha), _plain(prior), _plain(valid).view(torch.uint8), confidence)
     return _DepthPrior.apply(depth, *maps, space == "disparity", align, gradient_weight, scales)
+
+
+def normal_prior_loss(
+    normal: Tensor,
+    alpha: Tensor,
+    prior: Tensor,
+    valid: Tensor,
+    *,
+    l1: float = 0.01,
+    cosine: float = 0.01,
+    confidence: Tensor | None = None,
+    step: int = 1,
+) -> Tensor:
+    """`normal_prior.normal_prior_loss` of float32 maps on one device."""
+    if confidence is not None:
+        confidence = _plain(confidence)
+    maps = (_plain(alpha), _plain(prior), _plain(valid).view(torch.uint8), confidence)
+    return _NormalPrior.apply(normal, *maps, l1, cosine, step)
 
 
 class Other(NamedTuple):
@@ -134,10 +154,10 @@ class _RgbLoss(torch.autograd.Function):
         losses, queue = _losses(rendered)
         gradient = _empty(rendered) if ctx.needs_input_grad[0] else None
         values = torch.empty(2, dtype=torch.float64, device=rendered.device)
-        losses.rgb_loss(_plain(rendered), _plain(target), dssim, values, gradient, queue)
+        call(losses.rgb_loss, _plain(rendered), _plain(target), dssim, values, gradient, queue)
         if gradient is not None:
             ctx.save_for_backward(gradient)
-        return ((1 - dssim) * values[0] + dssim * values[1]).to(rendered.dtype)
+        return torch.lerp(*values, dssim).to(rendered.dtype)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
@@ -152,20 +172,24 @@ class _NormalConsistency(torch.autograd.Function):
         losses, queue = _losses(depth)
         grad_depth, grad_normal = _empty(depth), _empty(normal)
         values = torch.empty(10, dtype=torch.float64, device=depth.device)
-        losses.normal_consistency(
-            *map(_plain, (depth, alpha, normal)), _there(K, depth), _there(pose, depth),
+        call(
+            losses.normal_consistency, *map(_plain, (depth, alpha, normal)), _there(K, depth), _there(pose, depth),
             grad_depth, grad_normal, values, queue,
         )  # fmt: skip
-        grad_pose = torch.zeros(4, 4, dtype=torch.float64, device=depth.device)
-        grad_pose[:3, :3] = values[1:].reshape(3, 3)
-        ctx.save_for_backward(grad_depth, grad_normal, grad_pose.to(pose))
+        grad_pose = pose.new_empty(0)
+        if ctx.needs_input_grad[4]:
+            grad_pose = pose.new_zeros(4, 4)
+            grad_pose[:3, :3] = values[1:].reshape(3, 3)
+        ctx.save_for_backward(grad_depth, grad_normal, grad_pose)
         return values[0].to(depth.dtype)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad: Tensor):
         # in place: torch refuses a second backward through this node
-        grad_depth, grad_normal, grad_pose = (gradient.mul_(grad.to(gradient.device)) for gradient in ctx.saved_tensors)
+        grad_depth, grad_normal, grad_pose = (
+            gradient.mul_(grad.to(gradient.device)) if gradient.numel() else None for gradient in ctx.saved_tensors
+        )
         return grad_depth, None, grad_normal, None, grad_pose
 
 
@@ -175,8 +199,8 @@ class _DepthPrior(torch.autograd.Function):
         losses, queue = _losses(depth)
         gradient = _empty(depth)
         value = torch.empty(1, dtype=torch.float64, device=depth.device)
-        losses.depth_prior(
-            _plain(depth), alpha, prior, valid, confidence, disparity, align, gradient_weight,
+        call(
+            losses.depth_prior, _plain(depth), alpha, prior, valid, confidence, disparity, align, gradient_weight,
             scales if gradient_weight else 0, gradient, value, queue,
         )  # fmt: skip
         ctx.save_for_backward(gradient)
@@ -189,14 +213,33 @@ class _DepthPrior(torch.autograd.Function):
         return gradient * grad, *[None] * 8
 
 
+class _NormalPrior(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, normal, alpha, prior, valid, confidence, l1, cosine, step) -> Tensor:
+        losses, queue = _losses(normal)
+        gradient = _empty(normal)
+        values = torch.empty(2, dtype=torch.float64, device=normal.device)
+        maps = (_plain(normal), alpha, prior, valid, confidence)
+        call(losses.normal_prior, *maps, l1, cosine, step, gradient, values, queue)
+        value, share = values.to(normal.dtype)
+        ctx.save_for_backward(gradient, share)
+        return value
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad: Tensor):
+        gradient, share = ctx.saved_tensors
+        return gradient.mul_(grad * share), *[None] * 7  # in place: torch refuses a second backward through this node
+
+
 class _Multiview(torch.autograd.Function):
     @staticmethod
     def forward(ctx, depth, normal, pixels, grey, K, pose, other: Other, patch: int) -> Tensor:
         losses, queue = _losses(depth)
         to_depth, to_normal = (depth.new_empty(len(pixels), n) for n in (2, 3))
         values = torch.empty(4, dtype=torch.float64, device=depth.device)
-        losses.multiview(
-            _plain(depth), None if normal is None else _plain(normal), pixels, grey, other.grey,
+        call(
+            losses.multiview, _plain(depth), None if normal is None else _plain(normal), pixels, grey, other.grey,
             None if other.usable is None else other.usable.view(torch.uint8), other.inverse_depth, other.step,
             *(_there(x, depth) for x in (K, pose, other.K, other.pose)), patch, to_depth, to_normal, values, queue,
         )  # fmt: skip

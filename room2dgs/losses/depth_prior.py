@@ -11,6 +11,7 @@ from torch.nn.functional import hardshrink
 from room2dgs import _C
 from room2dgs.block_code import build_for
 from room2dgs.geometry.kernel_arguments import plain_map, runs_compiled
+from room2dgs.kernel_calls import call
 from room2dgs.losses import blocks
 
 MIN_ALPHA = 0.5  # pixels less covered have no depth worth comparing
@@ -165,7 +166,7 @@ class _Compiled(torch.autograd.Function):
         maps = map(plain_map, (depth, alpha, prior, valid, confidence))
         gradient = torch.empty(depth.shape, dtype=torch.float32)
         levels = scales if gradient_weight else 0
-        value = _C.depth_prior(*maps, disparity, align, gradient_weight, levels, step, gradient)
+        value = call(_C.depth_prior, *maps, disparity, align, gradient_weight, levels, step, gradient)
         ctx.save_for_backward(gradient)
         return depth.new_tensor(value)
 

@@ -8,7 +8,10 @@ import torch
 from torch import Tensor
 
 from room2dgs import _C
+from room2dgs.block_code import build_for
 from room2dgs.geometry.kernel_arguments import plain_map, runs_compiled
+from room2dgs.kernel_calls import call
+from room2dgs.losses import blocks
 
 MIN_ALPHA = 0.5  # pixels less covered have no normal worth comparing
 TINY = 1e-3  # normals that cancel along the ray have no direction; their gradient stays below 1 / TINY
@@ -68,6 +71,10 @@ def normal_prior_loss(
     sizes = [prior.shape[:2], *(other.shape for other in of_prior)]
     if normal.shape != (*alpha.shape, 3) or prior.shape[2:] != (3,) or any(size != compared for size in sizes):
         raise ValueError("normal, alpha, prior, valid and confidence differ in size")
+    if build_for(normal, alpha, prior):
+        return blocks.normal_prior_loss(
+            normal, alpha, prior, valid, l1=l1, cosine=cosine, confidence=confidence, step=step
+        )
     if runs_compiled(normal, alpha, prior):
         return _Compiled.apply(normal, alpha, prior, valid, confidence, l1, cosine, step)
     normal, alpha = normal[::step, ::step], alpha[::step, ::step]
@@ -89,7 +96,7 @@ class _Compiled(torch.autograd.Function):
     def forward(ctx, normal, alpha, prior, valid, confidence, l1, cosine, step) -> Tensor:
         maps = map(plain_map, (normal, alpha, prior, valid, confidence))
         gradient = torch.empty(normal.shape, dtype=torch.float32)
-        value = _C.normal_prior(*maps, l1, cosine, step, gradient)
+        value = call(_C.normal_prior, *maps, l1, cosine, step, gradient)
         ctx.save_for_backward(gradient)
         return normal.new_tensor(value)
 

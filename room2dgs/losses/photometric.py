@@ -8,6 +8,7 @@ from torch import Tensor
 from room2dgs import _C
 from room2dgs.block_code import build_for
 from room2dgs.geometry.kernel_arguments import runs_compiled
+from room2dgs.kernel_calls import call
 from room2dgs.losses import blocks, reference
 
 
@@ -42,7 +43,9 @@ class _RgbLoss(torch.autograd.Function):
     @staticmethod
     def forward(ctx, rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
         gradient = torch.empty(rendered.shape, dtype=torch.float32) if ctx.needs_input_grad[0] else None
-        l1, dissimilarity = _C.rgb_loss(rendered.detach().contiguous(), target.detach().contiguous(), dssim, gradient)
+        l1, dissimilarity = call(
+            _C.rgb_loss, rendered.detach().contiguous(), target.detach().contiguous(), dssim, gradient
+        )
         if gradient is not None:
             ctx.save_for_backward(gradient)
         return rendered.new_tensor((1 - dssim) * l1 + dssim * dissimilarity)

@@ -9,6 +9,7 @@ from torch import Tensor
 from room2dgs import _C
 from room2dgs.block_code import build_for
 from room2dgs.geometry.kernel_arguments import intrinsics, rotation_of, runs_compiled
+from room2dgs.kernel_calls import call
 from room2dgs.losses import blocks, reference
 from room2dgs.splat.types import Rendering
 
@@ -65,7 +66,8 @@ class _NormalConsistency(torch.autograd.Function):
         grad_normal = torch.empty(normal.shape, dtype=torch.float32)
         grad_pose = torch.zeros(4, 4, dtype=torch.float64)
         grad_rotation = np.empty((3, 3))
-        value = _C.normal_consistency(
+        value = call(
+            _C.normal_consistency,
             depth.detach().contiguous(),
             alpha.detach().contiguous(),
             normal.detach().contiguous(),

@@ -29,7 +29,7 @@ class FiniteCheck(Hook):
 
     def after_step(self, trainer: Trainer, iteration: Iteration) -> None:
         ask = iteration.done % EVERY == 0 or iteration.done % trainer.config.train.checkpoint_every == 0
-        if self._bad is not None and (ask or trainer.finished) and bool(self._bad):
+        if self._bad is not None and (ask or trainer.finished) and bool(self._bad.isnan()):
             raise RuntimeError(
                 f"up to iteration {iteration.number}: a loss or gradient was not finite; this is a fault of room2dgs, "
                 "and resume=true goes on from the last checkpoint"
@@ -38,8 +38,10 @@ class FiniteCheck(Hook):
     def after_backward(self, trainer: Trainer, iteration: Iteration) -> None:
         loss = iteration.step.losses["loss"]
         if isinstance(loss, Tensor) and stays(loss):
-            found = torch.stack([~torch.isfinite(x).all() for x in (loss, *_gradients(trainer))]).any()
-            self._bad = found if self._bad is None else self._bad | found
+            # a largest number that is not finite is NaN once it is multiplied by 0, and stays so
+            found = torch.stack([torch.linalg.vector_norm(x, math.inf) for x in (loss, *_gradients(trainer))])
+            found = 0 * found.sum()
+            self._bad = found if self._bad is None else self._bad + found
             return
         where = f"iteration {iteration.number}, view {iteration.view.name}"
         check_loss(iteration.step.losses, where)

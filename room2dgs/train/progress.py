@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import torch
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from torch import Tensor
@@ -41,20 +42,24 @@ class Means:
     """Running means by name since the last `take`; a name may come in some iterations only."""
 
     def __init__(self) -> None:
-        self._sums: dict[str, float | Tensor] = {}
-        self._counts: dict[str, int] = {}
+        self._values: dict[str, list[float | Tensor]] = {}
 
     def add(self, values: dict[str, float | Tensor]) -> None:
-        """One value each of some names; scalars of a GPU are added up there."""
+        """One value each of some names; scalars of a GPU stay there until they are taken."""
         for name, value in values.items():
-            self._sums[name] = self._sums.get(name, 0.0) + value
-            self._counts[name] = self._counts.get(name, 0) + 1
+            self._values.setdefault(name, []).append(value)
 
     def take(self) -> dict[str, float]:
         """The means, and start anew."""
-        means = {name: float(total) / self._counts[name] for name, total in self._sums.items()}
-        self._sums, self._counts = {}, {}
+        means = {name: _mean(values) for name, values in self._values.items()}
+        self._values = {}
         return means
+
+
+def _mean(values: list[float | Tensor]) -> float:
+    if isinstance(values[0], Tensor):
+        values = torch.stack(values).tolist()
+    return sum(values) / len(values)
 
 
 class Bar:

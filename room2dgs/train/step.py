@@ -157,7 +157,7 @@ def _background(color: tuple[float, ...], device: torch.device) -> Tensor:
 
 
 def _number(value: Tensor) -> float | Tensor:
-    return value.detach().double() if stays(value) else value.item()
+    return value.detach() if stays(value) else value.item()
 
 
 def current_surfels(model: Model, render: RenderConfig) -> Surfels:

@@ -154,6 +154,7 @@ class Trainer:
         self.clock = StageClock()
         self.stop_requested = False
         self._resumed_state: dict[str, Tensor] = {}
+        self._extent_m = scene.extent  # goes over all cameras
         remove_leftovers(checkpoint.folder_of(out))
         resumed = checkpoint.latest(out, log) if config.resume else None
         if resumed:
@@ -217,7 +218,7 @@ class Trainer:
         )
         for hook in self.hooks:
             hook.after_backward(self, iteration)
-        descend(self.model, self.config, self.scene.extent)
+        descend(self.model, self.config, self._extent_m)
         self.clock.lap("optimiser")
         for hook in self.hooks:
             hook.after_step(self, iteration)

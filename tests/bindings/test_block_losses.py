@@ -32,6 +32,10 @@ def outputs(height: int, width: int, queue: int) -> list[np.ndarray]:
     valid = (random.random(depth.shape) < 0.9).astype(np.uint8)
     by_depth, one = np.full_like(depth, np.nan), np.full(1, np.nan)
     losses.depth_prior(depth, alpha, alpha, valid, alpha, False, True, 0.5, 4, by_depth, one, queue)
+    by_normal, two = np.full_like(normal, np.nan), np.full(2, np.nan)
+    prior = random.normal(size=(*valid[::2, ::2].shape, 3)).astype(np.float32)
+    of_prior = (prior, valid[::2, ::2].copy(), alpha[::2, ::2].copy())
+    losses.normal_prior(normal, alpha, *of_prior, 0.1, 0.2, 2, by_normal, two, queue)
     pixels = random.integers(-1, height * width, 37).astype(np.int32)
     pairs, normals_of, four = (
         np.full((37, 2), np.nan, np.float32),
@@ -53,6 +57,8 @@ def outputs(height: int, width: int, queue: int) -> list[np.ndarray]:
         normals,
         by_depth,
         one,
+        by_normal,
+        two,
         pairs,
         normals_of,
         four,

@@ -55,7 +55,7 @@ def test_blocks_make_the_cpus_mesh(wall, tmp_path, monkeypatch):
     assert Surface(cpu).closest(np.asarray(found.vertices))[0].max() < 1e-3
 
 
-def test_no_gpu_is_one_sentence_and_the_earlier_mesh_stays(wall, tmp_path):
+def test_no_gpu_is_one_sentence_and_the_earlier_mesh_stays(wall, tmp_path, without_gpu):
     config = settings(wall, tmp_path, "cuda")
     (tmp_path / "mesh.ply").write_text("earlier")
     with pytest.raises(InputError, match=r"render\.device=cuda lacks"):

@@ -12,6 +12,7 @@ from room2dgs.block_code import BUILDS, PLAIN, plain_code, set_order
 from room2dgs.geometry.depth_maps import depth_to_normals
 from room2dgs.losses import blocks, reference
 from room2dgs.losses.depth_prior import depth_prior_loss
+from room2dgs.losses.normal_prior import normal_prior_loss
 from room2dgs.losses.photometric import rgb_loss
 from room2dgs.losses.surface import normal_consistency
 from room2dgs.splat.types import Rendering
@@ -225,3 +226,36 @@ def test_where_block_code_is_at_work_it_takes_all_fused_losses(monkeypatch, came
         rgb_loss(rendered.double(), target.double(), 0.2)
     assert [name for name, _ in taken] == ["rgb_loss", "normal_consistency", "depth_prior_loss"]
     assert taken[1][1][0] is drawn.median_depth and "cpu" not in BUILDS and PLAIN.extension is _C.device
+
+
+def normals(height, width, step, seed=0):
+    """Rendered normals of any length and alpha; of every step-th pixel a prior, where it counts, its confidence."""
+    g = torch.Generator().manual_seed(seed)
+    rendered, alpha = torch.randn(height, width, 3, generator=g), torch.rand(height, width, generator=g)
+    tall, wide = alpha[::step, ::step].shape
+    rendered[torch.rand(height, width, generator=g) < 0.05] = 0
+    prior = torch.nn.functional.normalize(torch.randn(tall, wide, 3, generator=g), dim=-1)
+    valid = torch.rand(tall, wide, generator=g) > 0.2
+    prior[~valid] = torch.nan
+    rendered[::step, ::step][~valid] = torch.nan
+    return rendered, 0.3 + alpha, prior, valid, torch.rand(tall, wide, generator=g)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("step", [1, 2, 3])
+@pytest.mark.parametrize("weighted", [True, False])
+def test_normal_prior(size, step, weighted):
+    rendered, *others, confidence = normals(*size, step, seed=size[0])
+
+    def of(dtype, code):
+        to = [x.to(dtype) if x.is_floating_point() else x for x in (rendered, *others, confidence)]
+        options = {"confidence": to[4] if weighted else None, "step": step, "l1": 0.7, "cosine": 0.2}
+        with code():
+            return differentiated(lambda n: 3 * normal_prior_loss(n, *to[1:4], **options), to[0])
+
+    found = of(torch.float32, plain_code)
+    alpha, _, valid = others
+    assert found[1].any() == (valid & (alpha[::step, ::step] >= 0.5)).any()
+    assert_near(found, of(torch.float64, nullcontext), 1e-4)
+    assert_near(found, of(torch.float32, nullcontext), 3e-5)
+    same_in_any_order(lambda: of(torch.float32, plain_code), found)

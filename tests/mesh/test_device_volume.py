@@ -146,7 +146,7 @@ def test_a_contracted_volume_takes_tensors_too():
     assert np.array_equal(found.vertices, expected.vertices)
 
 
-def test_nothing_seen_is_nothing_and_no_gpu_is_one_sentence():
+def test_nothing_seen_is_nothing_and_no_gpu_is_one_sentence(without_gpu):
     view = views(1)[0]
     empty = replace(view, depth=np.zeros_like(view.depth))
     speck = empty.depth.copy()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import partial
 
 import numpy as np
@@ -200,9 +201,9 @@ def test_unknown_depth_has_nobody_that_agrees(corner, value):
     assert (found.count == 0).all() and np.isfinite(found.inverse_depth).all()
 
 
-def test_the_kernels_for_a_gpu_find_the_same_depth(corner, monkeypatch):
+def test_the_kernels_for_a_gpu_find_the_same_depth(corner, monkeypatch, without_gpu):
     """As plain C++, to the bit without fused arithmetic; and nobody's else than `device` names."""
-    monkeypatch.setenv("ROOM2DGS_ISA", "baseline")
+    monkeypatch.setenv("ROOM2DGS_ISA", os.environ.get("ROOM2DGS_BLOCK_ISA", "baseline"))
     few = Options(iterations=1, rounds=1, refinements=1)
     for a, b in zip(run(corner, few), run(corner, few._replace(device="blocks")), strict=True):
         assert all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))

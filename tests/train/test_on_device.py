@@ -1,7 +1,8 @@
 """Training with everything on a device: the CPU's result, the same bits again, and nothing that is waited for.
 
-No GPU is needed. With `render.device=blocks` the loop is the GPU's and its kernels are plain C++. And torch's device
-"meta", which has no numbers at all, refuses whatever a GPU would have to be waited for, and tensors of two devices.
+No GPU is needed; where there is one, it is taken. With `render.device=blocks` the loop is the GPU's and its kernels are
+plain C++. And torch's device "meta", which has no numbers at all, refuses whatever a GPU would have to be waited for,
+and tensors of two devices.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import pytest
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
+from room2dgs import cuda_state
 from room2dgs.block_code import BUILDS, Build, set_order
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.errors import InputError
@@ -32,7 +34,7 @@ ALL_TERMS = [
     "seeds.opacity=0.1",  # with opaque discs the signs of tiny gradients tell two runs apart within ten iterations
 ]  # fmt: skip
 GROWING = ["strategy=seeds", "strategy.start=4", "strategy.every=4", "strategy.stop=12", "train.iterations=14"]
-BLOCKS = "render.device=blocks"
+BLOCKS = f"render.device={'blocks' if cuda_state.missing() else 'cuda'}"  # where there is a GPU, it is taken
 
 
 def priors(scene) -> dict[str, ViewMaps]:
@@ -60,9 +62,11 @@ def test_the_cpus_result_and_the_same_bits_again(capture, configure, log, tmp_pa
     assert found.losses.keys() == cpu.losses.keys()
     # where seeds are added, a gradient beside the threshold may fall to either side of it
     relative = 2e-2 if more is GROWING else 2e-3
+    # a GPU's exp and sigmoid are others than the CPU's
+    least = 5e-5 if BLOCKS.endswith("blocks") else 1e-4
     assert found.seeds == pytest.approx(cpu.seeds, rel=relative)
     for name, value in cpu.losses.items():
-        assert found.losses[name] == pytest.approx(value, rel=relative, abs=5e-5), name
+        assert found.losses[name] == pytest.approx(value, rel=relative, abs=least), name
     assert found.test_psnr_db == pytest.approx(cpu.test_psnr_db, rel=relative)
     # Adam makes a full step of whatever sign a tiny gradient has, so the mean is what tells
     for name, a, b in zip(surfels._fields, surfels, expected, strict=True):
@@ -226,6 +230,6 @@ def test_views_stay_on_the_device_within_a_budget():
     assert made == ["a", "b", "c", "b"] and cache.in_memory == 2000
 
 
-def test_a_gpu_that_is_not_there_is_one_sentence(capture, configure, log, tmp_path):
+def test_a_gpu_that_is_not_there_is_one_sentence(capture, configure, log, tmp_path, without_gpu):
     with pytest.raises(InputError, match=r"render\.device=cuda lacks .*; give render\.device=cpu"):
         trained(capture, configure("render.device=cuda"), tmp_path, log)

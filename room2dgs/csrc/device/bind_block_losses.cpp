@@ -78,6 +78,23 @@ void depth_prior(BlockLosses& losses, const Input& depth, const Input& alpha, co
   c.run(queue, [&](const Queue& on) { losses.depth_prior(on, maps, align, gradient_weight, levels, to, sum); });
 }
 
+void normal_prior(BlockLosses& losses, const Input& normal, const Input& alpha, const Input& prior, const Input& valid,
+                  const OptionalInput& confidence, double l1, double cosine, int step, const Output& gradient,
+                  const Output& values, uint64_t queue) {
+  Call c("normal", normal, 3);
+  require(step >= 1, "step is 1 or more");
+  const int64_t height = (c.height + step - 1) / step, width = (c.width + step - 1) / step;
+  const NormalMaps maps = {c.colors("normal", normal), c.map("alpha", alpha), c.height, c.width, step,
+                           c.check.input<float>("prior", prior, {height, width, 3}),
+                           c.check.input<float>("confidence", confidence, {height, width}),
+                           c.check.input<uint8_t>("valid", valid, {height, width}), height, width};
+  float* to = c.check.output<float>("gradient", gradient, {c.height, c.width, 3});
+  double* sums = c.check.output<double>("values", values, {2});
+  c.run(queue, [&](const Queue& on) {
+    losses.normal_prior(on, maps, static_cast<float>(l1), static_cast<float>(cosine), to, sums);
+  });
+}
+
 void multiview(BlockLosses& losses, const Input& depth, const OptionalInput& normal, const Input& pixels,
                const Input& grey, const Input& other_grey, const OptionalInput& usable, const Input& inverse_depth,
                int step, const Input& K, const Input& pose, const Input& other_K, const Input& other_pose, int patch,
@@ -125,6 +142,11 @@ void bind_block_losses(nb::module_& m) {
            or_none("confidence"), nb::arg("disparity"), nb::arg("align"), nb::arg("gradient_weight"),
            nb::arg("levels"), as_is("gradient"), as_is("values"), nb::arg("queue") = 0,
            "Writes the loss to values, (1,) float64, and its gradient by the depth. valid is uint8.")
+      .def("normal_prior", &normal_prior, as_is("normal"), as_is("alpha"), as_is("prior"), as_is("valid"),
+           or_none("confidence"), nb::arg("l1"), nb::arg("cosine"), nb::arg("step"), as_is("gradient"),
+           as_is("values"), nb::arg("queue") = 0,
+           "Writes the loss and 1 / number of its pixels to values, (2,) float64, and the loss's gradient by the "
+           "normal, not yet multiplied by that. prior, valid (uint8) and confidence have every `step`-th row and column.")
       .def("multiview", &multiview, as_is("depth"), or_none("normal"), as_is("pixels"), as_is("grey"),
            as_is("other_grey"), or_none("usable"), as_is("inverse_depth"), nb::arg("step"), as_is("K"),
            as_is("cam_from_world"), as_is("other_K"), as_is("other_cam_from_world"), nb::arg("patch"),

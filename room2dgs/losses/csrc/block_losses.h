@@ -1,7 +1,7 @@
 // The fused losses of training as block code (block.h): L1 with D-SSIM, normals from depth with their consistency, the
-// depth prior's, the multi-view terms. Values and gradients stay on the device, and so do cameras: K is (3, 3) without
-// skew, a pose (4, 4) cam_from_world. The arithmetic of a pixel is in ssim.h, surface_maths.h, depth_prior_maths.h and
-// multiview_maths.h.
+// depth and the normal prior's, the multi-view terms. Values and gradients stay on the device, and so do cameras: K is (3, 3) without
+// skew, a pose (4, 4) cam_from_world. The arithmetic of a pixel is in ssim.h, surface_maths.h, depth_prior_maths.h,
+// normal_prior_maths.h and multiview_maths.h.
 #pragma once
 
 #include "depth_prior_maths.h"
@@ -27,6 +27,15 @@ struct MultiviewPixels {
   float *to_depth, *to_normal;  // (samples, 2) of the geometric and of the photometric term, and (samples, 3) of that
 };
 
+// What the normal prior's term compares: of the rendering every `step`-th row and column, from the first.
+struct NormalMaps {
+  const float *normal, *alpha;  // (rendered_height, rendered_width, 3) and (rendered_height, rendered_width)
+  int64_t rendered_height, rendered_width, step;
+  const float *prior, *confidence;  // (height, width, 3), and (height, width) or null for 1
+  const uint8_t* valid;             // likewise
+  int64_t height, width;
+};
+
 // Buffers that are used again for the next view.
 struct BlockLosses {
   DeviceBuffer<float> maps;
@@ -45,6 +54,9 @@ struct BlockLosses {
   // values: the loss, (1,). The prior is aligned to the rendering first, if `align`.
   void depth_prior(const Queue& queue, const DepthMaps& maps, bool align, double gradient_weight, int levels,
                    float* gradient, double* values);
+  // values: the mean loss, then 1 / number of pixels, by which the gradient is yet to be multiplied, (2,).
+  void normal_prior(const Queue& queue, const NormalMaps& maps, float l1, float cosine, float* gradient,
+                    double* values);
   // values: geometric and photometric mean, then the numbers of pixels that to_depth and to_normal are yet to be divided
   // by, (4,).
   void multiview(const Queue& queue, const MultiviewPixels& job, double* values);

@@ -6,12 +6,10 @@
 #include "simd.h"  // before depth_prior_maths.h, whose functions see what stands before them
 
 #include "depth_prior_maths.h"
-#include "surface_maths.h"
+#include "normal_prior_maths.h"
 
 namespace R2_ISA {
 namespace {
-
-constexpr float kNormalMinAlpha = 0.5f, kTinyNormal = 1e-3f;  // as losses/normal_prior.py has them
 
 template <class Job, class F>
 void each_row(const Job& job, int64_t strip, const F& f) {
@@ -72,21 +70,11 @@ R2_INLINE void pairs_above(const float* r_above, const float* w_above, const flo
 }
 
 // Eight normals by axis, which become their gradients; a share below 0: not compared. Gives what they cost.
-R2_INLINE f8 normal_loss(float* const* n, const float* const* p, f8 share, int64_t i, float l1, float cosine) {
-  const f8 zero = splat(0.0f), w = vmax(share, zero), ones = splat(l1);
-  const Triple<f8> at = {load(n[0] + i), load(n[1] + i), load(n[2] + i)}, wanted = {load(p[0] + i), load(p[1] + i), load(p[2] + i)};
-  const f8 inverse = 1.0f / vsqrt(inner(at, at) + kTinyNormal * kTinyNormal);
-  const Triple<f8> unit = {at.x * inverse, at.y * inverse, at.z * inverse};
-  const Triple<f8> apart = {unit.x - wanted.x, unit.y - wanted.y, unit.z - wanted.z};
-  const auto sign = [&](f8 d) { return masked(d > 0.0f, ones) - masked(d < 0.0f, ones); };
-  const Triple<f8> push = {sign(apart.x), sign(apart.y), sign(apart.z)};
-  const f8 c = splat(-cosine);
-  const Triple<f8> g = {fma(c, wanted.x, push.x), fma(c, wanted.y, push.y), fma(c, wanted.z, push.z)};
-  const f8 radial = -inner(unit, g), by = w * inverse;
-  store(n[0] + i, fma(radial, unit.x, g.x) * by);
-  store(n[1] + i, fma(radial, unit.y, g.y) * by);
-  store(n[2] + i, fma(radial, unit.z, g.z) * by);
-  return fma(c, inner(unit, wanted) - 1.0f, inner(apart, push)) * w;
+R2_INLINE f8 normal_losses(float* const* n, const float* const* p, f8 share, int64_t i, float l1, float cosine) {
+  const NormalLoss<f8> loss = normal_loss<f8>({load(n[0] + i), load(n[1] + i), load(n[2] + i)},
+                                              {load(p[0] + i), load(p[1] + i), load(p[2] + i)}, share, l1, cosine);
+  store(n[0] + i, loss.gradient.x), store(n[1] + i, loss.gradient.y), store(n[2] + i, loss.gradient.z);
+  return loss.value;
 }
 
 }  // namespace
@@ -218,7 +206,7 @@ void normal_prior_gradient(const room2dgs::NormalPriorJob& job, int64_t strip, i
         n[k][i] = share[i] >= 0.0f ? a : 0.0f, p[k][i] = share[i] >= 0.0f ? b : 0.0f;  // else they may be no numbers
       }
     LaneSum sum;
-    for (int64_t i = 0; i < width; i += kLanes) sum.add(normal_loss(n, p, load(share + i), i, l1, cosine));
+    for (int64_t i = 0; i < width; i += kLanes) sum.add(normal_losses(n, p, load(share + i), i, l1, cosine));
     clear_rows(job.rendered, row, 3, job.gradient);
     float* g = job.gradient + 3 * first;
     for (int64_t i = 0; i < width; ++i, g += 3 * apart) g[0] = n[0][i], g[1] = n[1][i], g[2] = n[2][i];

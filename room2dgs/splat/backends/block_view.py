@@ -7,8 +7,10 @@ back with the counts that the host waits for: a look before would be a wait of i
 from __future__ import annotations
 
 import torch
+from torch import Tensor
 
 from room2dgs.block_code import Build
+from room2dgs.kernel_calls import call
 from room2dgs.splat.backends import cpu_view, frames
 from room2dgs.splat.checks import check_near, check_values
 
@@ -37,8 +39,9 @@ def _draw(
     check_near(near_m)
     *others, normal, distortion = images
     moved = None if center_px is None else center_px.detach().to(torch.float32).contiguous()
-    number = frame.forward(
-        *parameters, *(x.detach().to(torch.float64).contiguous() for x in (cam_from_world, K)), width, height, near_m,
+    number = call(
+        frame.forward, *parameters, *(x.detach().to(torch.float64).contiguous() for x in (cam_from_world, K)),
+        width, height, near_m,
         background.detach().to(torch.float32).contiguous(), *others,
         normal if with_normal or with_distortion else None, distortion if with_distortion else None,
         moved, queue=build.queue(parameters[0]),
@@ -75,18 +78,24 @@ def backward(
     gradients = (to_color, to_alpha, to_depth, to_median, to_normal, to_distortion)
     flowing = [x.contiguous() if x is not None and w else None for x, w in zip(gradients, wanted, strict=True)]
     to = cpu_view.empty_gradients(*parameters)
-    to_pose, to_K, to_background = (
-        torch.zeros(shape, dtype=torch.float64, device=centers.device) for shape in ((4, 4), (3, 3), 3)
-    )
-    frame.backward(
-        number, *parameters, alpha.contiguous(), depth.contiguous(), *flowing, *to, to_pose, to_K,
+    to_camera = torch.zeros(28, dtype=torch.float64, device=centers.device)  # at once: each costs a GPU's launch
+    to_pose, to_K, to_background = _camera_parts(to_camera)
+    call(
+        frame.backward, number, *parameters, alpha.contiguous(), depth.contiguous(), *flowing, *to, to_pose, to_K,
         to_background if with_background and to_color is not None else None, queue=build.queue(centers),
     )  # fmt: skip
     if lost:
         frames.give(kind, frame)
     *to, to_center_px = to
-    cameras = ((to_pose, cam_from_world), (to_K, K), (to_background, background))
-    return *to, *(x.to(y.dtype) for x, y in cameras), to_center_px
+    cameras = (cam_from_world, K, background)
+    if len({x.dtype for x in cameras}) == 1:
+        return *to, *_camera_parts(to_camera.to(K.dtype)), to_center_px
+    return *to, *(x.to(y.dtype) for x, y in zip(_camera_parts(to_camera), cameras, strict=True)), to_center_px
+
+
+def _camera_parts(numbers: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """(4, 4) of a pose, (3, 3) of K, (3,) of a background."""
+    return numbers[:16].view(4, 4), numbers[16:25].view(3, 3), numbers[25:]
 
 
 class Rasterize(torch.autograd.Function):

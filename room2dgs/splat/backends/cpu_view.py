@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from room2dgs import _C
+from room2dgs.kernel_calls import call
 from room2dgs.splat.backends import frames
 from room2dgs.splat.checks import check_center_px, check_values
 
@@ -41,8 +42,9 @@ def _draw(
 ) -> int:
     """Fill the images and the frame; gives the view's number there."""
     *others, normal, distortion = images
-    number = frame.forward(
-        *(x.detach().contiguous() for x in parameters), _doubles(cam_from_world), _doubles(K), width, height, near_m,
+    number = call(
+        frame.forward, *(x.detach().contiguous() for x in parameters), _doubles(cam_from_world), _doubles(K),
+        width, height, near_m,
         background.detach().to(torch.float32).contiguous(), *others,
         normal if with_normal or with_distortion else None, distortion if with_distortion else None,
     )  # fmt: skip
@@ -83,8 +85,8 @@ def backward(
     to = empty_gradients(*parameters)
     to_pose, to_K = torch.empty(4, 4, dtype=torch.float64), torch.empty(3, 3, dtype=torch.float64)
     to_background = torch.zeros(3, dtype=torch.float64)
-    frame.backward(
-        number, *parameters, alpha.contiguous(), depth.contiguous(), *flowing, *to, to_pose, to_K,
+    call(
+        frame.backward, number, *parameters, alpha.contiguous(), depth.contiguous(), *flowing, *to, to_pose, to_K,
         to_background if with_background and to_color is not None else None,
     )  # fmt: skip
     if lost:
