@@ -74,7 +74,7 @@ def kernels() -> Part:
         return Part(False, f"not built ({BUILD})")
     if found.module is None:
         return Part(False, f"built, but cannot be loaded ({found.reason})")
-    return Part(True, "built; never run on a GPU by those who wrote them: docs/cuda.md")
+    return Part(True, "built")
 
 
 def in_torch() -> Part:

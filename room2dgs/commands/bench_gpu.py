@@ -83,7 +83,9 @@ def _checked(args: argparse.Namespace, end: float) -> tuple[dict[str, list[Row]]
             left_out.append(name)
             return
         print(f"... {name}", flush=True)
-        found[kind].append(work())
+        row = work()
+        found[kind].append(row)
+        print("   ", "; ".join(LINES[kind](row)[1:]), flush=True)  # a run that is killed has said what it found
 
     names = [name for name in SCENES if args.only in name]
     if not names:
@@ -131,28 +133,30 @@ def failures(found: dict[str, list[Row]]) -> list[str]:
 
 def summary(found: dict[str, list[Row]]) -> Table:
     """One table of all three parts."""
-    rows = []
-    for row in found["speed"]:
-        ours, theirs = row["ours"], row["gsplat"]
-        total = sum(ours.values())
-        beside = (
-            f"gsplat {theirs['forward_ms']:.2f} + {theirs['backward_ms']:.2f}" if theirs else "gsplat is not installed"
-        )
-        rows.append((
-            f"{row['surfels']} surfels, {row['width']}x{row['height']}",
-            f"{ours['forward_ms']:.2f} + {ours['backward_ms']:.2f} ms",
-            beside + (f": {sum(theirs.values()) / total:.2f} times ours" if theirs else ""),
-        ))  # fmt: skip
-    for row in found["demo"]:
-        score = "no ground truth" if row["f_score_5cm"] is None else f"F@5cm {row['f_score_5cm']:.3f}"
-        rows.append(
-            (f"demo room by {row['backend']}", score, f"training {row['train_s']:.1f} s of {row['all_s']:.1f} s")
-        )
-    for row in found["corpus"]:
-        verdict = "within" if row["passed"] else "BEYOND"
-        rows.append((
-            row["case"], f"{verdict}: {row['error']:.1e} of {row['bound']:.0e} ({row['worst']})",
-            f"{row['from_cpu']:.1e} from the CPU's" + ("" if row["same_bits_again"] else ", OTHER BITS when run again"),
-        ))  # fmt: skip
+    rows = [LINES[kind](row) for kind in ("speed", "demo", "corpus") for row in found[kind]]
     columns = {"what": lambda x: x[0], "found": lambda x: x[1], "beside": lambda x: x[2]}
     return table("GPU check", columns, rows)
+
+
+def _speed(row: Row) -> tuple[str, str, str]:
+    ours, theirs = row["ours"], row["gsplat"]
+    beside = "gsplat is not installed"
+    if theirs:
+        ratio = sum(theirs.values()) / sum(ours.values())
+        beside = f"gsplat {theirs['forward_ms']:.2f} + {theirs['backward_ms']:.2f}: {ratio:.2f} times ours"
+    what = f"{row['surfels']} surfels, {row['width']}x{row['height']}"
+    return what, f"{ours['forward_ms']:.2f} + {ours['backward_ms']:.2f} ms", beside
+
+
+def _room(row: Row) -> tuple[str, str, str]:
+    score = "no ground truth" if row["f_score_5cm"] is None else f"F@5cm {row['f_score_5cm']:.3f}"
+    return f"demo room by {row['backend']}", score, f"training {row['train_s']:.1f} s of {row['all_s']:.1f} s"
+
+
+def _case(row: Row) -> tuple[str, str, str]:
+    verdict = "within" if row["passed"] else "BEYOND"
+    beside = f"{row['from_cpu']:.1e} from the CPU's" + ("" if row["same_bits_again"] else ", OTHER BITS when run again")
+    return row["case"], f"{verdict}: {row['error']:.1e} of {row['bound']:.0e} ({row['worst']})", beside
+
+
+LINES: dict[str, Callable[[Row], tuple[str, str, str]]] = {"speed": _speed, "demo": _room, "corpus": _case}

@@ -62,16 +62,15 @@ def test_the_cpus_result_and_the_same_bits_again(capture, configure, log, tmp_pa
     assert found.losses.keys() == cpu.losses.keys()
     # where seeds are added, a gradient beside the threshold may fall to either side of it
     relative = 2e-2 if more is GROWING else 2e-3
-    # a GPU's exp and sigmoid are others than the CPU's
-    least = 5e-5 if BLOCKS.endswith("blocks") else 1e-4
+    slack = 1 if BLOCKS.endswith("blocks") else 2  # a GPU's exp and sigmoid are others than the CPU's
     assert found.seeds == pytest.approx(cpu.seeds, rel=relative)
     for name, value in cpu.losses.items():
-        assert found.losses[name] == pytest.approx(value, rel=relative, abs=least), name
+        assert found.losses[name] == pytest.approx(value, rel=relative, abs=slack * 5e-5), name
     assert found.test_psnr_db == pytest.approx(cpu.test_psnr_db, rel=relative)
     # Adam makes a full step of whatever sign a tiny gradient has, so the mean is what tells
     for name, a, b in zip(surfels._fields, surfels, expected, strict=True):
         # and hardly any gradient turns a round disc in its plane
-        share = 1e-2 if name == "rotations" else 1e-3
+        share = slack * (1e-2 if name == "rotations" else 1e-3)
         assert more is GROWING or (a - b).abs().mean() < share * b.abs().max(), name
     set_order(5)
     try:
