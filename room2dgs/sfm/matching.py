@@ -13,10 +13,7 @@ import numpy as np
 from room2dgs.captures.scene import Frame
 from room2dgs.colmap import pycolmap
 from room2dgs.config import PointsConfig
-from room2dgs.cores import available_cores
 from room2dgs.geometry.camera import Camera
-from room2dgs.sfm.features import Features, features
-from room2dgs.side_by_side import side_by_side
 
 # On several threads of a busy machine pycolmap now and then finds other matches; separate calls in separate threads do
 # so, too.
@@ -75,7 +72,7 @@ def match(
     images, database = work / "images", work / "database.db"
     with quiet():
         image_ids = _register(frames, images, database)
-        _extract(frames, image_ids, database, config)
+        _extract(images, database, _written_masks(frames, work / "masks"), config)
         extracted()
         _match(frames, pairs, database, work / "pairs.txt")
     with pycolmap.Database.open(database) as db:
@@ -187,15 +184,33 @@ def _register(frames: Sequence[Frame], images: Path, database: Path) -> list[int
     return image_ids
 
 
-def _extract(frames: Sequence[Frame], image_ids: Sequence[int], database: Path, config: PointsConfig) -> None:
-    def of(frame: Frame) -> Features:
-        return features(frame.color(), frame.mask(), config.max_features, config.peak_threshold)
+def _written_masks(frames: Sequence[Frame], folder: Path) -> Path | None:
+    """The folder with a mask for each photo, under the names that COLMAP looks for; None: no photo has one.
 
-    with pycolmap.Database.open(database) as db:
-        found = side_by_side(of, frames, available_cores())
-        for image_id, (keypoints, descriptors) in zip(image_ids, found, strict=True):
-            db.write_keypoints(image_id, keypoints)
-            db.write_descriptors(image_id, pycolmap.FeatureDescriptors(pycolmap.FeatureExtractorType.SIFT, descriptors))
+    Where there is a folder, COLMAP passes over photos without a mask: they get one that hides nothing.
+    """
+    if all(frame.mask() is None for frame in frames):
+        return None
+    folder.mkdir()
+    for frame in frames:
+        mask = frame.mask()
+        white = np.full((frame.camera.height, frame.camera.width), 255, np.uint8)
+        path = folder / f"{image_name(frame)}.png"
+        if not cv2.imwrite(str(path), white if mask is None else mask.astype(np.uint8) * 255):
+            raise OSError(f"{path} cannot be written; is the disk full?")
+    return folder
+
+
+def _extract(images: Path, database: Path, masks: Path | None, config: PointsConfig) -> None:
+    options = pycolmap.FeatureExtractionOptions()
+    options.sift.max_num_features = config.max_features
+    options.sift.peak_threshold = config.peak_threshold
+    reader = pycolmap.ImageReaderOptions()
+    if masks is not None:
+        reader.mask_path = masks
+    pycolmap.extract_features(
+        database, images, reader_options=reader, extraction_options=options, device=pycolmap.Device.cpu
+    )
 
 
 def _match(frames: Sequence[Frame], pairs: IndexPairs, database: Path, list_path: Path) -> None:

@@ -24,7 +24,7 @@ from room2dgs.sfm.capture_points import MIN_POINTS, capture_points
 ONE_PLACE_M = 0.05  # cameras nearer to each other than that, all of them, see no depth in a room
 # Raised when triangulation, pairs or the cache give something else for the same input. 2: with tracks; 3: on one
 # thread, where pycolmap gives the same bits each time.
-RECIPE = 4
+RECIPE = 3
 NEXT = 2  # photos after each that it is compared with where there is no parallax
 
 
