@@ -7,7 +7,6 @@ back with the counts that the host waits for: a look before would be a wait of i
 from __future__ import annotations
 
 import torch
-from torch import Tensor
 
 from room2dgs.block_code import Build
 from room2dgs.kernel_calls import call
@@ -79,7 +78,7 @@ def backward(
     flowing = [x.contiguous() if x is not None and w else None for x, w in zip(gradients, wanted, strict=True)]
     to = cpu_view.empty_gradients(*parameters)
     to_camera = torch.zeros(28, dtype=torch.float64, device=centers.device)  # at once: each costs a GPU's launch
-    to_pose, to_K, to_background = _camera_parts(to_camera)
+    to_pose, to_K, to_background = to_camera[:16].view(4, 4), to_camera[16:25].view(3, 3), to_camera[25:]
     call(
         frame.backward, number, *parameters, alpha.contiguous(), depth.contiguous(), *flowing, *to, to_pose, to_K,
         to_background if with_background and to_color is not None else None, queue=build.queue(centers),
@@ -87,15 +86,9 @@ def backward(
     if lost:
         frames.give(kind, frame)
     *to, to_center_px = to
-    cameras = (cam_from_world, K, background)
-    if len({x.dtype for x in cameras}) == 1:
-        return *to, *_camera_parts(to_camera.to(K.dtype)), to_center_px
-    return *to, *(x.to(y.dtype) for x, y in zip(_camera_parts(to_camera), cameras, strict=True)), to_center_px
-
-
-def _camera_parts(numbers: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """(4, 4) of a pose, (3, 3) of K, (3,) of a background."""
-    return numbers[:16].view(4, 4), numbers[16:25].view(3, 3), numbers[25:]
+    cameras = ((to_pose, cam_from_world), (to_K, K), (to_background, background))
+    # an operator's outputs may not share memory
+    return *to, *(x.to(y.dtype, copy=True) for x, y in cameras), to_center_px
 
 
 class Rasterize(torch.autograd.Function):
