@@ -129,3 +129,9 @@ def touched_blocks(depth: Annotated[NDArray, dict(writable=False)], normal: Anno
 
 def fuse_depth(block: Annotated[NDArray, dict(writable=False)], row: Annotated[NDArray, dict(writable=False)], distance: NDArray, weight: NDArray, views: NDArray, color: NDArray, depth: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)], trust: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], pixel_from_voxel: Annotated[NDArray, dict(writable=False)], voxel: float, truncation: float) -> None:
     """Takes one depth map into the blocks of a signed distance volume."""
+
+def pack_normals(normals: Annotated[NDArray, dict(writable=False)], codes: NDArray) -> None:
+    """Writes the codes (2, pixels), int16, of normals (3, pixels), float32."""
+
+def unpack_normals(codes: Annotated[NDArray, dict(writable=False)], normals: NDArray) -> None:
+    """The way back: unit normals, or 0."""

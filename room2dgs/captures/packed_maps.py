@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from room2dgs.captures.view_maps import ViewMaps, valid_depth, valid_normal
+from room2dgs import _C
+from room2dgs.captures.view_maps import ViewMaps, valid_depth
 
 # Depth is a logarithm in 65,535 steps; code 0 = invalid. What is nearer or farther is clipped.
 NEAREST_M, FARTHEST_M = 0.01, 655.36
@@ -21,8 +22,6 @@ _LOG_STEP = math.log(FARTHEST_M / NEAREST_M) / _CODES
 # Decoding is a look-up: the same bits everywhere, and no exponential a pixel.
 _DEPTHS = np.concatenate([[0.0], NEAREST_M * np.exp(_LOG_STEP * np.arange(_CODES + 1))]).astype(np.float32)
 _CONFIDENCES = (np.arange(256) / 255).astype(np.float32)
-_UNIT = np.float32(32767)  # of a normal's two octahedral coordinates
-_NO_NORMAL = np.int16(-32768)
 
 Packed = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -83,31 +82,14 @@ def _pack_confidence(confidence: np.ndarray) -> np.ndarray:
 
 
 def _pack_normal(normal: np.ndarray) -> np.ndarray:
-    """Octahedral coordinates (Meyer et al. 2010): the sphere folded onto a square."""
-    valid = valid_normal(normal)
-    x, y, z = (np.where(valid, normal[..., axis], np.float32(axis == 2)) for axis in range(3))
-    size = np.abs(x) + np.abs(y) + np.abs(z)
-    x, y = x / size, y / size
-    below = z < 0
-    folded = np.copysign(1 - np.abs(y), x), np.copysign(1 - np.abs(x), y)
-    codes = [np.where(below, fold, flat) * _UNIT for fold, flat in zip(folded, (x, y), strict=True)]
-    return np.where(valid, np.round(codes), _NO_NORMAL).astype(np.int16)
+    """Octahedral coordinates (Meyer et al. 2010): the sphere folded onto a square. One axis after the other."""
+    codes = np.empty((2, *normal.shape[:2]), np.int16)
+    axes = np.ascontiguousarray(np.moveaxis(normal, -1, 0), np.float32)
+    _C.pack_normals(axes.reshape(3, -1), codes.reshape(2, -1))
+    return codes
 
 
 def _unpack_normal(codes: np.ndarray) -> np.ndarray:
     axes = np.empty((3, *codes.shape[1:]), np.float32)
-    x, y, z = axes
-    np.multiply(codes, 1 / _UNIT, out=axes[:2])
-    fold = np.abs(y)
-    fold += np.abs(x)
-    np.subtract(1, fold, out=z)
-    np.maximum(fold - 1, 0, out=fold)
-    x -= np.copysign(fold, x)
-    y -= np.copysign(fold, y)
-    length = x * x
-    length += y * y
-    length += z * z
-    np.sqrt(length, out=length)
-    length[codes[0] == _NO_NORMAL] = np.inf
-    axes /= length
+    _C.unpack_normals(np.ascontiguousarray(codes).reshape(2, -1), axes.reshape(3, -1))
     return np.moveaxis(axes, 0, -1)

@@ -34,7 +34,7 @@ inline std::string shape_text(const int64_t* shape, size_t ndim) {
 
 template <class T>
 const char* dtype_text() {
-  if (std::is_integral_v<T>) return sizeof(T) == 1 ? "uint8" : sizeof(T) == 4 ? "int32" : "int64";
+  if (std::is_integral_v<T>) return sizeof(T) == 1 ? "uint8" : sizeof(T) == 2 ? "int16" : sizeof(T) == 4 ? "int32" : "int64";
   return sizeof(T) == 4 ? "float32" : "float64";
 }
 

@@ -18,5 +18,6 @@ void bind_mesh(nb::module_& m);
 void bind_stereo(nb::module_& m);
 void bind_joint(nb::module_& m);
 void bind_completion(nb::module_& m);
+void bind_captures(nb::module_& m);
 
 }  // namespace room2dgs
