@@ -87,6 +87,8 @@ CALLS = {
                 Array("gradient", "hw3", written=True, optional=True),
             ),
         ),
+        Call("pack_normals", (Array("normals", "3n"), Array("codes", "2n", np.int16, True))),
+        Call("unpack_normals", (Array("codes", "2n", np.int16), Array("normals", "3n", written=True))),
         Call("depth_normals", (Array("depth", "hw"), *PINHOLE, Array("normal", "hw3", written=True))),
         Call(
             "normal_consistency",
