@@ -12,10 +12,8 @@ from torch.utils.dlpack import to_dlpack
 def call(kernel: Callable[..., Any], *args: Any, **more: Any) -> Any:
     """`kernel(*args, **more)`, whose tensors share their memory with it.
 
-    A tensor itself would be asked for it by `__dlpack__`, which is Python: 7 to 14 us each instead of 1.
-
-    Raises:
-        RuntimeError: a tensor that requires a gradient; `detach` it.
+    A tensor itself would be asked for it by `__dlpack__`, which is Python: 7 to 14 us each instead of 1. What kernels
+    do, autograd does not see.
     """
     return kernel(*map(_handed, args), **more)
 

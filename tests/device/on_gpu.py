@@ -31,14 +31,9 @@ def _tensor(value: Any) -> torch.Tensor | None:
     """On the same memory; None for what is no array."""
     if isinstance(value, np.ndarray):
         return torch.from_numpy(value)
-    # a capsule is what `kernel_calls.call` gives
-    return (
-        from_dlpack(value)
-        if type(value).__name__ == "PyCapsule"
-        else value
-        if isinstance(value, torch.Tensor)
-        else None
-    )
+    if type(value).__name__ == "PyCapsule":  # what `kernel_calls.call` gives
+        return from_dlpack(value)
+    return value if isinstance(value, torch.Tensor) else None
 
 
 def _moving(function: Callable[..., Any], stays: tuple[str, ...] = ()) -> Callable[..., Any]:

@@ -62,7 +62,7 @@ LIMITS: dict[str, Limit] = {
     "FitDepth": Limit(256, 56, 1200, 0.5),
     "DepthGradient": Limit(256, 48, 128, 0.6),
     "NormalPrior": Limit(256, 40, 256, 0.7),
-    "MeanOfPixels": Limit(256, 40, 256, 0.7),
+    "MeanOfNormals": Limit(256, 40, 256, 0.7),
     "ComparePixels": Limit(256, 96, 512, 0.25),
     "MeansOfPixels": Limit(256, 40, 384, 0.7),
     "TotalOfBlocks<1>": Limit(256, 40, 128, 0.7),

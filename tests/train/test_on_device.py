@@ -188,7 +188,7 @@ def test_an_iteration_waits_for_nothing_but_the_frames_own_counts(
     settings += ["strategy.start=30"] if "strategy=seeds" in more or "strategy=plain" in more else []
     with pytest.raises(Ends), NothingWaits() as mode:
         trained(capture, configure(*settings, "render.device=blocks"), tmp_path, log, [Watch()])
-    assert {"forward", "backward", "rgb_loss", "normal_consistency", "depth_prior", "multiview"} <= set(
+    assert {"forward", "backward", "rgb_loss", "normal_consistency", "depth_prior", "normal_prior", "multiview"} <= set(
         without_numbers.calls
     )
     # when all views are there, an iteration moves the drawn pixels, and nothing else

@@ -1,6 +1,6 @@
 // The fused losses of training as block code (block.h): L1 with D-SSIM, normals from depth with their consistency, the
-// depth and the normal prior's, the multi-view terms. Values and gradients stay on the device, and so do cameras: K is (3, 3) without
-// skew, a pose (4, 4) cam_from_world. The arithmetic of a pixel is in ssim.h, surface_maths.h, depth_prior_maths.h,
+// depth and the normal prior's, the multi-view terms. Values and gradients stay on the device, and so do cameras: K is
+// (3, 3) without skew, a pose (4, 4) cam_from_world. The arithmetic of a pixel is in ssim.h, surface_maths.h, depth_prior_maths.h,
 // normal_prior_maths.h and multiview_maths.h.
 #pragma once
 

@@ -41,7 +41,7 @@ struct NormalPrior {
 };
 
 // The mean, and what makes means of gradients: 1 / number of pixels.
-struct MeanOfPixels : AddParts<double, NormalPrior::kNumbers> {
+struct MeanOfNormals : AddParts<double, NormalPrior::kNumbers> {
   double* to;
   R2_KERNEL void operator()(const Block<kThreads>& block, Shared& s) const {
     add(block, s);
@@ -62,7 +62,7 @@ void BlockLosses::normal_prior(const Queue& queue, const NormalMaps& maps, float
   if (maps.step > 1)
     fill_bytes(queue, gradient, 0, 3 * sizeof(float) * static_cast<size_t>(maps.rendered_height * maps.rendered_width));
   launch(queue, blocks, NormalPrior{maps, l1, cosine, gradient, sums});
-  launch(queue, 1, MeanOfPixels{{sums, blocks}, values});
+  launch(queue, 1, MeanOfNormals{{sums, blocks}, values});
 }
 
 }  // namespace R2_ISA
