@@ -22,6 +22,8 @@ from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked
 from room2dgs.stereo.second_look import second_look
 
 LOG_SECONDS = 10.0
+WINDOWS_AT = 320  # width of the photos whose pixels `stereo.radius` and `stereo.step` count
+MAX_RADIUS = 12  # of the kernels' windows, pixels
 UNKNOWN = np.zeros((1, 1), np.float32)  # depth of a view that has none
 
 
@@ -111,9 +113,14 @@ def _prepared(frames: Sequence[Frame], points: PointCloud, settings: StereoConfi
         max_cost=settings.max_cost,
         device=device,
     )
-    return Prepared(
-        cameras, photos, sights, options, Matching(radius=settings.radius, step=settings.step, best=settings.best)
-    )
+    return Prepared(cameras, photos, sights, options, matching_of(settings, cameras))
+
+
+def matching_of(settings: StereoConfig, cameras: Sequence[Camera]) -> Matching:
+    """How planes are compared: windows of wider photos than `WINDOWS_AT` cover as much, with as many samples."""
+    times = max(1.0, max(camera.width for camera in cameras) / WINDOWS_AT)
+    step = int(np.clip(round(settings.step * times), 1, MAX_RADIUS * settings.step // settings.radius))
+    return Matching(radius=settings.radius // settings.step * step, step=step, best=settings.best)
 
 
 def coverage(views: Sequence[DenseView]) -> np.ndarray:
