@@ -16,8 +16,9 @@ from room2dgs.captures.seen_points import probably_seen
 from room2dgs.config import StereoConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
+from room2dgs.stereo.contrast import believed
 from room2dgs.stereo.planes import planes_of_depth, resized_planes
-from room2dgs.stereo.scene import scene_second_look, scene_stereo
+from room2dgs.stereo.scene import grey, scene_second_look, scene_stereo
 
 Maps = Mapping[str, tuple[np.ndarray, np.ndarray]]  # frame name -> depth, number of agreeing views
 COLUMNS = 160  # of the pixels that are taken: as many as the joint optimisation looks at
@@ -83,9 +84,9 @@ def stereo_points(
     maps: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     if first:
         cameras, found = scene_second_look(frames, points, settings, log, device, first.completed, beside)
-        for frame, one in zip(frames, found, strict=True):
+        for frame, camera, one in zip(frames, cameras, found, strict=True):
             earlier = first.maps.get(frame.name)
-            maps[frame.name] = _filled(*one, *earlier) if earlier else one
+            maps[frame.name] = _filled(*one, *earlier, grey(frame, camera)) if earlier else one
     else:
         cameras, views = scene_stereo(frames, points, settings, log, device, beside)
         maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
@@ -99,13 +100,13 @@ def stereo_points(
 
 
 def _filled(
-    depth: np.ndarray, agreeing: np.ndarray, earlier: np.ndarray, agreed: np.ndarray
+    depth: np.ndarray, agreeing: np.ndarray, earlier: np.ndarray, agreed: np.ndarray, photo: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Depth and number of agreeing views, with the earlier ones where there is no depth."""
+    """Depth and number of agreeing views, with the earlier ones where there is no depth; `photo` is grey, (H, W)."""
     height, width = depth.shape
     w = resized_planes(planes_of_depth(earlier), width, height)[0]
-    added = (depth == 0) & (w > 0)
-    agreed = cv2.resize(agreed, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
+    agreed = believed(cv2.resize(agreed, (width, height), interpolation=cv2.INTER_NEAREST_EXACT), photo)
+    added = (depth == 0) & (w > 0) & (agreed > 0)
     return np.where(added, 1 / np.where(added, w, 1), depth), np.where(added, agreed, agreeing)
 
 

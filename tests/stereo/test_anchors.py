@@ -83,6 +83,7 @@ def test_a_second_look_begins_with_the_completed_depth_and_keeps_what_only_the_f
         return [camera], iter([(dense.depth, dense.agreeing)])
 
     monkeypatch.setattr(anchors, "scene_second_look", stage)
+    monkeypatch.setattr(anchors, "grey", lambda frame, camera: np.full((30, 40), 128, np.uint8))
     nothing = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
     settings = load_config(["scene.path=a", "out=b", "stereo.width=70"]).stereo
     others = [frame()]
@@ -94,6 +95,11 @@ def test_a_second_look_begins_with_the_completed_depth_and_keeps_what_only_the_f
     np.testing.assert_array_equal(agreeing[there], dense.agreeing[there])
     np.testing.assert_allclose(depth[:14, :20], 4.0)
     assert (agreeing[:14, :20] == 3).all() and not depth[14:, :20].any() and not agreeing[14:, :20].any()
+    sharp = np.tile(np.uint8(255) * (np.arange(40) // 4 % 2 == 1), (30, 1))
+    monkeypatch.setattr(anchors, "grey", lambda frame, camera: sharp)
+    depth, agreeing = stereo_points([frame()], nothing, settings, lines.append, first=first, looks=2).maps["a"]
+    np.testing.assert_array_equal(depth, dense.depth)  # where the photo has contrast, the first look's is not believed
+    np.testing.assert_array_equal(agreeing, dense.agreeing)
 
 
 @pytest.mark.parametrize(

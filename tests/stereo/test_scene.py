@@ -63,12 +63,18 @@ def test_what_a_mask_hides_has_no_depth_and_nobody_agrees_with_it(frames, points
 
 @pytest.mark.parametrize("look", ["dense_views", "second_look"])
 def test_both_looks_have_windows_that_grow_with_the_photos(monkeypatch, frames, points, settings, look):
-    """As if the settings were of photos half as wide."""
+    """As if the settings were of photos a quarter as wide; the first look's smaller sizes have twice the settings'."""
     windows = []
-    monkeypatch.setattr(scene, "WINDOWS_AT", frames[0].camera.width // 2)
-    monkeypatch.setattr(scene, look, lambda *given, **_: windows.append(given[-2]) or iter(()))
+
+    def matched(*given, wide=None, **_):
+        windows.extend([given[-2], wide or given[-2]])
+        return iter(())
+
+    monkeypatch.setattr(scene, "WINDOWS_AT", frames[0].camera.width // 4)
+    monkeypatch.setattr(scene, look, matched)
     if look == "dense_views":
         scene_stereo(frames, points, replace(settings, radius=2, step=1))
     else:
         scene_second_look(frames, points, replace(settings, radius=2, step=1), lambda _: None, "cpu", {})
-    assert [(one.radius, one.step) for one in windows] == [(4, 2)]
+    smaller = (4, 2) if look == "dense_views" else (8, 4)
+    assert [(one.radius, one.step) for one in windows] == [(8, 4), smaller]
