@@ -22,7 +22,7 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.splat import set_threads
 from room2dgs.stereo.dense import DenseView
 from room2dgs.stereo.patchmatch import Matching, Packed, Search, packed, warp
-from room2dgs.stereo.scene import grey, matching_of, scene_stereo
+from room2dgs.stereo.scene import grey, scene_stereo
 
 LANES = 8  # pixels that the kernels compare at once
 PLANES_TRIED = 11  # of a pixel in a sweep without a random depth or a hint: 8 arms, 3 perturbations
@@ -88,7 +88,7 @@ def sweep_over_bare(
 
     The planes are those that were found, so that what is tried lies where views see it.
     """
-    matching = matching_of(settings, cameras)
+    matching = Matching(radius=settings.radius, step=settings.step, best=settings.best)
     middle = len(frames) // 2
     near = nearest(cameras, middle, settings.neighbours)
     here, *others = [packed(grey(frames[index], cameras[index]), cameras[index]) for index in (middle, *near)]

@@ -22,7 +22,11 @@ from room2dgs.stereo.scene import grey, scene_second_look, scene_stereo
 
 Maps = Mapping[str, tuple[np.ndarray, np.ndarray]]  # frame name -> depth, number of agreeing views
 COLUMNS = 160  # of the pixels that are taken: as many as the joint optimisation looks at
+MAX_RADIUS = 12  # of the kernels' windows, pixels
 FIRST_WIDTH = 320  # of photos that a first look is at; at 160 its depth is too rough to begin with
+# Of the second look's windows: what is far, and what stands before walls, comes out more exact; what has too little
+# texture for them has the first look's depth.
+NARROWER = 0.5
 # The more views agree on a depth, the more often it is right: a depth of 2 is wrong as often as right.
 TRUST = np.array([0, 0.05, 0.25, 0.45, 0.6, 0.75, 0.85, 1.0], np.float32)
 
@@ -70,17 +74,18 @@ def stereo_points(
         device: what matches, as `render.device` names it.
         first: None at the first look; at the second its pixels stay where the second finds nothing.
         looks: how many there will be. The first of two needs no detail, and finds more of what has little texture in
-            photos of half the width, down to `FIRST_WIDTH`.
+            photos of half the width, down to `FIRST_WIDTH`; the second's windows cover half as much of the room.
         beside: more views to match with, whose own depth is not asked for.
 
     Raises:
         InputError: as `scene_stereo`.
     """
     started = time.monotonic()
-    if looks > 1 and not first:
+    if looks > 1:
         widest = max(frame.camera.width for frame in frames)
         full = min(settings.width or widest, widest)
-        settings = replace(settings, width=min(max(FIRST_WIDTH, full // 2), full))
+        half = min(max(FIRST_WIDTH, full // 2), full)
+        settings = with_windows(settings, NARROWER * full / half) if first else replace(settings, width=half)
     maps: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     if first:
         cameras, found = scene_second_look(frames, points, settings, log, device, first.completed, beside)
@@ -97,6 +102,12 @@ def stereo_points(
         f"{(time.monotonic() - started) / len(frames):.1f} s a view"
     )
     return StereoPoints(with_stereo(points, frames, cameras, maps), maps)
+
+
+def with_windows(settings: StereoConfig, times: float) -> StereoConfig:
+    """Settings whose windows are so many times as wide, as far as the kernels have them, with as many samples."""
+    step = int(np.clip(round(settings.step * times), 1, MAX_RADIUS * settings.step // settings.radius))
+    return replace(settings, step=step, radius=settings.radius // settings.step * step)
 
 
 def _filled(

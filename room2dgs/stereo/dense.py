@@ -13,7 +13,6 @@ from room2dgs.block_code import build_of
 from room2dgs.geometry.camera import Camera
 from room2dgs.side_by_side import side_by_side
 from room2dgs.stereo.agreement import agreement
-from room2dgs.stereo.contrast import believed
 from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, Packed, Search, packed
 from room2dgs.stereo.planes import plane_normals, resized_planes
@@ -84,7 +83,6 @@ def dense_views(
     matching: Matching,
     progress: Progress = lambda *_: None,
     *,
-    wide: Matching | None = None,
     wanted: int | None = None,
 ) -> Iterator[DenseView]:
     """Stereo of posed photos, one view after the other: all of them at once would take most of the memory.
@@ -97,7 +95,6 @@ def dense_views(
         sights: V, from the sparse points.
         xyz: (M, 3) sparse points, metres.
         progress: gets the stage, how many views are done, and of how many.
-        wide: how planes are compared at the smaller sizes; None: as at the full one.
         wanted: the first so many views' depth is asked for; the others are searched, for their sake, at the
             smaller sizes only, if there are any. None: of all.
 
@@ -122,12 +119,11 @@ def dense_views(
                 planes[index] = resized_planes(planes[index], *view.camera.size)
         for search in range((0 if first else 1), options.rounds + 1):
             searched = wanted if level == 0 and not first else len(views)
-            windows = (wide or matching) if level else matching
-            _search(views, planes, near_views, ranges, options, windows, search, level, progress, searched)
+            _search(views, planes, near_views, ranges, options, matching, search, level, progress, searched)
         if level == 1:
-            coarse = list(_filtered(views, planes, near_views, options, wide or matching, progress, wanted))
+            coarse = list(_filtered(views, planes, near_views, options, matching, progress, wanted))
     for index, view in enumerate(_filtered(views, planes, near_views, options, matching, progress, wanted)):
-        yield _completed(view, coarse[index], photos[index]) if coarse else view
+        yield _completed(view, coarse[index]) if coarse else view
 
 
 def near_and_ranges(
@@ -142,20 +138,15 @@ def near_and_ranges(
     return near_views, [depth_range(sight.depth, everywhere) for sight in sights]
 
 
-def _completed(fine: DenseView, coarse: DenseView, photo: np.ndarray) -> DenseView:
-    """The fine result; where its views did not agree, the coarse one's: a smaller photo has less noise and blur.
-
-    Args:
-        photo: (H, W) uint8, grey, of the fine one's size.
-    """
+def _completed(fine: DenseView, coarse: DenseView) -> DenseView:
+    """The fine result; where its views did not agree, the coarse one's: a smaller photo has less noise and blur."""
     height, width = fine.depth.shape
     planes = resized_planes(coarse.planes * (coarse.depth > 0), width, height)
     row = np.minimum((np.arange(height) + 0.5) * coarse.depth.shape[0] // height, coarse.depth.shape[0] - 1).astype(int)
     column = np.minimum((np.arange(width) + 0.5) * coarse.depth.shape[1] // width, coarse.depth.shape[1] - 1).astype(
         int
     )
-    agreeing = believed(coarse.agreeing[row[:, None], column], photo)
-    added = (fine.depth == 0) & (planes[0] > 0) & (agreeing > 0)
+    added = (fine.depth == 0) & (planes[0] > 0)
     depth = np.divide(1, planes[0], out=np.zeros_like(fine.depth), where=added)
 
     def joined(name: str, there: np.ndarray) -> np.ndarray:
@@ -165,7 +156,7 @@ def _completed(fine: DenseView, coarse: DenseView, photo: np.ndarray) -> DenseVi
     return DenseView(
         np.where(added, depth, fine.depth),
         joined("normal", added),
-        np.where(added, agreeing, fine.agreeing),
+        joined("agreeing", added),
         joined("error", added),
         fine.planes,
     )

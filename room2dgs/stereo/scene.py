@@ -22,9 +22,6 @@ from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked
 from room2dgs.stereo.second_look import second_look
 
 LOG_SECONDS = 10.0
-WINDOWS_AT = 320  # width of the photos whose pixels `stereo.radius` and `stereo.step` count
-WIDER = 2.0  # windows at the smaller sizes, whose pixels cover more already: what has next to no texture
-MAX_RADIUS = 12  # of the kernels' windows, pixels
 UNKNOWN = np.zeros((1, 1), np.float32)  # depth of a view that has none
 
 
@@ -33,7 +30,7 @@ class Prepared(NamedTuple):
 
     Attributes:
         cameras, photos, sights: of the frames, at stereo's image size; photos grey.
-        options, matching, wide: the settings; the last one's windows are for smaller sizes.
+        options, matching: the settings.
     """
 
     cameras: list[Camera]
@@ -41,7 +38,6 @@ class Prepared(NamedTuple):
     sights: list[Sight]
     options: Options
     matching: Matching
-    wide: Matching
 
 
 def scene_stereo(
@@ -68,9 +64,8 @@ def scene_stereo(
     Raises:
         InputError: a photo cannot be decoded.
     """
-    cameras, photos, sights, options, matching, wide = _prepared([*frames, *beside], points, settings, device)
-    given = (photos, cameras, sights, points.xyz, options, matching, _progress(log))
-    views = dense_views(*given, wide=wide, wanted=len(frames))
+    cameras, photos, sights, options, matching = _prepared([*frames, *beside], points, settings, device)
+    views = dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log), wanted=len(frames))
     return cameras[: len(frames)], (_unmasked(view, frame) for view, frame in zip(views, frames, strict=True))
 
 
@@ -91,7 +86,7 @@ def scene_second_look(
     Raises:
         InputError: a photo cannot be decoded.
     """
-    cameras, photos, sights, options, matching, _ = _prepared([*frames, *beside], points, settings, device)
+    cameras, photos, sights, options, matching = _prepared([*frames, *beside], points, settings, device)
     views = PackedWhenAsked(photos, cameras, build_of(device))
     known = [partial(start.get, frame.name, UNKNOWN) for frame in frames]
     found = second_look(views, cameras, sights, points.xyz, known, options, matching, _progress(log))
@@ -116,18 +111,9 @@ def _prepared(frames: Sequence[Frame], points: PointCloud, settings: StereoConfi
         max_cost=settings.max_cost,
         device=device,
     )
-    return Prepared(cameras, photos, sights, options, matching_of(settings, cameras), _with_windows(settings, WIDER))
-
-
-def matching_of(settings: StereoConfig, cameras: Sequence[Camera]) -> Matching:
-    """How planes are compared: windows of wider photos than `WINDOWS_AT` cover as much, with as many samples."""
-    return _with_windows(settings, max(1.0, max(camera.width for camera in cameras) / WINDOWS_AT))
-
-
-def _with_windows(settings: StereoConfig, times: float) -> Matching:
-    """Windows that are so many times as wide, as far as the kernels have them."""
-    step = int(np.clip(round(settings.step * times), 1, MAX_RADIUS * settings.step // settings.radius))
-    return Matching(radius=settings.radius // settings.step * step, step=step, best=settings.best)
+    return Prepared(
+        cameras, photos, sights, options, Matching(radius=settings.radius, step=settings.step, best=settings.best)
+    )
 
 
 def coverage(views: Sequence[DenseView]) -> np.ndarray:

@@ -21,8 +21,7 @@ SOURCES = ("stereo", "points")
 def settings(wall, out, source: str) -> list[str]:
     points = ["points.source=file", f"points.file={wall / 'points.ply'}", "sfm.refine_poses=false"]
     mesh = [f"mesh.source={source}", "mesh.voxel_m=0.04", "mesh.min_triangles=10", "eval.samples=2000"]
-    wide = ["stereo.radius=4", "stereo.step=2"]  # small windows are too rough in photos as small as the wall's
-    return [f"scene.path={wall}", f"out={out}", *points, *mesh, *wide, "prior=room_prior"]
+    return [f"scene.path={wall}", f"out={out}", *points, *mesh, "prior=room_prior"]
 
 
 class Looked(Exception):

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
-from room2dgs.config import load_config
+from room2dgs.config import StereoConfig, load_config
 from room2dgs.geometry.camera import Camera
 from room2dgs.stereo import anchors
-from room2dgs.stereo.anchors import TRUST, FirstLook, stereo_points, trust, with_stereo
+from room2dgs.stereo.anchors import TRUST, FirstLook, stereo_points, trust, with_stereo, with_windows
 from room2dgs.stereo.dense import DenseView
 
 CAMERA = Camera(np.array([[60.0, 0, 40], [0, 60, 30], [0, 0, 1]]), 80, 60, np.eye(4))
@@ -127,3 +130,44 @@ def test_the_first_of_two_looks_is_at_half_the_width_down_to_320(monkeypatch, ph
     wide = replace(frame(), camera=CAMERA.resized_to_width(photo))
     stereo_points([wide], nothing, settings, lambda line: None, looks=looks)
     assert widths == [width]
+
+
+@pytest.mark.parametrize(
+    ("photo", "setting", "looks", "window"),
+    [
+        (640, 640, 2, (4, 2)),
+        (1296, None, 2, (4, 2)),
+        (500, 640, 2, (4, 2)),
+        (320, 640, 2, (2, 1)),
+        (200, None, 2, (2, 1)),
+        (640, 640, 1, (4, 2)),
+    ],
+)
+def test_windows_of_the_second_look_cover_half_as_much(monkeypatch, photo, setting, looks, window):
+    camera, dense = view()
+    windows = []
+
+    def stage(frames, points, settings, log, device, start, beside):
+        windows.append((settings.radius, settings.step))
+        return [camera], iter([(dense.depth, dense.agreeing)])
+
+    monkeypatch.setattr(anchors, "scene_second_look", stage)
+    settings = replace(load_config(["scene.path=a", "out=b"]).stereo, width=setting)
+    nothing = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+    wide = replace(frame(), camera=CAMERA.resized_to_width(photo))
+    stereo_points([wide], nothing, settings, lambda line: None, first=FirstLook({}, {}), looks=looks)
+    assert windows == [window]
+
+
+@cache
+def defaults() -> StereoConfig:
+    return load_config(["scene.path=a", "out=b"]).stereo
+
+
+@settings(deadline=None)  # the first one reads the configuration
+@given(st.integers(1, 12), st.integers(1, 12), st.floats(1, 10))
+def test_wider_windows_have_as_many_samples_and_fit_the_kernels(radius, step, times):
+    assume(step <= radius and radius // step <= 5)
+    wider = with_windows(replace(defaults(), radius=radius, step=step), times)
+    assert wider.radius // wider.step == radius // step and wider.radius % wider.step == 0
+    assert step <= wider.step <= max(step, round(step * times)) and wider.radius <= 12

@@ -10,11 +10,10 @@ import pytest
 
 from room2dgs.errors import InputError
 from room2dgs.splat import set_threads
-from room2dgs.stereo import dense
 from room2dgs.stereo.agreement import agreement
-from room2dgs.stereo.dense import DenseView, Options, Sight, dense_views
+from room2dgs.stereo.dense import Options, Sight, dense_views
 from room2dgs.stereo.neighbours import choose_neighbours
-from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked, Search, packed
+from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked, packed
 from room2dgs.stereo.second_look import second_look
 
 
@@ -210,35 +209,3 @@ def test_the_kernels_for_a_gpu_find_the_same_depth(corner, monkeypatch, without_
         assert all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
     with pytest.raises(InputError, match=r"render\.device=cuda lacks"):
         run(corner, few._replace(device="cuda"))
-
-
-def test_smaller_sizes_have_the_wide_windows_and_the_full_one_its_own(corner, monkeypatch):
-    used = []
-
-    class Noted(Search):
-        def __init__(self, view, others, settings, *rest):
-            used.append((view.camera.width, settings.radius))
-            super().__init__(view, others, settings, *rest)
-
-    monkeypatch.setattr(dense, "Search", Noted)
-    xyz, sights = sparse(corner)
-    photos, cameras = [photo for _, photo, _, _ in corner], [camera for camera, *_ in corner]
-    options = Options(levels=2, rounds=1)
-    given = (photos, cameras, sights, xyz, options, Matching(radius=2, step=1))
-    list(dense_views(*given, wide=Matching(radius=4, step=2)))
-    assert set(used) == {(corner[0][0].width // 2, 4), (corner[0][0].width, 2)}
-
-
-def test_what_only_wide_windows_find_stays_where_the_photo_is_blank(corner):
-    _, photo, depth, normals = corner[0]
-    zero = np.zeros_like(depth, dtype=np.float32)
-    planes = np.stack([zero, zero, zero])
-    fine = DenseView(zero, np.zeros((*depth.shape, 3), np.float32), zero.astype(np.uint8), zero, planes)
-    small = depth[::2, ::2].astype(np.float32)
-    flat = np.stack([1 / small, 0 * small, 0 * small])
-    coarse = DenseView(small, normals[::2, ::2].astype(np.float32), np.full(small.shape, 5, np.uint8), 0 * small, flat)
-    blank = np.full(photo.shape, 90, np.uint8)
-    sharp = np.tile(np.uint8(255) * (np.arange(photo.shape[1]) // 4 % 2 == 1), (len(photo), 1))
-    for seen, agreeing in ((blank, 5), (sharp, 0)):
-        found = dense._completed(fine, coarse, seen)
-        assert (found.agreeing == agreeing).all() and ((found.depth > 0) == (agreeing > 0)).all()

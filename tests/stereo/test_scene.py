@@ -12,7 +12,6 @@ from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.config import StereoConfig, load_config
-from room2dgs.stereo import scene
 from room2dgs.stereo.scene import scene_second_look, scene_stereo
 
 HIDDEN = 40  # columns at the first view's left
@@ -59,22 +58,3 @@ def test_what_a_mask_hides_has_no_depth_and_nobody_agrees_with_it(frames, points
     assert not depth[:, :HIDDEN].any() and not agreeing[:, :HIDDEN].any()
     assert np.mean(depth[:, HIDDEN:] > 0) > 0.5 and (agreeing[depth > 0] >= 2).all()
     assert np.mean(open_depth[:, :HIDDEN] > 0) > 0.2
-
-
-@pytest.mark.parametrize("look", ["dense_views", "second_look"])
-def test_both_looks_have_windows_that_grow_with_the_photos(monkeypatch, frames, points, settings, look):
-    """As if the settings were of photos a quarter as wide; the first look's smaller sizes have twice the settings'."""
-    windows = []
-
-    def matched(*given, wide=None, **_):
-        windows.extend([given[-2], wide or given[-2]])
-        return iter(())
-
-    monkeypatch.setattr(scene, "WINDOWS_AT", frames[0].camera.width // 4)
-    monkeypatch.setattr(scene, look, matched)
-    if look == "dense_views":
-        scene_stereo(frames, points, replace(settings, radius=2, step=1))
-    else:
-        scene_second_look(frames, points, replace(settings, radius=2, step=1), lambda _: None, "cpu", {})
-    smaller = (4, 2) if look == "dense_views" else (8, 4)
-    assert [(one.radius, one.step) for one in windows] == [(8, 4), smaller]

@@ -16,10 +16,8 @@ class StereoConfig:
     width: Int | None = Field(ge=16, description="of the photos that are compared (null: the working size)")
     neighbours: Int = Field(ge=1, le=32, description="views that a view is compared with")
     best: Int = Field(ge=1, le=8, description="the cost of a plane is its mean over this many views that like it most")
-    radius: Int = Field(
-        ge=1, le=12, description="of the compared windows, pixels of photos 320 wide; wider photos' cover as much"
-    )
-    step: Int = Field(ge=1, le=12, description="between a window's samples, in the same pixels")
+    radius: Int = Field(ge=1, le=12, description="of the compared windows, pixels; the second look's cover half")
+    step: Int = Field(ge=1, le=12, description="pixels between a window's samples")
     iterations: Int = Field(ge=1, le=100, description="sweeps of the first search, at the smallest image size")
     rounds: Int = Field(
         ge=0, le=10, description="of the first look: searches that also ask the other views' depth, at each image size"
