@@ -17,7 +17,7 @@ from room2dgs.priors.completion.planes import Plane
 WIDTH_PX = 0.65  # distance from where planes meet at which a pixel starts to count as one of something else
 REWEIGHTINGS = 8
 # Stereo's word on a plane is off by this over the mean trust in it, metres, and by no less than that.
-STEREO_M, LEAST_M = 0.005, 0.003
+STEREO_M, LEAST_M = 0.008, 0.003
 UNKNOWN_M = 0.04  # what a plane is off by at most, before creases are asked
 REACH_M, SPREAD_M = 0.1, 0.02  # farther off a plane stereo sees something else; distance at which it starts to
 MIDDLE_STEP = 4  # every so many pixels of every so many rows tell a plane's middle
