@@ -74,7 +74,7 @@ def stereo_points(
         device: what matches, as `render.device` names it.
         first: None at the first look; at the second its pixels stay where the second finds nothing.
         looks: how many there will be. The first of two needs no detail, and finds more of what has little texture in
-            photos of half the width, down to `FIRST_WIDTH`; the second's windows cover half as much of the room.
+            photos of half the width, down to `FIRST_WIDTH`; the second's windows cover half of their width.
         beside: more views to match with, whose own depth is not asked for.
 
     Raises:

@@ -16,7 +16,9 @@ class StereoConfig:
     width: Int | None = Field(ge=16, description="of the photos that are compared (null: the working size)")
     neighbours: Int = Field(ge=1, le=32, description="views that a view is compared with")
     best: Int = Field(ge=1, le=8, description="the cost of a plane is its mean over this many views that like it most")
-    radius: Int = Field(ge=1, le=12, description="of the compared windows, pixels; the second look's cover half")
+    radius: Int = Field(
+        ge=1, le=12, description="of the compared windows, pixels; the second look's cover half the width"
+    )
     step: Int = Field(ge=1, le=12, description="pixels between a window's samples")
     iterations: Int = Field(ge=1, le=100, description="sweeps of the first search, at the smallest image size")
     rounds: Int = Field(
