@@ -318,6 +318,11 @@ assert not {"torch", "open3d", "pycolmap"} & set(sys.modules)
         assert re.search(rf"^  room2dgs {verb} ", done.stdout, re.MULTILINE)
 
 
+def test_the_package_runs_as_the_command_does():
+    done = subprocess.run([sys.executable, "-m", "room2dgs", "jump"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "'jump' is no command" in done.stderr
+
+
 def test_help_of_run_names_every_setting(capsys):
     assert cli.main(["run", "--help"]) == 0
     shown = capsys.readouterr().out
