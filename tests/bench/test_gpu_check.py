@@ -33,7 +33,7 @@ def test_the_whole_check(wall, tmp_path, capsys):
     found = json.loads(path.read_text())
     assert [row["case"] for row in found["corpus"]] == [CASE] and found["failed"] == []
     assert {row["backend"] for row in found["demo"]} == {BACKEND, "cpu"}
-    assert all(row["f_score_5cm"] is not None and row["train_s"] > 0 for row in found["demo"])
+    assert all(row["f_score_5cm"] is not None and row["train_s"] > 0 and row["psnr"] > 10 for row in found["demo"])
     assert found["speed"][0]["ours"]["backward_ms"] > 0 and found["left_out"] == []
 
 

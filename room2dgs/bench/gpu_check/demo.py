@@ -28,7 +28,7 @@ def demo_row(run: Callable[[list[str]], int], folder: Path, room: Path, backend:
     run([f"scene.path={room}", f"out={out}", f"render.device={backend}", *settings])
     metrics = json.loads((out / "metrics.json").read_text())
     return {
-        "backend": backend, "f_score_5cm": metrics.get("f_score_5cm"), "psnr": metrics.get("psnr"),
+        "backend": backend, "f_score_5cm": metrics.get("f_score_5cm"), "psnr": metrics.get("psnr_db"),
         "train_s": metrics["seconds"].get("train"), "all_s": time.perf_counter() - start,
         "gpu_mb": torch.cuda.max_memory_allocated() / 2**20 if cuda else None,
     }  # fmt: skip

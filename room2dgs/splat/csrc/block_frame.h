@@ -32,6 +32,7 @@ struct ViewFacts {
   uint64_t visible, entries, moved;
   double cam_from_world[16], K[9];
   float background[3];
+  float unused;  // what is copied to the host is all written
 };
 
 // A view's camera, on the device; float64, and (3,) float32.

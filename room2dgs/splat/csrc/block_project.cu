@@ -28,6 +28,7 @@ struct ReadView {
       for (int i = 0; i < 16; ++i) facts->cam_from_world[i] = m[i];
       for (int i = 0; i < 9; ++i) facts->K[i] = k[i];
       for (int i = 0; i < 3; ++i) facts->background[i] = in.background[i];
+      facts->unused = 0;
     });
   }
 };
