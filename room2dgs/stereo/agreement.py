@@ -39,8 +39,9 @@ def agreement(
 ) -> Agreement:
     """Compare a view's depth with its neighbours'.
 
-    A neighbour agrees where its depth, at the pixel nearest to the projection, carries the point back to within
-    `max_px` of where it came from and differs by less than `max_relative`.
+    A neighbour agrees where its depth at the projection carries the point back to within `max_px` of where it came from
+    and differs by less than `max_relative`. Between four pixels of one surface its inverse depth is interpolated, which
+    is exact on planes; elsewhere it is that of the nearest pixel.
 
     Args:
         inverse_depth: (H, W) float32, 1/m, 0 = unknown.

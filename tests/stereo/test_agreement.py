@@ -121,3 +121,20 @@ def test_arrays_that_do_not_fit_are_refused_and_nothing_is_written(changed, erro
         _C.agree(**given)
     assert not given["squares"].any() and not given["hidden"].any()
     _C.agree(**arguments())
+
+
+def test_views_of_a_slanted_wall_say_exactly_where_it_is():
+    """Between a neighbour's pixels, too: with its nearest pixel a wall at this slant is up to 0.6 % off."""
+    rng = np.random.default_rng(3)
+    views = []
+    for _ in range(4):
+        at = camera(40, 30, rng, 0.05)
+        rays = np.linalg.inv(at.K) @ np.stack([*np.mgrid[:40, :30].reshape(2, -1) + 0.5, np.ones(1200)])
+        normal = np.array([0.5, 0.25, -1.0])  # of the wall normal . x = -2, world frame
+        turned = at.cam_from_world[:3, :3] @ normal
+        offset = -2.0 + turned @ at.cam_from_world[:3, 3]
+        views.append((at, ((turned @ rays) / offset).reshape(40, 30).T.astype(np.float32)))
+    found = agreement(*views[0], views[1:], 1.0, 0.01)
+    seen_by_all = found.count == 3
+    assert seen_by_all.mean() > 0.7
+    np.testing.assert_allclose(found.inverse_depth[seen_by_all], views[0][1][seen_by_all], rtol=2e-5)

@@ -21,8 +21,26 @@ R2_INLINE Carried carried(const float* m, f8 x, f8 y, f8 w) {
   return {along(m) / z, along(m + 4) / z, z};
 }
 
-// To the nearest whole number, of |x| < 2^22.
-R2_INLINE i8 nearest(f8 x) { return as_int(x + 12582912.0f) - as_int(splat(12582912.0f)); }
+// Four pixels are of one surface where their inverse depths differ by less.
+constexpr float kOneSurface = 1.05f;
+
+// The neighbour's inverse depth at a place, pixels: between four pixels of one surface, whose inverse depth is linear in
+// the image, else of the nearest of them.
+R2_INLINE f8 seen_at(const AgreementJob& job, f8 x, f8 y) {
+  const int32_t columns = static_cast<int32_t>(job.columns), right = columns > 1, below = job.rows > 1 ? columns : 0;
+  const auto before = [](f8 x, int64_t count) {  // the pixel to the left, or above, but for the last
+    const float last = static_cast<float>(count > 1 ? count - 2 : 0);
+    return __builtin_convertvector(vmin(vmax(x, splat(0)), splat(last)), i8);
+  };
+  const i8 left = before(x, job.columns), top = before(y, job.rows), at = top * columns + left;
+  const f8 fx = x - __builtin_convertvector(left, f8), fy = y - __builtin_convertvector(top, f8);
+  const f8 a = gather(job.theirs, at), b = gather(job.theirs, at + right);
+  const f8 c = gather(job.theirs, at + below), d = gather(job.theirs, at + below + right);
+  const f8 least = vmin(vmin(a, b), vmin(c, d)), most = vmax(vmax(a, b), vmax(c, d));
+  const f8 upper = fma(fx, b - a, a), lower = fma(fx, d - c, c);
+  const f8 nearest_one = select(fy > 0.5f, select(fx > 0.5f, d, c), select(fx > 0.5f, b, a));
+  return select((least > 0.0f) & (most < least * kOneSurface), fma(fy, lower - upper, upper), nearest_one);
+}
 
 // Eight counters, one more where a mask is set.
 R2_INLINE void count_up(uint8_t* counts, i8 mask) {
@@ -36,10 +54,7 @@ R2_INLINE void agree8(const AgreementJob& job, f8 x, f8 y, f8 w, uint8_t* count,
   i8 inside = (w > 0.0f) & (to.z > 1e-6f) & (to.x > -0.5f) & (to.x < static_cast<float>(job.columns) - 0.5f) &
               (to.y > -0.5f) & (to.y < static_cast<float>(job.rows) - 0.5f);
   if (!any(inside)) return;
-  // rounding may leave the last pixel
-  const f8 column = vmin(vmax(masked(inside, to.x), splat(0)), splat(static_cast<float>(job.columns - 1)));
-  const f8 row = vmin(vmax(masked(inside, to.y), splat(0)), splat(static_cast<float>(job.rows - 1)));
-  const f8 seen = gather(job.theirs, nearest(row) * static_cast<int32_t>(job.columns) + nearest(column));
+  const f8 seen = seen_at(job, masked(inside, to.x), masked(inside, to.y));
   inside &= seen > 0.0f;
   const Carried back = carried(job.back, to.x, to.y, seen);
   const f8 dx = back.x - x, dy = back.y - y, ratio = w / to.z / seen;  // of the neighbour's depth there to the point's
