@@ -32,8 +32,9 @@ from room2dgs.priors.normals.convention import camera_normals
 from room2dgs.priors.sensor.maps import sensor_map
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.splat import set_threads
-from room2dgs.stereo.anchors import FirstLook, StereoPoints, stereo_points, with_stereo
+from room2dgs.stereo.anchors import StereoPoints, stereo_points, with_stereo
 from room2dgs.stereo.dense import DenseView
+from room2dgs.stereo.looks import FirstLook
 from room2dgs.stereo.scene import scene_stereo
 
 ON_PLANE = 0.5  # trust in a plane from which on a pixel is counted as the plane's

@@ -46,7 +46,8 @@ def filled(
         InputError: as `load_priors`.
     """
     from room2dgs.priors import load_priors
-    from room2dgs.stereo.anchors import FirstLook, StereoPoints, stereo_points, with_stereo
+    from room2dgs.stereo.anchors import StereoPoints, stereo_points, with_stereo
+    from room2dgs.stereo.looks import FirstLook
 
     def compare(first: FirstLook | None) -> StereoPoints:
         if first:

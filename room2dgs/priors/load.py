@@ -38,7 +38,8 @@ from room2dgs.priors.normals.samples import sample
 from room2dgs.priors.sensor.depths import sensor_depths
 from room2dgs.priors.simulated import simulated
 from room2dgs.side_by_side import side_by_side
-from room2dgs.stereo.anchors import FirstLook, Maps, StereoPoints
+from room2dgs.stereo.anchors import StereoPoints
+from room2dgs.stereo.looks import FirstLook, Maps
 
 CHECKED_FRAMES = 24
 Timed = Callable[[str], AbstractContextManager[None]]

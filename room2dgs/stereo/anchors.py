@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from room2dgs.captures.point_cloud import PointCloud, Tracks
@@ -16,17 +14,9 @@ from room2dgs.captures.seen_points import probably_seen
 from room2dgs.config import StereoConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
-from room2dgs.stereo.contrast import believed
-from room2dgs.stereo.planes import planes_of_depth, resized_planes
-from room2dgs.stereo.scene import grey, scene_second_look, scene_stereo
+from room2dgs.stereo.looks import Compared, FirstLook, Maps, first_of_two, only_look, second_of_two
 
-Maps = Mapping[str, tuple[np.ndarray, np.ndarray]]  # frame name -> depth, number of agreeing views
 COLUMNS = 160  # of the pixels that are taken: as many as the joint optimisation looks at
-MAX_RADIUS = 12  # of the kernels' windows, pixels
-FIRST_WIDTH = 320  # of photos that a first look is at; at 160 its depth is too rough to begin with
-# Of the second look's windows: what is far, and what stands before walls, comes out more exact; what has too little
-# texture for them has the first look's depth.
-NARROWER = 0.5
 # The more views agree on a depth, the more often it is right: a depth of 2 is wrong as often as right.
 TRUST = np.array([0, 0.05, 0.25, 0.45, 0.6, 0.75, 0.85, 1.0], np.float32)
 
@@ -36,22 +26,10 @@ class StereoPoints(NamedTuple):
 
     Attributes:
         points: sparse points and stereo's (`with_stereo`).
-        maps: frame name -> (H, W) depth, metres, 0 = none, and (H, W) number of agreeing views; at stereo's size.
+        maps: what each photo says, at stereo's size.
     """
 
     points: PointCloud
-    maps: Maps
-
-
-class FirstLook(NamedTuple):
-    """What a second look at the photos begins with.
-
-    Attributes:
-        completed: frame name -> (h, w) z-depth, metres, 0 = unknown: the prior's, held to what the first look found.
-        maps: of the first look, as in `StereoPoints`.
-    """
-
-    completed: Mapping[str, np.ndarray]
     maps: Maps
 
 
@@ -73,28 +51,18 @@ def stereo_points(
         points: sparse points, metres.
         device: what matches, as `render.device` names it.
         first: None at the first look; at the second its pixels stay where the second finds nothing.
-        looks: how many there will be. The first of two needs no detail, and finds more of what has little texture in
-            photos of half the width, down to `FIRST_WIDTH`; the second's windows cover half of their width.
+        looks: how many there will be; a first without a second is at full size.
         beside: more views to match with, whose own depth is not asked for.
 
     Raises:
         InputError: as `scene_stereo`.
     """
     started = time.monotonic()
-    if looks > 1:
-        widest = max(frame.camera.width for frame in frames)
-        full = min(settings.width or widest, widest)
-        half = min(max(FIRST_WIDTH, full // 2), full)
-        settings = with_windows(settings, NARROWER * full / half) if first else replace(settings, width=half)
-    maps: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    photos = Compared(frames, beside, points, settings, log, device)
     if first:
-        cameras, found = scene_second_look(frames, points, settings, log, device, first.completed, beside)
-        for frame, camera, one in zip(frames, cameras, found, strict=True):
-            earlier = first.maps.get(frame.name)
-            maps[frame.name] = _filled(*one, *earlier, grey(frame, camera)) if earlier else one
+        cameras, maps = second_of_two(photos, first)
     else:
-        cameras, views = scene_stereo(frames, points, settings, log, device, beside)
-        maps = {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
+        cameras, maps = first_of_two(photos) if looks > 1 else only_look(photos)
     share = np.array([np.mean(depth > 0) for depth, _ in maps.values()])
     stage = "stereo, from the completed depth" if first else "stereo"
     log(
@@ -102,23 +70,6 @@ def stereo_points(
         f"{(time.monotonic() - started) / len(frames):.1f} s a view"
     )
     return StereoPoints(with_stereo(points, frames, cameras, maps), maps)
-
-
-def with_windows(settings: StereoConfig, times: float) -> StereoConfig:
-    """Settings whose windows are so many times as wide, as far as the kernels have them, with as many samples."""
-    step = int(np.clip(round(settings.step * times), 1, MAX_RADIUS * settings.step // settings.radius))
-    return replace(settings, step=step, radius=settings.radius // settings.step * step)
-
-
-def _filled(
-    depth: np.ndarray, agreeing: np.ndarray, earlier: np.ndarray, agreed: np.ndarray, photo: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Depth and number of agreeing views, with the earlier ones where there is no depth; `photo` is grey, (H, W)."""
-    height, width = depth.shape
-    w = resized_planes(planes_of_depth(earlier), width, height)[0]
-    agreed = believed(cv2.resize(agreed, (width, height), interpolation=cv2.INTER_NEAREST_EXACT), photo)
-    added = (depth == 0) & (w > 0) & (agreed > 0)
-    return np.where(added, 1 / np.where(added, w, 1), depth), np.where(added, agreed, agreeing)
 
 
 def trust(agreeing: np.ndarray) -> np.ndarray:

@@ -12,7 +12,8 @@ import pytest
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
-from room2dgs.stereo.anchors import FirstLook, StereoPoints, with_stereo
+from room2dgs.stereo.anchors import StereoPoints, with_stereo
+from room2dgs.stereo.looks import FirstLook
 
 
 def load(room, prior_config, folder, points=None, frames=None, **changes):
