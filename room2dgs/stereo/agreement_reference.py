@@ -12,6 +12,7 @@ from room2dgs.stereo.patchmatch import warp
 
 ONE_SURFACE = 1.05  # four pixels are of one where their inverse depths differ by less
 
+
 def agreement_reference(
     camera: Camera,
     inverse_depth: np.ndarray,

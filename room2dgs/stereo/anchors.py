@@ -15,6 +15,7 @@ from room2dgs.config import StereoConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.stereo.looks import Compared, FirstLook, Maps, first_of_two, only_look, second_of_two
+from room2dgs.stereo.thinned import thinned
 
 COLUMNS = 160  # of the pixels that are taken: as many as the joint optimisation looks at
 # The more views agree on a depth, the more often it is right: a depth of 2 is wrong as often as right.
@@ -96,14 +97,11 @@ def with_stereo(
     xyz, frame_of, pixels, weights = [], [], [], []
     for frame, camera in zip(frames, cameras, strict=True):
         depth, agreeing = maps[frame.name]
-        step = max(1, camera.width // COLUMNS)
-        row, column = np.nonzero(depth[step // 2 :: step, step // 2 :: step])
-        row, column = row * step + step // 2, column * step + step // 2
-        pixel = np.stack([column, row], axis=1) + 0.5
-        xyz.append(camera.unproject(pixel, depth[row, column]))
-        pixels.append(pixel * (np.array(frame.camera.size) / camera.size))
-        frame_of.append(np.full(len(pixel), number[frame.name], np.int32))
-        weights.append(trust(agreeing[row, column]))
+        some = thinned(depth, agreeing, max(1, camera.width // COLUMNS))
+        xyz.append(camera.unproject(some.pixel, some.depth))
+        pixels.append(some.pixel * (np.array(frame.camera.size) / camera.size))
+        frame_of.append(np.full(len(some.pixel), number[frame.name], np.int32))
+        weights.append(trust(some.agreeing))
     added = sum(map(len, xyz))
     return PointCloud(
         np.concatenate([points.xyz, *xyz]),

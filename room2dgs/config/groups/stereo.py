@@ -17,7 +17,7 @@ class StereoConfig:
     neighbours: Int = Field(ge=1, le=32, description="views that a view is compared with")
     best: Int = Field(ge=1, le=8, description="the cost of a plane is its mean over this many views that like it most")
     radius: Int = Field(
-        ge=1, le=12, description="of the compared windows, pixels; the second look's cover half the width"
+        ge=1, le=12, description="of the compared windows, pixels; where photos are looked at twice, half of it"
     )
     step: Int = Field(ge=1, le=12, description="pixels between a window's samples")
     iterations: Int = Field(ge=1, le=100, description="sweeps of the first search, at the smallest image size")

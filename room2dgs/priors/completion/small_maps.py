@@ -13,6 +13,7 @@ from room2dgs.captures.seen_points import seen_points
 from room2dgs.geometry.camera import Camera
 from room2dgs.priors.completion.photo_edges import ties_across_edges
 from room2dgs.priors.completion.solve import normal_slopes, prior_slopes
+from room2dgs.priors.files import resize_depth
 
 COLUMNS = 160  # of the small images that are solved
 HALF_MISFIT = 0.1  # relative residual at the points, before any optimisation, that halves the weight of the maps
@@ -69,7 +70,7 @@ def small_maps(
 ) -> SmallMaps:
     camera = frame.camera.resized_to_width(min(COLUMNS, frame.camera.width))
     anchor, trust = _anchors(frame, points, camera)
-    prior = cv2.resize(depth, camera.size, interpolation=cv2.INTER_NEAREST_EXACT)
+    prior, _ = resize_depth(depth, depth > 0, camera)  # the nearest pixel's is half a pixel off, in all to one side
     weight = np.ones(prior.shape, np.float32) if sure is None else _small(sure, camera)
     weight = weight / np.float32(1 + (misfit / HALF_MISFIT) ** 4)
     slopes, tie = prior_slopes(prior), np.ones(prior.shape)
