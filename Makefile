@@ -4,7 +4,7 @@
 # make sanitize    the bindings and threads under AddressSanitizer, UndefinedBehaviorSanitizer and ThreadSanitizer
 # make bench   how fast the rasterizer is on this machine
 # make gpu-check   with an NVIDIA GPU: builds the CUDA kernels, checks them against the reference, times them (8 minutes)
-# make gpu-sanitize   after gpu-check: the CUDA kernels under compute-sanitizer (4 minutes)
+# make gpu-sanitize   after gpu-check: the CUDA kernels under compute-sanitizer
 # make clean   forget everything that was made here
 
 PYTHON ?= python3

@@ -84,7 +84,7 @@ def with_stereo(
     cameras: Sequence[Camera],
     maps: Maps,
 ) -> PointCloud:
-    """The sparse points, and every few pixels with a depth as a point that only its photo sees.
+    """The sparse points, and one depth of each block of pixels as a point that only its photo sees (`thinned`).
 
     Args:
         points: of the scene; without tracks, what each photo probably sees of them.

@@ -9,7 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-BESIDE_PX = 8  # how far the first look's windows reach, pixels of the second's photo
+BESIDE_PX = 8  # how far wide windows of photos of 160 pixels reach, pixels of the first look's photo
 HALF = 20.0  # grey levels between the darkest and the brightest of them at which half of the views that agree count
 
 

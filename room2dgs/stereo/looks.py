@@ -69,7 +69,7 @@ def first_of_two(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
 
     Blank walls have too little texture for narrow windows, and are told by wide ones, of photos of half that size.
     """
-    width = first_width(photos)
+    width = _first_width(photos)
     smaller = min(width, max(width, FIRST_WIDTH) // 2)
     _, rough = only_look(photos._replace(settings=replace(photos.settings, width=smaller)))
     narrow = with_windows(photos.settings, NARROWER)
@@ -84,7 +84,7 @@ def first_of_two(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
 def second_of_two(photos: Compared, first: FirstLook) -> tuple[list[Camera], dict[str, Map]]:
     """As `only_look`, begun with what the first look led to; its pixels stay where this one finds nothing."""
     frames, beside, points, settings, log, device = photos
-    narrow = with_windows(settings, NARROWER * _full_width(photos) / first_width(photos))
+    narrow = with_windows(settings, NARROWER * _full_width(photos) / _first_width(photos))
     cameras, views = scene_second_look(frames, points, narrow, log, device, first.completed, beside)
     return cameras, {
         frame.name: _filled(*view, *first.maps[frame.name]) if frame.name in first.maps else view
@@ -92,7 +92,7 @@ def second_of_two(photos: Compared, first: FirstLook) -> tuple[list[Camera], dic
     }
 
 
-def first_width(photos: Compared) -> int:
+def _first_width(photos: Compared) -> int:
     """Of the first of two looks' photos, pixels."""
     full = _full_width(photos)
     return min(max(FIRST_WIDTH, full // 2), full)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from room2dgs.stereo.thinned import thinned
@@ -38,6 +38,7 @@ def test_across_an_edge_the_pixel_with_most_views_stands_for_the_block_at_its_ow
     assert some.agreeing.tolist() == [6, 3, 3, 3]
 
 
+@settings(deadline=None)
 @given(st.integers(1, 12), st.integers(1, 12), st.integers(1, 5), st.integers(0, 2**32 - 1))
 def test_what_comes_out_was_there(width, height, step, seed):
     rng = np.random.default_rng(seed)
