@@ -113,7 +113,7 @@ def recording(scene: Scene, seen: list[tuple[np.ndarray, np.ndarray]]) -> Correc
 
 
 def true_shift(frame: Frame, evidence: np.ndarray) -> np.ndarray:
-    """(h, w) float32 ln of true over completed depth, the nearest pixel's; NaN = unknown."""
+    """(h, w) float32 ln of true over completed depth at the pixels' centres; NaN = unknown."""
     height, width = evidence.shape[1:]
     truth = depth_file(frame.depth_path, frame.depth_unit_m).seen_by(frame.camera.resized(width, height), None)
     known = (truth > 0) & (evidence[KNOWN] > 0)

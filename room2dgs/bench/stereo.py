@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from room2dgs.bench.stereo_speed import speed
+from room2dgs.captures.depth_at import depth_at
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame
 from room2dgs.config import Config
@@ -93,6 +94,4 @@ def _truth(frame: Frame, camera: Camera) -> np.ndarray:
     depth = frame.depth()
     if depth is None:
         return np.zeros((camera.height, camera.width), np.float32)
-    row = ((np.arange(camera.height) + 0.5) * depth.shape[0] / camera.height).astype(int)
-    column = ((np.arange(camera.width) + 0.5) * depth.shape[1] / camera.width).astype(int)
-    return depth[row[:, None], column]
+    return depth_at(depth, camera.pixels() * (depth.shape[1], depth.shape[0]) / camera.size)

@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from room2dgs.captures.depth_at import depth_at
 from room2dgs.captures.lens import Lens
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
@@ -51,7 +52,7 @@ class DepthMap:
         return np.where(good, depth, np.float32(0))
 
     def seen_by(self, camera: Camera, lens: Lens | None) -> np.ndarray:
-        """(H, W) float32 metres at the camera's size, the nearest stored pixel for each; 0 = invalid.
+        """(H, W) float32 metres at the camera's size, where its rays meet the map (`depth_at`); 0 = invalid.
 
         Args:
             camera: at the photo's place.
@@ -69,9 +70,7 @@ class DepthMap:
             pixel = (rays[..., :2] * (K[0, 0], K[1, 1]) + (K[0, 2], K[1, 2])) * (width, height) / lens.size
         else:
             pixel = camera.pixels() * (width, height) / camera.size
-        column, row = np.moveaxis(np.floor(np.nan_to_num(pixel, nan=-1.0)).clip(-1, 1 << 20).astype(np.int64), -1, 0)
-        inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
-        return np.where(inside, depth[row.clip(0, height - 1), column.clip(0, width - 1)], np.float32(0))
+        return depth_at(depth, pixel)
 
 
 def depth_file(path: Path, unit_m: float = 0.001, **options) -> DepthMap:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from room2dgs.captures.cache import Cache
-from room2dgs.captures.depth_maps import DepthMap
+from room2dgs.captures.depth_maps import DepthMap, depth_file
 from room2dgs.captures.image_files import resized
 from room2dgs.captures.lens import Lens, pinhole_of
 from room2dgs.captures.photos import Photo, PhotoFile
@@ -98,7 +98,7 @@ class Frame:
         return np.unpackbits(bits, axis=1, count=self.camera.width).astype(bool)
 
     def depth(self) -> np.ndarray | None:
-        """(H, W) float32 z-depth in metres, 0 = invalid, nearest-sampled to the camera's size.
+        """(H, W) float32 z-depth in metres, 0 = invalid, at the camera's size (`depth_at`).
 
         None without a file.
 
@@ -107,15 +107,9 @@ class Frame:
         """
         if self.depth_path is None:
             return None
-        size = self.camera.size
         if self.depth_map is not None:
             return self.depth_map.seen_by(self.camera, self.lens)
-        depth = cv2.imread(str(self.depth_path), cv2.IMREAD_UNCHANGED)
-        if depth is None or depth.ndim != 2:
-            raise InputError(f"{self.depth_path} cannot be decoded as a one-channel depth map; replace it")
-        if (depth.shape[1], depth.shape[0]) != size:
-            depth = cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST)
-        return depth.astype(np.float32) * np.float32(self.depth_unit_m)
+        return depth_file(self.depth_path, self.depth_unit_m).seen_by(self.camera, None)
 
     def digest(self) -> bytes:
         """Stands for the photo's content, what is taken out of it, and its mask."""

@@ -100,5 +100,5 @@ def _at_photo(values: np.ndarray, frame: Frame) -> np.ndarray:
 
 
 def _seen_by_photo(values: np.ndarray, frame: Frame) -> np.ndarray:
-    """The nearest stored pixel for each of the photo's."""
+    """Where the photo's rays meet the map."""
     return replace(frame.depth_map, read=lambda: values, unit_m=1.0, invalid=None).seen_by(frame.camera, frame.lens)
