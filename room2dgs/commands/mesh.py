@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,11 +13,12 @@ from room2dgs.commands.stages import read, rendered, trained_surfels, use_thread
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log, run_log
-from room2dgs.runs.folder import MESH, earlier_run, keep_settings
+from room2dgs.runs.folder import MESH, TRUST, earlier_run, keep_settings
 from room2dgs.runs.metrics import record, stale, timed
 
 if TYPE_CHECKING:
     from room2dgs.mesh.views import FusedView
+    from room2dgs.runs.page.trust import Trust
     from room2dgs.splat.types import Surfels
 
 # what a mesh's scores in metrics.json begin with
@@ -61,11 +62,13 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
     from room2dgs.mesh.fuse import fuse
     from room2dgs.mesh.io import write_mesh
     from room2dgs.mesh.voxel import with_voxel
+    from room2dgs.runs.page.trust import read_trust
 
     use_threads(config)
     settings = with_voxel(config.mesh, [frame.camera for frame in scene.train])
     with timed(seconds, "mesh"):
-        mesh = fuse(_Views(scene, surfels, config), settings, log, config.render.device)
+        trust = read_trust(out / TRUST) if config.prior.depth.source != "none" else {}
+        mesh = fuse(_Views(scene, surfels, config, trust), settings, log, config.render.device)
         write_mesh(out / MESH, mesh)
     # Scores of a mesh that is no longer there must not stand beside this one.
     faded = stale(out, SCORES)
@@ -81,9 +84,14 @@ class _Views:
     scene: Scene
     surfels: Surfels
     config: Config
+    trust: Mapping[str, Trust]
 
     def __iter__(self) -> Iterator[FusedView]:
+        import numpy as np
+
         from room2dgs.mesh.views import fused_view
 
         for frame, rendering in rendered(self.surfels, self.scene.train, self.config, self.config.render.device):
-            yield fused_view(rendering, frame.camera, self.config.mesh)
+            known = self.trust.get(frame.name)
+            confidence = None if known is None else known.confidence.astype(np.float32) / 255
+            yield fused_view(rendering, frame.camera, self.config.mesh, confidence)

@@ -16,7 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 from room2dgs.config import sentences
 from room2dgs.config.composing import composed, conf_dir
 from room2dgs.config.keys import leaf_keys
-from room2dgs.config.overrides import RENAMED, checked_overrides, group_choices, override_keys
+from room2dgs.config.overrides import GONE, RENAMED, checked_overrides, group_choices, override_keys
 from room2dgs.config.schema import Config
 from room2dgs.errors import InputError
 
@@ -55,7 +55,7 @@ def dump_config(config: Config) -> str:
 def _on_top_of(earlier: Path, tree: DictConfig, chosen: list[str]) -> DictConfig:
     """The earlier run's settings with the chosen keys (settings or whole groups) taken from `tree`.
 
-    Settings that did not exist yet when that run was made have their default.
+    Settings that did not exist yet when that run was made have their default; those that are gone are passed over.
     """
     if "experiment" in chosen:
         raise InputError("experiment= starts a new run; on an earlier one set single values instead")
@@ -67,7 +67,10 @@ def _on_top_of(earlier: Path, tree: DictConfig, chosen: list[str]) -> DictConfig
     for old, new in RENAMED.items():
         if any(name == old or name.startswith(old + ".") for name in names):
             raise InputError(f"{earlier} is of an earlier version: {old} is now {new}; rename it there")
-    if not names or not {key.name for key in leaf_keys()}.issuperset(names):
+    for name in GONE.keys() & names:
+        group, _, key = name.rpartition(".")
+        del OmegaConf.select(raw, group)[key]
+    if not names or not {key.name for key in leaf_keys()}.issuperset(set(names) - GONE.keys()):
         raise _no_configuration(earlier)
     result = OmegaConf.merge(tree, raw)
     for key in (key.replace("/", ".") for key in chosen):

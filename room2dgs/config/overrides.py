@@ -15,10 +15,13 @@ RENAMED = {
     "loss.normal_doubt": "loss.normal_reweighting",
 }
 # And those that nothing takes the place of -> why.
-GONE = dict.fromkeys(
-    ("prior.depth.max_misfit", "prior.depth.max_outlier_ratio", "prior.depth.max_residual"),
-    "depth is trusted pixel by pixel now, by prior.depth.completion",
-)
+GONE = {
+    **dict.fromkeys(
+        ("prior.depth.max_misfit", "prior.depth.max_outlier_ratio", "prior.depth.max_residual"),
+        "depth is trusted pixel by pixel now, by prior.depth.completion",
+    ),
+    "mesh.min_confidence": "mesh.max_expected_m says in metres what is left out",
+}
 
 
 def group_choices(conf: Path) -> dict[str, list[str]]:

@@ -86,8 +86,8 @@ def _why_no_pixel(config: MeshConfig) -> str:
             helps.append(f"raise mesh.max_angle_deg={config.max_angle_deg:g}")
     else:
         helps = ["add photos that overlap", *helps]
-        if config.source == "depth" and config.min_confidence > 0:
-            helps.append(f"lower mesh.min_confidence={config.min_confidence:g}")
+    if config.source in ("surfels", "depth") and config.max_expected_m is not None:
+        helps.append(f"raise mesh.max_expected_m={config.max_expected_m:g}")
     return f"no pixel of the depth maps may be fused; {_either(helps)}"
 
 

@@ -10,7 +10,9 @@ import numpy as np
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import MeshConfig
 from room2dgs.geometry.camera import Camera
+from room2dgs.priors.completion.expected_error import error_of
 
+LEAST_CONFIDENCE = 1e-4  # of a depth; it stands for a relative error of 2.5
 NEAREST_M = 0.5  # what is nearer than this weighs no more
 ONE_SURFACE = 0.01  # relative difference of expected and median depth up to which they are of one surface
 
@@ -83,12 +85,24 @@ def valid_depth(rendering: Rendering, camera: Camera, config: MeshConfig) -> Ten
     return (_tensor(rendering.alpha) >= config.min_alpha) & (depth > 0) & (depth <= config.max_depth_m) & facing
 
 
-def fused_view(rendering: Rendering, camera: Camera, config: MeshConfig) -> FusedView:
+def fused_view(
+    rendering: Rendering, camera: Camera, config: MeshConfig, confidence: np.ndarray | None = None
+) -> FusedView:
     """The rendering's depth with every unfit pixel set to 0, its unit normals, and its colour clipped to 0..1; where
-    the rendering is."""
+    the rendering is.
+
+    Args:
+        confidence: (h, w) 0..1 in the view's prior depth, of any size, 0 = none; pixels that it expects to be farther
+            off than `mesh.max_expected_m` are not fit. None: not asked.
+    """
     import torch
 
     depth = torch.where(valid_depth(rendering, camera, config), chosen_depth(rendering, config), 0.0)
+    if confidence is not None and config.max_expected_m is not None:
+        known = np.where(confidence > 0, confidence, np.float32(1))
+        error = torch.from_numpy(error_of(known))[None, None].to(depth)
+        error = torch.nn.functional.interpolate(error, size=tuple(depth.shape), mode="bilinear")[0, 0]
+        depth = torch.where(error * depth <= config.max_expected_m, depth, 0.0)
     color = torch.nan_to_num(_tensor(rendering.color)).clamp(0.0, 1.0).float()
     normal = torch.nn.functional.normalize(torch.nan_to_num(_tensor(rendering.normal)).float(), dim=-1)
     view = FusedView(camera, depth, color, normal=normal)
@@ -98,16 +112,20 @@ def fused_view(rendering: Rendering, camera: Camera, config: MeshConfig) -> Fuse
 def trusted_view(maps: ViewMaps[np.ndarray], camera: Camera, color: np.ndarray, config: MeshConfig) -> FusedView:
     """A view's own depth where it is trusted, without any surfels.
 
-    A pixel weighs (confidence / z)^2, as the inverse square of an error in metres does. Leaving out pixels of little
-    confidence (`mesh.min_confidence`) helps one scene and hurts another (docs/results.md), so it is no default.
+    A pixel weighs (confidence / z)^2, as the inverse square of an error in metres does; what is expected to be farther
+    off than `mesh.max_expected_m` is left out. Distances are from the plane that depth and normal give: two views
+    that have a ceiling in two places, both at a grazing angle, are as far apart as the places are, not as the depths.
 
     Args:
         maps: of the camera's size; `depth` is not None.
         color: (H, W, 3) uint8 or float 0..1.
     """
     sure = np.ones_like(maps.depth) if maps.depth_confidence is None else maps.depth_confidence
-    depth = np.where((sure >= config.min_confidence) & (maps.depth <= config.max_depth_m), maps.depth, np.float32(0))
-    return FusedView(camera, depth, color, (sure / np.maximum(depth, NEAREST_M)) ** 2)
+    fit = maps.depth <= config.max_depth_m
+    if config.max_expected_m is not None:
+        fit &= error_of(np.maximum(sure, LEAST_CONFIDENCE)) * maps.depth <= config.max_expected_m
+    depth = np.where(fit, maps.depth, np.float32(0))
+    return FusedView(camera, depth, color, (sure / np.maximum(depth, NEAREST_M)) ** 2, maps.normal)
 
 
 def _rays(camera: Camera, device: torch.device) -> Tensor:

@@ -103,6 +103,7 @@ def test_override_reaches_its_field():
         ("prior.depth.square=false", "prior.depth.square is now prior.depth.manhattan"),
         ("prior.depth.max_misfit=1", "prior.depth.max_misfit is gone: depth is trusted pixel by pixel"),
         ("prior.depth.max_residual=1", "prior.depth.max_residual is gone"),
+        ("mesh.min_confidence=0.3", "mesh.min_confidence is gone: mesh.max_expected_m says in metres"),
         ("loss.normal_doubt.start=0.5", "loss.normal_doubt.start is now loss.normal_reweighting.start"),
     ],
 )
@@ -184,6 +185,13 @@ def test_the_config_file_of_an_earlier_version_is_refused_with_the_new_name(tmp_
     path.write_text(dump_config(load_config(GIVEN)).replace("manhattan:", "square:"))
     with pytest.raises(InputError, match=r"prior\.depth\.square is now prior\.depth\.manhattan; rename it there$"):
         load_config([], path)
+
+
+def test_settings_of_an_earlier_run_that_are_gone_are_passed_over(tmp_path):
+    earlier = load_config([*GIVEN, "mesh.min_alpha=0.25"])
+    text = dump_config(earlier).replace("  min_alpha:", "  min_confidence: 0.3\n  min_alpha:")
+    (tmp_path / "config.yaml").write_text(text)
+    assert "min_confidence" in text and load_config([], tmp_path / "config.yaml") == earlier
 
 
 def test_settings_are_loaded_inside_another_hydra_application_and_its_state_stays():

@@ -97,13 +97,42 @@ def test_normals_are_unit_and_never_nan():
 
 
 def test_own_depth_is_fused_where_it_is_trusted():
+    """A confidence of 0.1 expects 7.5 %, one of 0.8 1.25 %: at 2 m 15 and 2.5 cm."""
     camera = make_camera()
     depth = np.full((camera.height, camera.width), 2.0, np.float32)
     sure = np.full(depth.shape, 0.8, np.float32)
-    sure[:, 0], depth[:, 1], depth[:, 2] = 0.1, 0.0, 50.0
-    config = load_config(["scene.path=x", "out=y", "mesh.min_confidence=0.3"]).mesh
+    sure[:, 0], depth[:, 1], depth[:, 2], sure[:, 3] = 0.1, 0.0, 50.0, 0.0
+    config = make_config(max_expected_m=0.14)
     view = trusted_view(ViewMaps(depth=depth, depth_confidence=sure), camera, np.zeros((*depth.shape, 3)), config)
-    assert (view.depth[:, :3] == 0).all() and (view.depth[:, 3:] == 2).all()
-    assert view.weight[0, 3] == pytest.approx((0.8 / 2) ** 2)
-    whole = trusted_view(ViewMaps(depth=depth), camera, np.zeros((*depth.shape, 3)), config)
-    assert (whole.depth[:, 0] == 2).all()  # no confidence: all of it
+    assert (view.depth[:, :4] == 0).all() and (view.depth[:, 4:] == 2).all()
+    assert view.weight[0, 4] == pytest.approx((0.8 / 2) ** 2)
+    for maps, other in (
+        (ViewMaps(depth=depth, depth_confidence=sure), replace(config, max_expected_m=0.16)),
+        (ViewMaps(depth=depth, depth_confidence=sure), replace(config, max_expected_m=None)),
+        (ViewMaps(depth=depth), config),  # no confidence: all of it
+    ):
+        assert (trusted_view(maps, camera, np.zeros((*depth.shape, 3)), other).depth[:, 0] == 2).all()
+
+
+def test_own_depth_brings_its_normals():
+    camera = make_camera()
+    depth = np.full((camera.height, camera.width), 2.0, np.float32)
+    normal = np.broadcast_to(np.float32([0, 0.6, -0.8]), (*depth.shape, 3))
+    maps, color = ViewMaps(depth=depth, normal=normal), np.zeros((*depth.shape, 3))
+    assert trusted_view(maps, camera, color, make_config()).normal is normal
+    assert trusted_view(maps._replace(normal=None), camera, color, make_config()).normal is None
+
+
+@pytest.mark.parametrize("scale", [1, 5])
+def test_a_rendering_is_fused_where_its_prior_is_not_expected_to_be_far_off(scale):
+    """By maps of any size; where there is no prior depth nobody knows, and the rendering stays."""
+    camera = make_camera()
+    rendering = make_rendering(camera)
+    sure = np.full((30 // scale, 40 // scale), 0.8, np.float32)
+    sure[:, : 20 // scale], sure[0] = 0.1, 0
+    inside = (slice(2 * scale, None), slice(None, 20 - scale))
+    for most, left in ((0.14, 0), (0.16, 2), (None, 2)):
+        depth = fused_view(rendering, camera, make_config(max_expected_m=most), sure).depth
+        assert (depth[inside] == left).all() and (depth[:, 20 + scale :] == 2).all(), most
+        assert (depth[: max(1, scale // 2)] == 2).all()
+    assert (fused_view(rendering, camera, make_config(max_expected_m=0.01)).depth == 2).all()  # nobody was asked

@@ -249,9 +249,10 @@ def test_a_view_with_hardly_any_depth_is_passed_over():
         ({"source": "depth"}, ["add photos of the same places", "mesh.voxel_m"], ["train", "min_weight"]),
         ({"max_depth_m": 1.0}, ["train longer", "mesh.max_depth_m=1", "mesh.min_alpha=0.5", "max_angle"], ["weight"]),
         ({"max_depth_m": 1.0, "min_alpha": 0.0}, ["mesh.max_depth_m=1"], ["min_alpha"]),
-        ({"max_depth_m": 1.0, "source": "depth"}, ["add photos", "mesh.max_depth_m=1"], ["alpha", "confidence"]),
-        ({"max_depth_m": 1.0, "source": "depth", "min_confidence": 0.2}, ["mesh.min_confidence=0.2"], ["train"]),
-        ({"max_depth_m": 1.0, "source": "stereo", "min_confidence": 0.2}, ["add photos"], ["train", "confidence"]),
+        ({"max_depth_m": 1.0, "source": "depth"}, ["add photos", "mesh.max_depth_m=1"], ["alpha", "angle"]),
+        ({"max_depth_m": 1.0, "max_expected_m": 0.2}, ["raise mesh.max_expected_m=0.2"], ["weight"]),
+        ({"max_depth_m": 1.0, "source": "depth", "max_expected_m": 0.2}, ["mesh.max_expected_m=0.2"], ["train"]),
+        ({"max_depth_m": 1.0, "source": "stereo", "max_expected_m": 0.2}, ["add photos"], ["train", "expected"]),
     ],
 )
 @pytest.mark.parametrize("space", ["bounded", "contracted"])

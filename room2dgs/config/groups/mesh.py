@@ -30,7 +30,9 @@ class MeshConfig:
     )
     max_depth_m: Float = Field(ge=0.1, description="farther pixels are not fused")
     min_alpha: Float = Field(ge=0, le=1, description="pixels less covered are not fused")
-    min_confidence: Float = Field(ge=0, le=1, description="source=depth: pixels trusted less are not fused")
+    max_expected_m: Float | None = Field(
+        gt=0, description="pixels whose prior depth is expected to be farther off are not fused (null: all are)"
+    )
     max_angle_deg: Float = Field(
         ge=1, le=90, description="between surface normal and view ray; steeper pixels are not fused"
     )

@@ -1,4 +1,4 @@
-"""Where the depth of a run came from and how far it was trusted, in small maps of a few training views."""
+"""Where the depth of a run came from and how far it was trusted, in small maps of the training views."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.files import NUMPY_DAMAGE, whole_file
 
-VIEWS = 24  # maps are kept of so many, evenly spaced
 COLUMNS = 160
 SURE = 3  # photos that must agree for stereo to stand in its own right, as completion has it
 STEREO, PRIOR, NOTHING = np.array([60, 170, 80]), np.array([70, 120, 220]), np.array([30, 30, 30])
@@ -23,7 +22,7 @@ class Trust(NamedTuple):
     """One view's small maps.
 
     Attributes:
-        confidence: (h, w) uint8, of 255: in the depth that the losses compare with; 0 = none.
+        confidence: (h, w) uint8, of 255: in the depth that the losses compare with; 0 = no depth.
         agreeing: (h, w) uint8: photos that agree with stereo's depth; 0 = none.
     """
 
@@ -44,7 +43,7 @@ def write_trust(
     maps: Mapping[str, ViewMaps],
     stereo: Mapping[str, tuple[np.ndarray, np.ndarray]],
 ) -> None:
-    """Keeps the maps of some views; no file where no view has depth.
+    """Keeps small maps of all views; no file where no view has depth.
 
     Args:
         frames: training views.
@@ -53,7 +52,7 @@ def write_trust(
     """
     arrays: dict[str, np.ndarray] = {}
     names = []
-    for frame in chosen(frames, VIEWS):
+    for frame in frames:
         found = maps.get(frame.name)
         if found is None or found.depth is None:
             continue
@@ -67,7 +66,8 @@ def write_trust(
             depth, count = stereo[frame.name]
             count = np.where(depth > 0, np.minimum(count, 255), 0).astype(np.uint8)
             agreeing = cv2.resize(count, small, interpolation=cv2.INTER_NEAREST_EXACT)
-        arrays[f"{len(names)}/confidence"] = np.round(confidence * 255).astype(np.uint8)
+        least = confidence > 0  # of a depth that hardly anything speaks for, too
+        arrays[f"{len(names)}/confidence"] = np.maximum(np.round(confidence * 255), least).astype(np.uint8)
         arrays[f"{len(names)}/agreeing"] = agreeing
         names.append(frame.name)
     path.unlink(missing_ok=True)

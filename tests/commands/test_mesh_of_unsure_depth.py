@@ -1,0 +1,45 @@
+"""A trained run's mesh leaves out what its prior depth is expected to be far off at, by the run's trust.npz."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from room2dgs.captures.read import read_scene
+from room2dgs.captures.view_maps import ViewMaps
+from room2dgs.commands.mesh import mesh_scene
+from room2dgs.config import load_config
+from room2dgs.runs.page.trust import read_trust, write_trust
+from tests.commands.test_mesh_on_device import discs
+
+WALL_Z = 2.0
+
+
+def maps_of(frame) -> ViewMaps:
+    """Little trust in all that lies at x < 0; nothing is known of a stripe."""
+    rays = frame.camera.rays() @ frame.camera.rotation
+    x = (frame.camera.centre + rays * ((WALL_Z - frame.camera.centre[2]) / rays[..., 2])[..., None])[..., 0]
+    depth = np.where(np.abs(x + 0.5) < 0.1, 0, WALL_Z).astype(np.float32)
+    return ViewMaps(depth=depth, depth_confidence=np.where(x < 0, 0.001, 0.9).astype(np.float32) * (depth > 0))
+
+
+@pytest.mark.parametrize(
+    "given, left_out",
+    [(["prior=room_prior"], True), (["prior=room_prior", "mesh.max_expected_m=null"], False), (["prior=none"], False)],
+)
+def test_what_is_expected_to_be_far_off_is_not_meshed(wall, tmp_path, given, left_out):
+    more = ["mesh.max_error_m=null", "mesh.voxel_m=0.04", "mesh.min_triangles=1", "mesh.fill=none"]
+    config = load_config([f"scene.path={wall}", f"out={tmp_path}", *more, *given])
+    scene = read_scene(config.scene)
+    write_trust(tmp_path / "trust.npz", scene.train, {frame.name: maps_of(frame) for frame in scene.train}, {})
+    assert set(read_trust(tmp_path / "trust.npz")) == {frame.name for frame in scene.train}
+    mesh_scene(scene, discs(wall), config, tmp_path, lambda _: None, {})
+    mesh = trimesh.load(tmp_path / "mesh.ply", process=False)
+    x = mesh.triangles_center[:, 0]
+    area = {
+        k: mesh.area_faces[q].sum() for k, q in {"sure": x > 0.1, "unsure": (x < -0.1) & (abs(x + 0.5) > 0.2)}.items()
+    }
+    stripe = mesh.area_faces[np.abs(x + 0.5) < 0.06].sum()
+    assert area["sure"] > 0.3 and stripe > 0.02  # nobody says that the stripe is off
+    assert (area["unsure"] < 0.02) == left_out, area
