@@ -62,12 +62,11 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
     from room2dgs.mesh.fuse import fuse
     from room2dgs.mesh.io import write_mesh
     from room2dgs.mesh.voxel import with_voxel
-    from room2dgs.runs.page.trust import read_trust
 
     use_threads(config)
     settings = with_voxel(config.mesh, [frame.camera for frame in scene.train])
     with timed(seconds, "mesh"):
-        trust = read_trust(out / TRUST) if config.prior.depth.source != "none" else {}
+        trust = _trust(scene, config, out, log)
         mesh = fuse(_Views(scene, surfels, config, trust), settings, log, config.render.device)
         write_mesh(out / MESH, mesh)
     # Scores of a mesh that is no longer there must not stand beside this one.
@@ -75,6 +74,22 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
     made = {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces), "mesh_voxel_m": settings.voxel_m}
     record(out, {**faded, **made}, seconds)
     log(f"mesh: {out / MESH}")
+
+
+def _trust(scene: Scene, config: Config, out: Path, log: Log) -> dict[str, Trust]:
+    """Training view -> how sure its prior depth is; nothing where nobody asks, or no prior was read."""
+    from room2dgs.runs.page.trust import read_trust
+
+    if config.mesh.max_expected_m is None or config.prior.depth.source == "none":
+        return {}
+    trust = read_trust(out / TRUST)
+    known = sum(frame.name in trust for frame in scene.train)
+    if known < len(scene.train):
+        log(
+            f"mesh: {TRUST} says of {known} of {len(scene.train)} views how far off depth is to be expected; "
+            "all that the others see is meshed"
+        )
+    return trust
 
 
 @dataclass(frozen=True)

@@ -43,3 +43,16 @@ def test_what_is_expected_to_be_far_off_is_not_meshed(wall, tmp_path, given, lef
     stripe = mesh.area_faces[np.abs(x + 0.5) < 0.06].sum()
     assert area["sure"] > 0.3 and stripe > 0.02  # nobody says that the stripe is off
     assert (area["unsure"] < 0.02) == left_out, area
+
+
+@pytest.mark.parametrize("known", [0, 1])
+def test_views_that_say_nothing_are_meshed_whole_and_counted(wall, tmp_path, known):
+    more = ["mesh.max_error_m=null", "mesh.voxel_m=0.04", "mesh.min_triangles=1", "mesh.fill=none"]
+    config = load_config([f"scene.path={wall}", f"out={tmp_path}", "prior=room_prior", *more])
+    scene, lines = read_scene(config.scene), []
+    frames = scene.train[:known]
+    write_trust(tmp_path / "trust.npz", frames, {frame.name: maps_of(frame) for frame in frames}, {})
+    mesh_scene(scene, discs(wall), config, tmp_path, lines.append, {})
+    assert f"trust.npz says of {known} of {len(scene.train)} views" in "\n".join(lines)
+    mesh = trimesh.load(tmp_path / "mesh.ply", process=False)
+    assert mesh.area_faces[mesh.triangles_center[:, 0] < -0.1].sum() > 0.3
