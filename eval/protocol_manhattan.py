@@ -41,7 +41,7 @@ def manhattan(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: 
         depth="median",
         max_depth_m=MAX_DEPTH_M,
         min_alpha=0.0,
-        min_confidence=0.0,
+        max_expected_m=None,
         max_angle_deg=90.0,
         min_weight=MIN_WEIGHT,
         min_triangles=0,

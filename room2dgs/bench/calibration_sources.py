@@ -12,6 +12,7 @@ import numpy as np
 from room2dgs.bench.calibration import Calibration, Errors, calibration
 from room2dgs.bench.prior_scores import angles_deg
 from room2dgs.bench.prior_truth import Truth, frame_truth, truth_source
+from room2dgs.captures.confidence import error_of
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import NETWORK_SOURCES, Config, PriorConfig
@@ -22,7 +23,6 @@ from room2dgs.logs import Log
 from room2dgs.mesh.io import read_mesh
 from room2dgs.priors import Priors, load_priors
 from room2dgs.priors.align.scale_shift import Fit
-from room2dgs.priors.completion.expected_error import error_of
 from room2dgs.priors.completion.on_planes import on_planes
 from room2dgs.priors.completion.views import LEAST_STEREO
 from room2dgs.priors.files import read_depth, read_normal

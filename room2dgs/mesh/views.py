@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from room2dgs.captures.confidence import error_of
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import MeshConfig
 from room2dgs.geometry.camera import Camera
-from room2dgs.priors.completion.expected_error import error_of
 
 LEAST_CONFIDENCE = 1e-4  # of a depth; it stands for a relative error of 2.5
 NEAREST_M = 0.5  # what is nearer than this weighs no more

@@ -11,7 +11,7 @@ import pytest
 
 from room2dgs import cli
 from room2dgs.bench.calibration import Errors, bins, calibration
-from room2dgs.priors.completion.expected_error import confidence, error_of
+from room2dgs.captures.confidence import confidence, error_of
 
 
 def test_errors_of_the_expected_size_lie_within_it_as_often_as_a_deviation_says():

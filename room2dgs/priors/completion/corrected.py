@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from room2dgs import _C
+from room2dgs.captures.confidence import confidence
 from room2dgs.priors.completion.evidence import evidence
-from room2dgs.priors.completion.expected_error import confidence
 from room2dgs.priors.completion.expecting import asking, expecting
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.on_planes import on_planes

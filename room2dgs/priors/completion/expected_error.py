@@ -37,7 +37,6 @@ HIDING = 0.1  # what a view from which something nearer hides the depth counts o
 ALONE = 0.25  # how many of these it takes against a depth that nobody confirms, to half of what is added
 SEEN_THROUGH = 0.1  # added where all other views look through it
 LEAST_ERROR = 1e-4  # relative, where differences are taken over an error: 0 / 0 would be no number
-HALF = 0.025  # relative error at which a depth's confidence is a half
 
 
 def expected_relative_error(
@@ -65,13 +64,3 @@ def expected_relative_error(
     contradicted = against / (against + AGREEING * others.count + ALONE)
     error = FREE[column] * (1 - held) + anchored * held + CONTRADICTED * contradicted + SEEN_THROUGH * through**2
     return error.astype(np.float32)
-
-
-def confidence(relative_error: np.ndarray) -> np.ndarray:
-    """1 / (1 + (error / HALF)^2), float32."""
-    return (1 / (1 + (relative_error / HALF) ** 2)).astype(np.float32)
-
-
-def error_of(sure: np.ndarray) -> np.ndarray:
-    """The relative error that a confidence above 0 stands for, float32; the inverse of `confidence`."""
-    return (HALF * np.sqrt(1 / sure - 1)).astype(np.float32)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from room2dgs.priors.completion.expected_error import confidence, error_of
+from room2dgs.captures.confidence import confidence, error_of
 from room2dgs.priors.completion.on_planes import flattened
 from room2dgs.priors.completion.other_views import SureView, depth_of_other_views
 from room2dgs.priors.completion.planes import Plane

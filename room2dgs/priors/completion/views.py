@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from room2dgs import _C
+from room2dgs.captures.confidence import confidence
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
@@ -21,7 +22,7 @@ from room2dgs.priors.completion.corrected import corrected
 from room2dgs.priors.completion.correction import Correct
 from room2dgs.priors.completion.creases import SeenPlanes
 from room2dgs.priors.completion.evidence import ASKED
-from room2dgs.priors.completion.expected_error import LEAST_ERROR, confidence
+from room2dgs.priors.completion.expected_error import LEAST_ERROR
 from room2dgs.priors.completion.expecting import expecting
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.on_planes import flattened, on_planes

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from room2dgs import _C
+from room2dgs.captures.confidence import confidence
 from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.scene import Frame
 from room2dgs.priors.completion import solve
-from room2dgs.priors.completion.expected_error import confidence, expected_relative_error
+from room2dgs.priors.completion.expected_error import expected_relative_error
 from room2dgs.priors.completion.photo_edges import ties_across_edges
 from room2dgs.priors.completion.small_maps import small_maps
 from room2dgs.priors.completion.solve import normal_slopes, prior_slopes

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
+from room2dgs.captures.confidence import confidence
 from room2dgs.errors import InputError
 from room2dgs.priors.completion import correction, evidence
 from room2dgs.priors.completion.correction import correction_by_network
-from room2dgs.priors.completion.expected_error import confidence
 from room2dgs.priors.completion.small_maps import Completed, SmallMaps
 from room2dgs.priors.completion.views import complete_views
 from room2dgs.priors.load import load_priors
