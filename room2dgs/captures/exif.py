@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
 from PIL import Image
 
 from room2dgs.captures.capture import Shot
 from room2dgs.captures.image_files import DAMAGE
 from room2dgs.captures.lens import Lens
+from room2dgs.captures.selection import evenly_spaced
 
 EXIF_BLOCK, FOCAL_35MM = 0x8769, 0xA405
 FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
@@ -24,8 +24,8 @@ def focal_doubt(shots: Sequence[tuple[Shot, Lens]]) -> str | None:
     EXIF is often wrong (zoomed, cropped or edited photos), so this is a doubt and no error. Asked are a few photos;
     the median of those that have EXIF counts.
     """
-    chosen = np.unique(np.linspace(0, len(shots) - 1, ASKED).round().astype(int))
-    found = [(ratio, *shots[index]) for index in chosen if (ratio := _ratio(*shots[index])) is not None]
+    asked = evenly_spaced(shots, ASKED)
+    found = [(ratio, shot, lens) for shot, lens in asked if (ratio := _ratio(shot, lens)) is not None]
     if not found:
         return None
     ratio, shot, lens = sorted(found, key=lambda entry: entry[0])[len(found) // 2]

@@ -18,7 +18,7 @@ from room2dgs.runs.metrics import record, stale, timed
 
 if TYPE_CHECKING:
     from room2dgs.mesh.views import FusedView
-    from room2dgs.runs.page.trust import Trust
+    from room2dgs.runs.trust import Trust
     from room2dgs.splat.types import Surfels
 
 # what a mesh's scores in metrics.json begin with
@@ -78,7 +78,7 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
 
 def _trust(scene: Scene, config: Config, out: Path, log: Log) -> dict[str, Trust]:
     """Training view -> how sure its prior depth is; nothing where nobody asks, or no prior was read."""
-    from room2dgs.runs.page.trust import read_trust
+    from room2dgs.runs.trust import read_trust
 
     if config.mesh.max_expected_m is None or config.prior.depth.source == "none":
         return {}

@@ -26,7 +26,7 @@ def mesh_of_stereo(scene: Scene, config: Config, out: Path, log: Log, seconds: d
         InputError: too few points, no surface, or as `scene_stereo`.
     """
     from room2dgs.mesh.fuse import fuse
-    from room2dgs.runs.page.trust import write_trust
+    from room2dgs.runs.trust import write_trust
 
     use_threads(config)
     points = points_alone(scene, config, out, log, seconds, "stereo")

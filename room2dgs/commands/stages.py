@@ -178,7 +178,7 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     """
     from room2dgs.files import whole_file
     from room2dgs.priors import load_priors
-    from room2dgs.runs.page.trust import write_trust
+    from room2dgs.runs.trust import write_trust
     from room2dgs.stereo.anchors import StereoPoints, stereo_points
     from room2dgs.stereo.looks import FirstLook
 

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.selection import evenly_spaced
 from room2dgs.commands.own_arguments import own_arguments, whole_number
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read, trained_surfels, use_threads, with_poses_of_run
@@ -109,9 +110,7 @@ def _add_meshes(viewer: Viewer, out: Path) -> None:
 
 
 def _add_cameras(viewer: Viewer, scene: Scene) -> None:
-    from room2dgs.runs.page.trust import chosen
-
-    frames: Sequence[Frame] = chosen(scene.frames, CAMERAS)
+    frames: Sequence[Frame] = evenly_spaced(scene.frames, CAMERAS)
     photos = [_small(frame.color()) for frame in frames]
     viewer.add_cameras([frame.camera for frame in frames], photos, CAMERA_SIZE * scene.extent * 2)
 

@@ -13,6 +13,7 @@ from room2dgs.captures.listing import natural
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
+from room2dgs.captures.selection import evenly_spaced
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.prepare.stages import Progress
@@ -65,7 +66,7 @@ def scale_by_maps(
     Returns:
         None where hardly any photo has both.
     """
-    chosen = [frames[int(i)] for i in np.unique(np.linspace(0, len(frames) - 1, MOST_PHOTOS).round())]
+    chosen = evenly_spaced(frames, MOST_PHOTOS)
     progress = Progress(log, f"scale by the {source}", len(chosen), "photos")
     logs = []
     for count, frame in enumerate(chosen, 1):

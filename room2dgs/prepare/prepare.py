@@ -17,6 +17,7 @@ from room2dgs.captures.capture import W2C_OPENCV, Capture
 from room2dgs.captures.colmap_model import read_model
 from room2dgs.captures.readers.colmap import model_shots
 from room2dgs.captures.scene import Scene
+from room2dgs.captures.selection import evenly_spaced
 from room2dgs.colmap import pycolmap
 from room2dgs.config import Config, PrepareConfig
 from room2dgs.errors import InputError
@@ -204,8 +205,7 @@ def _room(scene: Scene, key: str, stages: Stages, log: Log) -> RoomFrame:
     known = stages.found("room", key)
     if known is None:
         log("upright: looking for edges")
-        chosen = np.unique(np.linspace(0, len(scene.train) - 1, TURNED_PHOTOS).round().astype(int))
-        frames = [scene.train[index] for index in chosen]
+        frames = evenly_spaced(scene.train, TURNED_PHOTOS)
         progress = Progress(log, "upright", len(frames), "photos")
 
         def pictures():

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from room2dgs.captures.depth_at import inverse_depth_at
 from room2dgs.geometry.camera import Camera
 from room2dgs.stereo.agreement import Agreement
 from room2dgs.stereo.patchmatch import warp
-
-ONE_SURFACE = 1.05  # four pixels are of one where their inverse depths differ by less
 
 
 def agreement_reference(
@@ -29,7 +28,7 @@ def agreement_reference(
     for other, theirs in others:
         u, v, z = _carried(warp(camera, other), x, y, w)
         inside = (w > 0) & (z > 1e-6) & (u > -0.5) & (u < other.width - 0.5) & (v > -0.5) & (v < other.height - 0.5)
-        seen = _seen_at(theirs.astype(np.float64), np.where(inside, u, 0), np.where(inside, v, 0))
+        seen = inverse_depth_at(theirs.astype(np.float64), np.where(inside, u, 0), np.where(inside, v, 0))
         inside &= seen > 0
         back_x, back_y, back_z = _carried(warp(other, camera), u, v, seen)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -46,20 +45,6 @@ def agreement_reference(
     variance = np.maximum(squares / (count + 1) - mean * mean, 0)
     spread = np.divide(np.sqrt(variance), mean, out=np.zeros_like(mean), where=mean > 0)
     return Agreement(mean, count, through, hidden, spread)
-
-
-def _seen_at(theirs: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Between four pixels of one surface, whose inverse depth is linear in the image, else of the nearest."""
-    height, width = theirs.shape
-    left = np.clip(u, 0, max(width - 2, 0)).astype(np.int64)
-    top = np.clip(v, 0, max(height - 2, 0)).astype(np.int64)
-    right, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    x, y = u - left, v - top
-    four = np.stack([theirs[top, left], theirs[top, right], theirs[below, left], theirs[below, right]])
-    upper, lower = four[0] + x * (four[1] - four[0]), four[2] + x * (four[3] - four[2])
-    one_surface = (four.min(axis=0) > 0) & (four.max(axis=0) < ONE_SURFACE * four.min(axis=0))
-    nearest = np.where(y > 0.5, np.where(x > 0.5, four[3], four[2]), np.where(x > 0.5, four[1], four[0]))
-    return np.where(one_surface, upper + y * (lower - upper), nearest)
 
 
 def _carried(

@@ -10,7 +10,7 @@ from room2dgs.captures.read import read_scene
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.commands.mesh import mesh_scene
 from room2dgs.config import load_config
-from room2dgs.runs.page.trust import read_trust, write_trust
+from room2dgs.runs.trust import read_trust, write_trust
 from tests.commands.test_mesh_on_device import discs
 
 WALL_Z = 2.0

@@ -16,8 +16,8 @@ from room2dgs.config import dump_config, load_config
 from room2dgs.eval.pictures import error_mesh
 from room2dgs.eval.surface import Surface
 from room2dgs.mesh.io import write_mesh
-from room2dgs.runs.page.trust import write_trust
 from room2dgs.runs.page.write import write_report
+from room2dgs.runs.trust import write_trust
 from room2dgs.splat.types import Surfels
 
 HOSTILE = Path("<script>alert(1)<", "script>&'\"")  # as a path: a folder and one inside it

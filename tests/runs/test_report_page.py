@@ -13,7 +13,8 @@ import pytest
 
 from room2dgs.runs.page.curves import HELD_OUT, PSNR, drawings, read_curves
 from room2dgs.runs.page.discs import turned_over
-from room2dgs.runs.page.trust import picture, read_trust, sentences
+from room2dgs.runs.page.trust import picture, sentences
+from room2dgs.runs.trust import read_trust
 
 SCRIPTS = {"scene", "views", "bytes-mesh", "bytes-discs"}
 MB = 1_000_000

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from trimesh.graph import face_adjacency
 
 from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.selection import evenly_spaced
 from room2dgs.eval.culling import sees
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
@@ -59,7 +60,7 @@ def coverage(room: Solid, cameras: Sequence[Camera]) -> Coverage:
     import trimesh
 
     surface = Surface(trimesh.Trimesh(room.vertices, room.faces, process=False))
-    some = [cameras[index] for index in np.unique(np.linspace(0, len(cameras) - 1, ASKED).round().astype(int))]
+    some = evenly_spaced(cameras, ASKED)
     corners = room.vertices[room.faces]
     points = room.vertices.copy()
     # a little inside of a triangle: rays to the rim itself may slip by

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.selection import evenly_spaced
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config, dump_config
 from room2dgs.files import whole_file
@@ -20,9 +21,9 @@ from room2dgs.runs.depth_coverage import Coverage, counted, total
 from room2dgs.runs.folder import REPORT
 from room2dgs.runs.metrics import earlier
 from room2dgs.runs.page import trust, words
-from room2dgs.runs.page.trust import Trust, chosen
 from room2dgs.runs.page.views import small
 from room2dgs.runs.pictures import depth_picture
+from room2dgs.runs.trust import Trust
 from room2dgs.stereo.anchors import trust as trust_of
 
 if TYPE_CHECKING:
@@ -149,7 +150,8 @@ def _pictured(
     """Name and pictures of some photos."""
     by_name = {frame.name: view for frame, view in zip(frames, views, strict=True)}
     return [
-        (frame.name, _figures(frame, by_name[frame.name], filled.get(frame.name))) for frame in chosen(frames, most)
+        (frame.name, _figures(frame, by_name[frame.name], filled.get(frame.name)))
+        for frame in evenly_spaced(frames, most)
     ]
 
 

@@ -9,12 +9,13 @@ import cv2
 import numpy as np
 
 from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.selection import evenly_spaced
 from room2dgs.eval.image_metrics import psnr
 from room2dgs.eval.shading import error_color
 from room2dgs.report.page import data_uri
-from room2dgs.runs.page.trust import Trust, chosen
 from room2dgs.runs.page.trust import picture as trust_picture
 from room2dgs.runs.pictures import depth_picture, normal_picture
+from room2dgs.runs.trust import Trust
 
 if TYPE_CHECKING:
     from room2dgs.splat.types import Rendering
@@ -41,7 +42,7 @@ def view_pictures(scene: Scene, rendered: Rendered, trust: Mapping[str, Trust], 
         most: views of each sort.
     """
     mapped = [frame for frame in scene.train if frame.name in trust]
-    parts = (("held out", chosen(scene.test, most)), ("training", chosen(mapped or scene.train, most)))
+    parts = (("held out", evenly_spaced(scene.test, most)), ("training", evenly_spaced(mapped or scene.train, most)))
     return [
         _view(frame, view, sort, trust.get(frame.name)) for sort, frames in parts for frame, view in rendered(frames)
     ]

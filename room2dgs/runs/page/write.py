@@ -27,6 +27,7 @@ from room2dgs.runs.page.coverage import Coverage, Spot, advice, coverage, spots
 from room2dgs.runs.page.curves import drawings, read_curves
 from room2dgs.runs.page.solid import SEEN, Solid, block, solid, with_error, with_photos
 from room2dgs.runs.page.views import FULL, KINDS, Rendered, view_pictures
+from room2dgs.runs.trust import read_trust
 
 if TYPE_CHECKING:
     from room2dgs.splat.types import Surfels
@@ -57,7 +58,7 @@ def write_report(scene: Scene, surfels: Surfels | None, rendered: Rendered, conf
     """
     metrics = earlier(out)
     log = logged(out)
-    maps = trust.read_trust(out / TRUST)
+    maps = read_trust(out / TRUST)
     source = str(metrics.get("depth_source") or "none")
     room, seen, places = _room(scene, config, out)
     settings = config.report
