@@ -22,8 +22,8 @@ NOTES = (
     "68 %: so many of the true errors are smaller; within: share of the pixels whose true error is at most the "
     "expected one, 68 % if that is a standard deviation and 50 % if it is a median",
     "network, aligned: to the sparse points and stereo's, view by view, with the error that the network itself "
-    "expects; completed: the depth that training gets, and the error that its confidence stands for, where three "
-    "photos or more agree (stereo), else where it lies on one of the room's planes, else the rest",
+    "expects; completed: the depth that training gets, and the error that its confidence stands for, where "
+    "three photos agree, or what is worth as much (stereo), else where it lies on a plane of the room, else the rest",
     "sensor: the capture's depth against its mesh, the others against its depth; depth that was rendered of the mesh "
     "is no sensor's and left out; nothing is fitted to the truth",
 )

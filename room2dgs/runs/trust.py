@@ -21,7 +21,7 @@ class Trust(NamedTuple):
 
     Attributes:
         confidence: (h, w) uint8, of 255: in the depth that the losses compare with; 0 = no depth.
-        agreeing: (h, w) uint8: photos that agree with stereo's depth; 0 = none.
+        agreeing: (h, w) uint8: how many photos that agree stereo's depth is worth; 0 = none.
     """
 
     confidence: np.ndarray

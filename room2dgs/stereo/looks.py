@@ -9,16 +9,19 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from room2dgs import _C
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.config import StereoConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
+from room2dgs.side_by_side import side_by_side
 from room2dgs.stereo.contrast import believed
 from room2dgs.stereo.planes import planes_of_depth, resized_planes
-from room2dgs.stereo.scene import grey, scene_second_look, scene_stereo
+from room2dgs.stereo.scene import grey, scene_neighbours, scene_second_look, scene_stereo
+from room2dgs.stereo.worth import worth
 
-Map = tuple[np.ndarray, np.ndarray]  # (H, W) depth, metres, 0 = none, and (H, W) uint8 number of agreeing views
+Map = tuple[np.ndarray, np.ndarray]  # (H, W) depth, metres, 0 = none, and (H, W) uint8 views that it is worth
 Maps = Mapping[str, Map]  # by the frame's name
 MAX_RADIUS = 12  # of the kernels' windows, pixels
 FIRST_WIDTH = 320  # of photos that a first look is at; at 160 its depth is too rough to begin with
@@ -54,14 +57,13 @@ class Compared(NamedTuple):
 
 
 def only_look(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
-    """The views' cameras at stereo's size, and what their photos say.
+    """The views' cameras at stereo's size, and what their photos say: views count as far as all else bears them out.
 
     Raises:
         InputError: as `scene_stereo`.
     """
-    frames, beside, points, settings, log, device = photos
-    cameras, views = scene_stereo(frames, points, settings, log, device, beside)
-    return cameras, {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
+    cameras, maps = _searched(photos)
+    return cameras, _weighed(photos, cameras, maps)
 
 
 def first_of_two(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
@@ -71,7 +73,7 @@ def first_of_two(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
     """
     width = _first_width(photos)
     smaller = min(width, max(width, FIRST_WIDTH) // 2)
-    _, rough = only_look(photos._replace(settings=replace(photos.settings, width=smaller)))
+    _, rough = _searched(photos._replace(settings=replace(photos.settings, width=smaller)))
     narrow = with_windows(photos.settings, NARROWER)
     cameras, maps = only_look(photos._replace(settings=replace(narrow, width=width)))
     for frame, camera in zip(photos.frames, cameras, strict=True):
@@ -86,10 +88,35 @@ def second_of_two(photos: Compared, first: FirstLook) -> tuple[list[Camera], dic
     frames, beside, points, settings, log, device = photos
     narrow = with_windows(settings, NARROWER * _full_width(photos) / _first_width(photos))
     cameras, views = scene_second_look(frames, points, narrow, log, device, first.completed, beside)
+    maps = {frame.name: view for frame, view in zip(frames, views, strict=True)}
     return cameras, {
-        frame.name: _filled(*view, *first.maps[frame.name]) if frame.name in first.maps else view
-        for frame, view in zip(frames, views, strict=True)
+        name: _filled(*view, *first.maps[name]) if name in first.maps else view
+        for name, view in _weighed(photos, cameras, maps).items()
     }
+
+
+def _searched(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
+    frames, beside, points, settings, log, device = photos
+    cameras, views = scene_stereo(frames, points, settings, log, device, beside)
+    return cameras, {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
+
+
+def _weighed(photos: Compared, cameras: Sequence[Camera], maps: dict[str, Map]) -> dict[str, Map]:
+    """With the views that each depth is worth (`worth`) in place of those that agree; without what is rather wrong.
+
+    `maps` is empty afterwards: both at once would take memory.
+    """
+    settings = photos.settings
+    names = [frame.name for frame in photos.frames]
+    near = scene_neighbours(photos.frames, cameras, photos.points, settings.asked)
+
+    def views(index: int) -> np.ndarray:
+        depth, agreeing = maps[names[index]]
+        others = [(cameras[other], maps[names[other]][0]) for other in near[index]]
+        return worth((cameras[index], depth), agreeing, others, settings.max_px, settings.max_relative)
+
+    found = list(side_by_side(views, range(len(names)), _C.threads()))
+    return {name: (np.where(one > 0, maps.pop(name)[0], 0), one) for name, one in zip(names, found, strict=True)}
 
 
 def _first_width(photos: Compared) -> int:

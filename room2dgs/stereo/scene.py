@@ -18,6 +18,7 @@ from room2dgs.config import StereoConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.stereo.dense import COARSEST_WIDTH, DenseView, Options, Sight, dense_views
+from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked
 from room2dgs.stereo.second_look import second_look
 
@@ -114,6 +115,14 @@ def _prepared(frames: Sequence[Frame], points: PointCloud, settings: StereoConfi
     return Prepared(
         cameras, photos, sights, options, Matching(radius=settings.radius, step=settings.step, best=settings.best)
     )
+
+
+def scene_neighbours(
+    frames: Sequence[Frame], cameras: Sequence[Camera], points: PointCloud, count: int
+) -> list[np.ndarray]:
+    """Indices of each frame's neighbours, best first, so many at most; cameras as of stereo's image size."""
+    seen = [_sight(frame, camera, points).points for frame, camera in zip(frames, cameras, strict=True)]
+    return choose_neighbours(cameras, seen, points.xyz, count)
 
 
 def coverage(views: Sequence[DenseView]) -> np.ndarray:

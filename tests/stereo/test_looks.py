@@ -47,6 +47,11 @@ def defaults() -> StereoConfig:
     return load_config(["scene.path=a", "out=b"]).stereo
 
 
+@pytest.fixture(autouse=True)
+def _every_depth_is_worth_the_views_that_agree(monkeypatch):
+    monkeypatch.setattr(looks, "worth", lambda view, agreeing, others, max_px, max_relative: agreeing)
+
+
 @pytest.fixture
 def first(monkeypatch):
     """The photo, to be set, and the settings of each search; the second finds the right half, the first the upper."""
@@ -130,6 +135,28 @@ def test_windows_of_the_second_look_cover_as_much_as_the_first_ones_narrow_ones(
     asked = replace(defaults(), width=setting)
     stereo_points([frame(photo)], NOTHING, asked, lambda line: None, first=FirstLook({}, {}), looks=2)
     assert windows == [window]
+
+
+@pytest.mark.parametrize("second", [False, True])
+def test_depth_counts_by_what_it_is_worth_and_what_is_worth_nothing_is_no_depth(monkeypatch, second):
+    """The neighbour's depth is asked for; the wide windows' fills what is lost."""
+    frames = [frame(), replace(frame(), name="b")]
+    cameras = [CAMERA.resized(40, 30)] * 2
+    monkeypatch.setattr(looks, "scene_stereo", lambda *_: (cameras, iter([FINE, FINE])))
+    monkeypatch.setattr(looks, "scene_second_look", lambda *_: (cameras, iter([(FINE.depth, FINE.agreeing)] * 2)))
+    monkeypatch.setattr(looks, "scene_neighbours", lambda *_: [np.array([1]), np.array([0])])
+    monkeypatch.setattr(looks, "grey", lambda *_: SHARP)  # nothing is believed of wide windows
+
+    def worth(view, agreeing, others, max_px, max_relative):
+        assert len(others) == 1 and others[0][1] is FINE.depth and (max_px, max_relative) == (1.0, 0.01)
+        return np.where(np.arange(40) < 30, np.minimum(agreeing, 2), 0).astype(np.uint8)
+
+    monkeypatch.setattr(looks, "worth", worth)
+    before = FirstLook({}, {}) if second else None
+    found = stereo_points(frames, NOTHING, defaults(), lambda line: None, first=before, looks=2)
+    for depth, agreeing in found.maps.values():
+        np.testing.assert_array_equal(agreeing, np.where((FINE.agreeing > 0) & (np.arange(40) < 30), 2, 0))
+        np.testing.assert_array_equal(depth > 0, agreeing > 0)
 
 
 @settings(deadline=None)  # the first one reads the configuration

@@ -8,7 +8,7 @@ import numpy as np
 
 from room2dgs.runs.trust import Trust
 
-SURE = 3  # photos that must agree for stereo to stand in its own right, as completion has it
+SURE = 3  # where stereo is worth so many photos that agree, it stands in its own right, as completion has it
 STEREO, PRIOR, NOTHING = np.array([60, 170, 80]), np.array([70, 120, 220]), np.array([30, 30, 30])
 
 
@@ -22,7 +22,7 @@ def picture(one: Trust) -> np.ndarray:
 def key(source: str) -> list[tuple[str, str]]:
     """Colours of the picture and what they mean."""
     return [
-        (_css(STEREO), f"stereo: {SURE} photos or more agree"),
+        (_css(STEREO), f"stereo: worth {SURE} photos that agree, or more"),
         (_css(PRIOR), other_source(source)),
         (_css(NOTHING), "not trusted, or no depth"),
         ("", "The brighter, the more it is trusted."),
@@ -57,8 +57,8 @@ def sentences(maps: Mapping[str, Trust], source: str) -> list[str]:
     lines = [f'Measured on {len(maps)} training views; their pictures are above, under "where depth was trusted".']
     if source != "sensor":
         lines.append(
-            f"Stereo stands in its own right ({SURE} photos or more agree) in {stereo.mean():.0%} of the pixels; "
-            f"trusted {_mean(confidence[stereo]):.0%} there on average."
+            f"Stereo stands in its own right (worth {SURE} photos that agree, or more) in {stereo.mean():.0%} of the "
+            f"pixels; trusted {_mean(confidence[stereo]):.0%} there on average."
         )
     rest = ~stereo & (confidence > 0)
     if source == "stereo":
