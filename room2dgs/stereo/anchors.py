@@ -74,7 +74,7 @@ def stereo_points(
 
 
 def trust(agreeing: np.ndarray) -> np.ndarray:
-    """Trust in a depth on which so many other views agree, 0..1; float32 of the same shape."""
+    """Trust in a depth that is worth so many agreeing views (`worth`), 0..1; float32 of the same shape."""
     return TRUST[np.minimum(agreeing, len(TRUST) - 1)]
 
 
