@@ -1,5 +1,9 @@
 """The fused photometric loss against the float64 reference."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -166,3 +170,27 @@ def test_sizes_that_differ_are_refused():
 def test_reference_gradcheck():
     rendered, target = (image.double() for image in images(6, 7))
     torch.autograd.gradcheck(lambda x: reference.rgb_loss(x, target, 0.5), rendered.requires_grad_())
+
+
+SIZES_IN_FOREIGN_MEMORY = """
+import torch
+from room2dgs.losses.photometric import rgb_loss
+for width in range(1, 34):
+    x, y = torch.rand(2, 13, width, 3)
+    x.requires_grad_()
+    value = rgb_loss(x, y, 0.2)
+    value.backward()
+    print(width, value.item(), x.grad.double().sum().item(), x.grad.abs().max().item())
+"""
+
+
+@pytest.mark.parametrize("isa", ["baseline", "avx2", "avx512"])
+def test_values_hang_on_nothing_that_memory_held_before(isa):
+    """Rows end anywhere in a vector, and a wider vector's row is longer: what lies between belongs to nobody."""
+    found = []
+    for byte in ("0", "128", "1"):  # glibc fills what it gives out with its complement; 0: leaves it as it is
+        environment = {**os.environ, "MALLOC_PERTURB_": byte, "ROOM2DGS_ISA": isa}
+        code = f"import torch; torch.manual_seed(0)\n{SIZES_IN_FOREIGN_MEMORY}"
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+        found.append(done.stdout)
+    assert "nan" not in found[0] and found[1] == found[0] and found[2] == found[0]

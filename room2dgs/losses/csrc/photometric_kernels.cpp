@@ -107,8 +107,9 @@ R2_INLINE void gradient_pair(const float* const* ring, const float* const* x, co
   }
 }
 
-// The margins hold what the window means of the zero padding are.
+// The margins, and what no vector of a row of so many floats reaches, hold what the window means of the zero padding are.
 void fill_margins(float* row, int64_t floats, int64_t stride, float value) {
+  floats = (floats + kWide - 1) / kWide * kWide;
   for (int64_t i = 0; i < kMargin; ++i) row[i] = value;
   for (int64_t i = kMargin + floats; i < stride; ++i) row[i] = value;
 }
@@ -125,13 +126,13 @@ void rgb_loss_strip(const room2dgs::RgbLossJob& job, int64_t strip, int worker) 
   float* scratch = job.scratch + worker * room2dgs::rgb_loss_scratch(n);
   float* means[8];
   for (int k = 0; k < 8; ++k) {
-    fill_margins(scratch, padded, stride, kPadding[k % 4]);
+    fill_margins(scratch, n, stride, kPadding[k % 4]);
     means[k] = scratch + kMargin;
     scratch += stride;
   }
   float* maps[3];
   for (int k = 0; k < 3; ++k) {
-    fill_margins(scratch, padded, stride, 0.0f);
+    fill_margins(scratch, n, stride, 0.0f);
     maps[k] = scratch + kMargin;
     scratch += stride;
   }
