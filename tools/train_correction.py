@@ -23,6 +23,7 @@ from room2dgs.tools.prior_network.memory import keep_freed_memory
 
 HELP = {
     "minutes": "of training",
+    "steps": "of training instead; 0: the minutes end it",
     "batch": "views a step",
     "lr": "learning rate",
     "weight_decay": "of AdamW",

@@ -30,9 +30,14 @@ WITHIN_M = (0.02, 0.05, 0.1)
 
 @dataclass(frozen=True)
 class Options:
-    """How to train: the learning rate is full for the first half of the time, then falls as a cosine does."""
+    """How to train: the learning rate is full for the first half of the time, then falls as a cosine does.
+
+    Attributes:
+        steps: end the training instead of the minutes; 0: the minutes do.
+    """
 
     minutes: float = 60.0
+    steps: int = 0
     batch: int = 8
     lr: float = 1e-3
     weight_decay: float = 1e-4
@@ -66,7 +71,7 @@ def train(
     started = reported = time.monotonic()
     step = counted = reports = 0
     sums = dict.fromkeys((*WEIGHTS, "near before"), 0.0)
-    while (done := (time.monotonic() - started) / 60 / options.minutes) < 1:
+    while (done := step / options.steps if options.steps else (time.monotonic() - started) / 60 / options.minutes) < 1:
         for group in optimiser.param_groups:
             group["lr"] = options.lr * _rate(step, done)
         chosen = [views[index] for index in order.integers(0, len(views), options.batch)]
