@@ -139,7 +139,7 @@ def test_windows_of_the_second_look_cover_as_much_as_the_first_ones_narrow_ones(
 
 @pytest.mark.parametrize("second", [False, True])
 def test_depth_counts_by_what_it_is_worth_and_what_is_worth_nothing_is_no_depth(monkeypatch, second):
-    """The neighbour's depth is asked for; the wide windows' fills what is lost."""
+    """The neighbour's depth is asked for."""
     frames = [frame(), replace(frame(), name="b")]
     cameras = [CAMERA.resized(40, 30)] * 2
     monkeypatch.setattr(looks, "scene_stereo", lambda *_: (cameras, iter([FINE, FINE])))
