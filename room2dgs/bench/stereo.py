@@ -67,7 +67,7 @@ def scores(
     known = kept = 0
     errors, relative, expected = [], [], []
     for frame, camera, view in zip(frames, cameras, views, strict=True):
-        truth = _truth(frame, camera)
+        truth = true_depth(frame, camera)
         there = (truth > 0) & (truth <= max_depth_m)
         both = there & (view.depth > 0)
         known += np.count_nonzero(there)
@@ -90,7 +90,8 @@ def scores(
     return {name: round(float(value), 4) for name, value in figures.items()}
 
 
-def _truth(frame: Frame, camera: Camera) -> np.ndarray:
+def true_depth(frame: Frame, camera: Camera) -> np.ndarray:
+    """(H, W) depth of a capture at a camera's pixels, metres; 0 = none."""
     depth = frame.depth()
     if depth is None:
         return np.zeros((camera.height, camera.width), np.float32)

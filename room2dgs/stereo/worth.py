@@ -18,7 +18,7 @@ Seen = tuple[Camera, np.ndarray]  # a view and its (H, W) depth, metres, 0 = non
 # Log odds that a depth is more than 5 cm off, by how many views agree alone: ALONE[0] - ALONE[1] * views
 ALONE = (1.19, 0.505)
 # and by the views that agree, look through it, and have something before it, and the shares of the pixels around it
-# that lie on its surface, and that have a depth: fitted on filmed rooms (photos of 320 pixels), alike on each
+# that lie on its surface, and that have a depth: fitted on filmed rooms (`tools/fit_worth.py`), alike on each
 TOGETHER = (1.45, -0.18, 0.30, 0.15, -2.45, -1.07)
 # Columns and rows to the pixels around, and to those opposite, in photos of WIDTH pixels
 AROUND = ((3, 0), (6, 0), (0, 3), (0, 6), (3, 3), (3, -3), (6, 6), (6, -6))
@@ -35,14 +35,20 @@ def worth(view: Seen, agreeing: np.ndarray, others: Sequence[Seen], max_px: floa
         others: its neighbours.
         max_px, max_relative: within which views agree (`agreement`).
     """
+    found = evidence(view, agreeing, others, max_px, max_relative)
+    odds = TOGETHER[0] + sum(weight * part for weight, part in zip(TOGETHER[1:], found, strict=True))
+    views = (ALONE[0] - odds) / ALONE[1]
+    return np.where(view[1] > 0, np.clip(np.rint(views), 0, 255), 0).astype(np.uint8)
+
+
+def evidence(
+    view: Seen, agreeing: np.ndarray, others: Sequence[Seen], max_px: float, max_relative: float
+) -> tuple[np.ndarray, ...]:
+    """What `TOGETHER` weighs, (H, W) each; args as of `worth`."""
     camera, depth = view
     inverse = _inverse(depth)
     said = agreement(camera, inverse, [(other, _inverse(theirs)) for other, theirs in others], max_px, max_relative)
-    same, known = _around(inverse)
-    evidence = (agreeing, said.through, said.hidden, same, known)
-    odds = TOGETHER[0] + sum(weight * part for weight, part in zip(TOGETHER[1:], evidence, strict=True))
-    views = (ALONE[0] - odds) / ALONE[1]
-    return np.where(depth > 0, np.clip(np.rint(views), 0, 255), 0).astype(np.uint8)
+    return agreeing, said.through, said.hidden, *_around(inverse)
 
 
 def _around(inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
