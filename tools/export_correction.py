@@ -20,6 +20,7 @@ from torch import Tensor
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.priors.completion.evidence import CHANNELS
+from room2dgs.tools.command_line import command_line
 from room2dgs.tools.correction_network.network import CorrectionNetwork, WithErrors
 from room2dgs.tools.correction_network.training import load
 from room2dgs.tools.export_prior import as_onnx, open_session, round_weights, with_half_weights
@@ -66,21 +67,17 @@ def example_evidence(height: int, width: int, seed: int) -> Tensor:
     return 0.3 * torch.randn(1, CHANNELS, height, width, generator=torch.Generator().manual_seed(seed))
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("export_correction")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="export_correction", description="Write a trained correction of depth as one ONNX file."
     )
     parser.add_argument("run", type=Path, help="run's folder, or its checkpoint")
     parser.add_argument("out", type=Path, help=".onnx file to write")
     given = parser.parse_args(arguments)
-    try:
-        made = export_correction(given.run, given.out)
-    except InputError as error:
-        print(f"export_correction: {error}", file=sys.stderr)
-        return 2
+    made = export_correction(given.run, given.out)
     print(f"{given.out}: {made['megabytes']:.1f} MB, at most {made['error']:.1e} from torch")
-    return 0
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from torch import Tensor, nn
 
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
+from room2dgs.tools.command_line import command_line
 from room2dgs.tools.prior_network.checkpoint import average_network, load_checkpoint
 from room2dgs.tools.prior_network.network import FullSize
 
@@ -174,23 +175,19 @@ def milliseconds(session: onnxruntime.InferenceSession) -> float:
     return float(np.median(times))
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("export_prior")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(prog="export_prior", description="Write a trained network as one ONNX file.")
     parser.add_argument("checkpoint", type=Path, help="checkpoint, or its run's folder")
     parser.add_argument("out", type=Path, help=".onnx file to write")
     given = parser.parse_args(arguments)
-    try:
-        made = export_prior(given.checkpoint, given.out)
-    except InputError as error:
-        print(f"export_prior: {error}", file=sys.stderr)
-        return 2
+    made = export_prior(given.checkpoint, given.out)
     height, width = TIMED_SIZE
     print(
         f"{given.out}: {made['megabytes']:.1f} MB, at most {made['error']:.1e} from torch, "
         f"{made['milliseconds']:.0f} ms a frame of {width}x{height} on {TIMED_THREADS} threads"
     )
-    return 0
 
 
 if __name__ == "__main__":

@@ -29,6 +29,7 @@ from room2dgs.sfm.sparse import sparse_points
 from room2dgs.stereo.looks import FIRST_WIDTH, NARROWER, with_windows
 from room2dgs.stereo.scene import scene_neighbours, scene_stereo
 from room2dgs.stereo.worth import TOGETHER, evidence
+from room2dgs.tools.command_line import command_line
 
 WRONG_M = 0.05
 STEPS = 25  # of Newton's method; a handful do
@@ -108,17 +109,14 @@ def _with_constant(columns: np.ndarray) -> np.ndarray:
     return np.concatenate([np.ones((len(columns), 1)), columns], axis=1)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("fit_worth")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(prog="fit_worth", description="Fit what a depth of stereo is worth.")
     parser.add_argument("captures", type=Path, nargs="+", help="folders of captures with depth")
     paths = parser.parse_args(arguments).captures
-    try:
-        with tempfile.TemporaryDirectory() as scratch:
-            every = [gathered(path, Path(scratch)) for path in paths]
-    except InputError as error:
-        print(f"fit_worth: {error}", file=sys.stderr)
-        return 2
+    with tempfile.TemporaryDirectory() as scratch:
+        every = [gathered(path, Path(scratch)) for path in paths]
     columns = len(TOGETHER) - 1
     print(f"{'capture':<20} {'wrong':>6} {'views':>6} {'today':>6} {'others':>6}")
     for path, one in zip(paths, every, strict=True):
@@ -128,7 +126,6 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"{path.name:<20} {one.wrong.mean():6.3f} {alone:6.3f} {today:6.3f} {of_others:6.3f}")
     for name, count in (("ALONE", 1), ("TOGETHER", columns)):
         print(f"{name}: {', '.join(f'{weight:.3f}' for weight in fitted(every, count))}")
-    return 0
 
 
 if __name__ == "__main__":

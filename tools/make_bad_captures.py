@@ -18,7 +18,6 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
 from room2dgs.tools.capture_files import (
     check_free,
@@ -28,6 +27,7 @@ from room2dgs.tools.capture_files import (
     write_poses,
     write_truth,
 )
+from room2dgs.tools.command_line import command_line
 from room2dgs.tools.demo_room.layout import SIZE, room_patches
 from room2dgs.tools.demo_room.light import cast
 from room2dgs.tools.demo_room.mesh import visible_mesh
@@ -168,8 +168,9 @@ def make_bad_capture(out: Path, kind: str, options: RoomOptions, room: Room | No
     return out
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("make_bad_captures")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(prog="make_bad_captures", description="Film the demo room badly, in each way.")
     parser.add_argument("out", type=Path, help="folder to write")
     parser.add_argument("--frames", type=int, default=24)
@@ -180,15 +181,10 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     options = RoomOptions(seed=given.seed, frames=given.frames, width=given.width, height=given.height)
     options = replace(options, frames_a_lap=max(4, min(options.frames_a_lap, given.frames)))
-    try:
-        given.out.mkdir(parents=True, exist_ok=True)
-        room = build_room(room_patches(options.seed, options.blank_walls), options.seed)
-        for kind in given.kinds:
-            print(make_bad_capture(given.out / kind, kind, options, room))
-    except InputError as error:
-        print(f"make_bad_captures: {error}", file=sys.stderr)
-        return 2
-    return 0
+    given.out.mkdir(parents=True, exist_ok=True)
+    room = build_room(room_patches(options.seed, options.blank_walls), options.seed)
+    for kind in given.kinds:
+        print(make_bad_capture(given.out / kind, kind, options, room))
 
 
 if __name__ == "__main__":

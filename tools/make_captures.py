@@ -34,6 +34,7 @@ from room2dgs.tools.capture_files import (
     write_poses,
     write_truth,
 )
+from room2dgs.tools.command_line import command_line
 from room2dgs.tools.demo_room.atlas import linear_to_srgb
 from room2dgs.tools.demo_room.geometry import FACET, Patch, triangulated
 from room2dgs.tools.demo_room.light import cast
@@ -197,8 +198,9 @@ def stream(options: CaptureOptions, number: int, *which: int) -> np.random.Gener
     return np.random.default_rng([options.seed, number, *which])
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("make_captures")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="make_captures",
         description="Film random rooms as hand-held walks with exact ground truth (ScanNet layout).",
@@ -219,26 +221,21 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--workers", type=int, default=1, help="processes")
     given = vars(parser.parse_args(arguments))
     out, rooms, workers, pose_noise = (given.pop(name) for name in ("out", "rooms", "workers", "pose_noise"))
-    try:
-        degrees, centimetres = both_numbers(pose_noise)
-        options = replace(CaptureOptions(**given), pose_noise_deg=degrees, pose_noise_cm=centimetres)
-        check_limits(options, LIMITS)
-        if rooms < 1 or workers < 1:
-            raise InputError("--rooms and --workers are at least 1")
-        if out.exists() and not out.is_dir():
-            raise InputError(f"{out} is not a folder; choose another name")
-        make = partial(_numbered, out, options)
-        if workers == 1:
-            for number in range(rooms):
-                print(make(number), flush=True)
-        else:
-            with ProcessPoolExecutor(workers) as processes:
-                for path in processes.map(make, range(rooms)):
-                    print(path, flush=True)
-    except InputError as error:
-        print(f"make_captures: {error}", file=sys.stderr)
-        return 2
-    return 0
+    degrees, centimetres = both_numbers(pose_noise)
+    options = replace(CaptureOptions(**given), pose_noise_deg=degrees, pose_noise_cm=centimetres)
+    check_limits(options, LIMITS)
+    if rooms < 1 or workers < 1:
+        raise InputError("--rooms and --workers are at least 1")
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out} is not a folder; choose another name")
+    make = partial(_numbered, out, options)
+    if workers == 1:
+        for number in range(rooms):
+            print(make(number), flush=True)
+    else:
+        with ProcessPoolExecutor(workers) as processes:
+            for path in processes.map(make, range(rooms)):
+                print(path, flush=True)
 
 
 def both_numbers(text: str) -> tuple[float, float]:

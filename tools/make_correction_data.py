@@ -36,6 +36,7 @@ from room2dgs.sfm.refinement import refined_poses
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.splat import set_threads
 from room2dgs.stereo.anchors import FirstLook, StereoPoints, stereo_points
+from room2dgs.tools.command_line import command_line
 from room2dgs.tools.correction_network.samples import EVIDENCE, SHIFT
 from room2dgs.tools.make_captures import CaptureOptions, make_capture
 
@@ -129,8 +130,9 @@ def _made(out: Path, seed: int, number: int) -> Path:
     return make_room(out, seed, number)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("make_correction_data")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="make_correction_data",
         description="Make completed depth of random rooms, and how far off it is.",
@@ -142,19 +144,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first room")
     parser.add_argument("--workers", type=int, default=1, help="processes, each on one core")
     options = parser.parse_args(arguments)
-    try:
-        if options.out.exists() and not options.out.is_dir():
-            raise InputError(f"{options.out} is not a folder; choose another name")
-        if options.rooms < 1 or options.workers < 1:
-            raise InputError("--rooms and --workers are at least 1")
-        with ProcessPoolExecutor(options.workers) as processes:
-            numbers = range(options.first, options.first + options.rooms)
-            for path in processes.map(partial(_made, options.out, options.seed), numbers):
-                print(path, flush=True)
-    except InputError as error:
-        print(f"make_correction_data: {error}", file=sys.stderr)
-        return 2
-    return 0
+    if options.out.exists() and not options.out.is_dir():
+        raise InputError(f"{options.out} is not a folder; choose another name")
+    if options.rooms < 1 or options.workers < 1:
+        raise InputError("--rooms and --workers are at least 1")
+    with ProcessPoolExecutor(options.workers) as processes:
+        numbers = range(options.first, options.first + options.rooms)
+        for path in processes.map(partial(_made, options.out, options.seed), numbers):
+            print(path, flush=True)
 
 
 if __name__ == "__main__":

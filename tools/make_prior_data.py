@@ -23,6 +23,7 @@ from rich.progress import track
 
 from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
+from room2dgs.tools.command_line import command_line
 from room2dgs.tools.random_rooms.cameras import random_views
 from room2dgs.tools.random_rooms.layout import random_room
 from room2dgs.tools.random_rooms.render import light_up, render
@@ -67,8 +68,9 @@ def write_shard(out: Path, seed: int, number: int) -> None:
             np.save(unfinished / f"{name}.npy", np.concatenate([room[name] for room in rooms]))
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("make_prior_data")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="make_prior_data",
         description="Make photos of random rooms with exact depth and normals.",
@@ -80,14 +82,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first shard")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     options = parser.parse_args(arguments)
-    try:
-        if options.out.exists() and not options.out.is_dir():
-            raise InputError(f"{options.out} is not a folder; choose another name")
-        if options.rooms < 1 or options.workers < 1:
-            raise InputError("--rooms and --workers are at least 1")
-    except InputError as error:
-        print(f"make_prior_data: {error}", file=sys.stderr)
-        return 2
+    if options.out.exists() and not options.out.is_dir():
+        raise InputError(f"{options.out} is not a folder; choose another name")
+    if options.rooms < 1 or options.workers < 1:
+        raise InputError("--rooms and --workers are at least 1")
     options.out.mkdir(parents=True, exist_ok=True)
     numbers = range(options.first, options.first + -(-options.rooms // ROOMS))
     write = partial(write_shard, options.out, options.seed)
@@ -98,7 +96,6 @@ def main(arguments: list[str] | None = None) -> int:
         with ProcessPoolExecutor(options.workers) as pool:
             for _ in track(pool.map(write, numbers), "shards", total=len(numbers)):
                 pass
-    return 0
 
 
 if __name__ == "__main__":

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
-from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
 from room2dgs.tools.capture_files import (
     check_free,
@@ -26,6 +25,7 @@ from room2dgs.tools.capture_files import (
     write_poses,
     write_truth,
 )
+from room2dgs.tools.command_line import add_fields, command_line
 from room2dgs.tools.demo_room.layout import room_patches
 from room2dgs.tools.demo_room.mesh import visible_mesh
 from room2dgs.tools.demo_room.path import FRAMES_A_LAP, camera_path
@@ -116,8 +116,9 @@ def write_capture(out: Path, options: RoomOptions) -> None:
     write_truth(out, visible_mesh(room, room.patches, K, poses, options.width, options.height), asdict(options))
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("make_room")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="make_room",
         description="Make a furnished room with exact ground truth (ScanNet layout).",
@@ -137,19 +138,12 @@ def main(arguments: list[str] | None = None) -> int:
         "jpeg_quality": "1 to 100",
     }
     parser.add_argument("out", type=Path, help="folder to write")
-    for option in fields(RoomOptions):
-        flag = "--" + option.name.replace("_", "-")
-        parser.add_argument(flag, type=type(option.default), default=option.default, help=helps[option.name])
+    add_fields(parser, RoomOptions, helps)
     parser.add_argument("--overwrite", action="store_true", help="replace an earlier room in that folder")
     given = vars(parser.parse_args(arguments))
     out, overwrite = given.pop("out"), given.pop("overwrite")
-    try:
-        make_room(out, RoomOptions(**given), overwrite)
-    except InputError as error:
-        print(f"make_room: {error}", file=sys.stderr)
-        return 2
+    make_room(out, RoomOptions(**given), overwrite)
     print(f"{out}: {given['frames']} photos of {given['width']}x{given['height']}, seed {given['seed']}")
-    return 0
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from room2dgs.captures.matrix_files import read_world_from_cam
 from room2dgs.captures.poses_file import LEFT_OUT
 from room2dgs.errors import InputError
 from room2dgs.geometry.poses import inverse_pose
+from room2dgs.tools.command_line import command_line
 
 KINDS = "given", "refined"
 
@@ -50,25 +51,21 @@ def _number(name: str) -> str:
     return str(int(name)) if name.isdecimal() else name
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("pose_errors")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="pose_errors", description="Say how far the poses of runs are from true ones."
     )
     parser.add_argument("capture", type=Path, help="folder with the true poses")
     parser.add_argument("runs", type=Path, nargs="+", help="folders of runs")
     options = parser.parse_args(arguments)
-    try:
-        for run in options.runs:
-            for kind, (metres, degrees) in pose_errors(options.capture, run).items():
-                print(
-                    f"{run.name}, {kind}: {100 * _rms(metres):.2f} cm, {_rms(degrees):.3f} deg (root mean square), "
-                    f"{100 * metres.max():.2f} cm, {degrees.max():.3f} deg (largest)"
-                )
-    except InputError as error:
-        print(f"pose_errors: {error}", file=sys.stderr)
-        return 2
-    return 0
+    for run in options.runs:
+        for kind, (metres, degrees) in pose_errors(options.capture, run).items():
+            print(
+                f"{run.name}, {kind}: {100 * _rms(metres):.2f} cm, {_rms(degrees):.3f} deg (root mean square), "
+                f"{100 * metres.max():.2f} cm, {degrees.max():.3f} deg (largest)"
+            )
 
 
 def _rms(values: np.ndarray) -> float:

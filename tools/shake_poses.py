@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from room2dgs.captures.matrix_files import NonFinitePose, read_world_from_cam
 from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
+from room2dgs.tools.command_line import command_line
 
 
 def shake_poses(capture: Path, out: Path, degrees: float, cm: float, seed: int = 0) -> None:
@@ -61,8 +62,9 @@ def shaken(world_from_cam: np.ndarray, degrees: float, cm: float, random: np.ran
     return wrong
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("shake_poses")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="shake_poses",
         description="Make a capture whose poses are a little off.",
@@ -74,12 +76,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--cm", type=float, default=1.0, help="root mean square of the shifts")
     parser.add_argument("--seed", type=int, default=0, help="fixes everything")
     options = parser.parse_args(arguments)
-    try:
-        shake_poses(options.capture, options.out, options.degrees, options.cm, options.seed)
-    except InputError as error:
-        print(f"shake_poses: {error}", file=sys.stderr)
-        return 2
-    return 0
+    shake_poses(options.capture, options.out, options.degrees, options.cm, options.seed)
 
 
 if __name__ == "__main__":

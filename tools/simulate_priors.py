@@ -17,7 +17,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import cv2
@@ -30,6 +30,7 @@ from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
 from room2dgs.geometry.depth_maps import depth_normals
+from room2dgs.tools.command_line import add_fields, command_line
 from room2dgs.tools.prior_errors import WorldField, blurred_depth, image_field, turned
 
 CONTENT = {"depth", "normal", "priors.json", "README.txt"}
@@ -323,8 +324,9 @@ def _check_free(out: Path, overwrite: bool) -> None:
         raise InputError(f"{out} holds {sorted(names - CONTENT)[0]}, which is no part of priors; choose another folder")
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("simulate_priors")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="simulate_priors",
         description="Make depth and normal priors of a chosen quality from ground-truth depth.",
@@ -344,22 +346,12 @@ def main(arguments: list[str] | None = None) -> int:
     }
     parser.add_argument("scene", type=Path, help="capture with ground-truth depth")
     parser.add_argument("out", type=Path, help="folder to write")
-    for option in fields(PriorOptions):
-        flag = "--" + option.name.replace("_", "-")
-        if isinstance(option.default, bool):
-            parser.add_argument(flag, action="store_true", help=helps[option.name])
-        else:
-            parser.add_argument(flag, type=type(option.default), default=option.default, help=helps[option.name])
+    add_fields(parser, PriorOptions, helps)
     parser.add_argument("--overwrite", action="store_true", help="replace earlier priors in that folder")
     given = vars(parser.parse_args(arguments))
     scene, out, overwrite = given.pop("scene"), given.pop("out"), given.pop("overwrite")
-    try:
-        measured = simulate_priors(scene, out, PriorOptions(**given), overwrite)
-    except InputError as error:
-        print(f"simulate_priors: {error}", file=sys.stderr)
-        return 2
+    measured = simulate_priors(scene, out, PriorOptions(**given), overwrite)
     print(f"{out}: SIMULATED priors, " + ", ".join(f"{name} {value}" for name, value in measured.items()))
-    return 0
 
 
 if __name__ == "__main__":

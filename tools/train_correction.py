@@ -11,12 +11,11 @@ from __future__ import annotations
 import argparse
 import functools
 import sys
-from dataclasses import fields
 from pathlib import Path
 
 import torch
 
-from room2dgs.errors import InputError
+from room2dgs.tools.command_line import add_fields, command_line
 from room2dgs.tools.correction_network.samples import read_rooms
 from room2dgs.tools.correction_network.training import Options, load, train
 from room2dgs.tools.prior_network.memory import keep_freed_memory
@@ -31,8 +30,9 @@ HELP = {
 }
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("train_correction")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="train_correction",
         description="Train the network that corrects completed depth.",
@@ -40,9 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("data", type=Path, help="folder of rooms")
     parser.add_argument("out", type=Path, help="folder of the run")
-    for option in fields(Options):
-        flag = "--" + option.name.replace("_", "-")
-        parser.add_argument(flag, type=type(option.default), default=option.default, help=HELP[option.name])
+    add_fields(parser, Options, HELP)
     parser.add_argument("--held-out", type=Path, help="folder of rooms to validate on")
     parser.add_argument("--from", dest="start_from", type=Path, help="run, or its checkpoint, to start from")
     parser.add_argument("--threads", type=int, default=torch.get_num_threads(), help="cores to use")
@@ -52,14 +50,9 @@ def main(arguments: list[str] | None = None) -> int:
     )
     keep_freed_memory()
     torch.set_num_threads(threads)
-    try:
-        start = load(start_from) if start_from else None
-        others = read_rooms(held_out) if held_out else {}
-        train(read_rooms(data), others, out, Options(**given), start, functools.partial(print, flush=True))
-    except InputError as error:
-        print(f"train_correction: {error}", file=sys.stderr)
-        return 2
-    return 0
+    start = load(start_from) if start_from else None
+    others = read_rooms(held_out) if held_out else {}
+    train(read_rooms(data), others, out, Options(**given), start, functools.partial(print, flush=True))
 
 
 if __name__ == "__main__":

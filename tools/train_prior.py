@@ -18,7 +18,7 @@ from pathlib import Path
 import cv2
 import torch
 
-from room2dgs.errors import InputError
+from room2dgs.tools.command_line import command_line
 from room2dgs.tools.prior_network.memory import keep_freed_memory
 from room2dgs.tools.prior_network.options import TrainOptions
 from room2dgs.tools.prior_network.training import train
@@ -48,8 +48,9 @@ def image_size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("train_prior")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="train_prior",
         description="Train the network for depth and normals on rendered rooms.",
@@ -74,14 +75,8 @@ def main(arguments: list[str] | None = None) -> int:
     torch.set_flush_denormal(True)
     try:
         train(data, out, TrainOptions(**given), start_from, threads, functools.partial(print, flush=True))
-    except InputError as error:
-        print(f"train_prior: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
     finally:
         torch.set_flush_denormal(False)  # it holds for the whole process
-    return 0
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from PIL import Image
 
 from room2dgs.errors import InputError
 
+MASK_WHOLE = 1 - 1e-4  # share of a pixel that must be usable; resizing rounds
 # each of Pillow's decoders fails its own way
 DAMAGE = (
     OSError, SyntaxError, ValueError, EOFError, TypeError, LookupError, ArithmeticError, MemoryError, struct.error,
@@ -75,6 +76,11 @@ def resized(pixels: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
     if size is None or pixels.shape[1::-1] == size:
         return pixels
     return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
+
+
+def whole_at(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """(height, width) bool: pixels of an image of `size` of which a mask (usable: 1) hides no part."""
+    return resized(mask.astype(np.float32), size) > MASK_WHOLE
 
 
 def check_photo(path: Path | BytesIO, label: object = None) -> None:

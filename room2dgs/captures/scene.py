@@ -12,7 +12,7 @@ import numpy as np
 
 from room2dgs.captures.cache import Cache
 from room2dgs.captures.depth_maps import DepthMap, depth_file
-from room2dgs.captures.image_files import resized
+from room2dgs.captures.image_files import resized, whole_at
 from room2dgs.captures.lens import Lens, pinhole_of
 from room2dgs.captures.photos import Photo, PhotoFile
 from room2dgs.captures.point_cloud import PointCloud
@@ -20,7 +20,6 @@ from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 
 MASK_WHITE = 127  # of 255; brighter may be used
-MASK_WHOLE = 1 - 1e-4  # share of a pixel that must be usable; resizing rounds
 
 
 @dataclass(frozen=True)
@@ -144,7 +143,7 @@ class Frame:
         valid = pinhole_of(self.lens).valid if self.lens else None
         if valid is not None:
             usable = usable * valid
-        return resized(usable, self.camera.size) > MASK_WHOLE
+        return whole_at(usable, self.camera.size)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from room2dgs.runs.folder import (
     last_value,
     required,
 )
-from room2dgs.runs.metrics import earlier, record, timed
+from room2dgs.runs.metrics import MESH_SCORES, earlier, record, stale, timed
 
 if TYPE_CHECKING:
     from room2dgs.eval.alignment import Alignment
@@ -74,7 +74,7 @@ def score_mesh(overrides: list[str], out: str | None) -> None:
     folder = Path(config.out)
     seconds: dict[str, float] = {}
     with timed(seconds, "eval"):
-        part = _mesh_part(Path(config.eval.pred), gt, scene, config.eval, folder, print)
+        part = stale(folder, MESH_SCORES) | _mesh_part(Path(config.eval.pred), gt, scene, config.eval, folder, print)
     record(folder, part, seconds)
     print(f"scores: {folder / METRICS}, pictures: {folder / 'eval'}")
 
@@ -90,7 +90,7 @@ def score_run(scene: Scene, surfels: Surfels | None, config: Config, out: Path, 
             log("no ground truth (gt_mesh.ply in the capture, or eval.gt=MESH): the mesh is not scored")
         else:
             pred = Path(config.eval.pred) if config.eval.pred else out / MESH
-            part |= _mesh_part(required(pred, "mesh"), gt, scene, config.eval, out, log)
+            part |= stale(out, MESH_SCORES) | _mesh_part(required(pred, "mesh"), gt, scene, config.eval, out, log)
             if config.eval.align == "none":
                 part |= same_depth_part(scene, gt, config, earlier(out).get("depth_source", ""), log)
             log(f"pictures of the error: {out / 'eval'}")

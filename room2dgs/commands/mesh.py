@@ -14,28 +14,13 @@ from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log, run_log
 from room2dgs.runs.folder import MESH, TRUST, earlier_run, keep_settings
-from room2dgs.runs.metrics import record, stale, timed
+from room2dgs.runs.metrics import MESH_SCORES, record, stale, timed
 
 if TYPE_CHECKING:
     from room2dgs.mesh.views import FusedView
     from room2dgs.runs.trust import Trust
     from room2dgs.splat.types import Surfels
 
-# what a mesh's scores in metrics.json begin with
-SCORES = (
-    "accuracy_m",
-    "chamfer_m",
-    "completion_m",
-    "depth_to_truth_m",
-    "eval_seconds",
-    "f_score_",
-    "normal_consistency",
-    "precision_",
-    "protocol",
-    "recall_",
-    "truth_from_same_depth",
-    "where_the_error_sits",
-)
 USAGE = "room2dgs mesh out=DIR [mesh.KEY=VALUE ...]"
 
 
@@ -70,7 +55,7 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
         mesh = fuse(_Views(scene, surfels, config, trust), settings, log, config.render.device)
         write_mesh(out / MESH, mesh)
     # Scores of a mesh that is no longer there must not stand beside this one.
-    faded = stale(out, SCORES)
+    faded = stale(out, MESH_SCORES)
     made = {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces), "mesh_voxel_m": settings.voxel_m}
     record(out, {**faded, **made}, seconds)
     log(f"mesh: {out / MESH}")

@@ -12,7 +12,7 @@ from room2dgs.commands.stages import points_of_run
 from room2dgs.config import Config, MeshConfig
 from room2dgs.logs import Log
 from room2dgs.runs.folder import MESH
-from room2dgs.runs.metrics import record, timed
+from room2dgs.runs.metrics import MESH_SCORES, record, stale, timed
 
 if TYPE_CHECKING:
     import trimesh
@@ -62,5 +62,5 @@ def untrained_mesh(
         mesh = make(settings)
         write_mesh(out / MESH, mesh)
     made = {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces), "mesh_voxel_m": settings.voxel_m}
-    record(out, made, seconds)
+    record(out, {**stale(out, MESH_SCORES), **made}, seconds)
     log(f"mesh: {out / MESH}, of {what} alone: nothing was trained")

@@ -62,7 +62,7 @@ def claimed(config: Config) -> Iterator[Path]:
         InputError: the folder cannot be written.
     """
     out = Path(config.out)
-    existed = out.exists()
+    there = {path.name for path in out.iterdir()} if out.is_dir() else None
     before = (out / CONFIG).read_bytes() if (out / CONFIG).exists() else None
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -75,7 +75,7 @@ def claimed(config: Config) -> Iterator[Path]:
         if before is not None:
             (out / CONFIG).write_bytes(before)
         elif not any((out / CHECKPOINTS).glob("*")):
-            _clear(out, existed)
+            _clear(out, there)
         raise
 
 
@@ -119,21 +119,25 @@ def check_out(out: Path, resume: bool) -> None:
     """Refuse a folder that another run or something else lies in."""
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; choose another out=DIR")
-    if not out.exists() or resume:
+    if not out.exists():
         return
     if (out / CONFIG).exists():
+        if resume:
+            return
         raise InputError(f"{out} holds another run; add resume=true to go on with it, or choose another out=DIR")
     if any(path.name != CAPTURE for path in out.iterdir()):
         raise InputError(f"{out} is not empty and is not a run's folder; choose another out=DIR")
 
 
-def _clear(out: Path, keep_folder: bool) -> None:
+def _clear(out: Path, there: set[str] | None) -> None:
+    """Without what a run that came to nothing has made; `there` was in the folder before, None: it was not there."""
+    keep = {CAPTURE} | (there or set())
     for path in out.iterdir():
-        if path.name == CAPTURE:
-            keep_folder = True
-        elif path.is_dir() and not path.is_symlink():
+        if path.name in keep:
+            continue
+        if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
         else:
             path.unlink(missing_ok=True)
-    if not keep_folder:
+    if there is None and not any(out.iterdir()):
         out.rmdir()

@@ -32,6 +32,22 @@ PACKAGES = (
     "scipy",
     "hydra-core",
 )
+# What a mesh's scores in metrics.json begin with
+MESH_SCORES = (
+    "accuracy_m",
+    "align",
+    "chamfer_m",
+    "completion_m",
+    "depth_to_truth_m",
+    "eval_seconds",
+    "f_score_",
+    "normal_consistency",
+    "precision_",
+    "protocol",
+    "recall_",
+    "truth_from_same_depth",
+    "where_the_error_sits",
+)
 
 
 class Stages(dict[str, float]):

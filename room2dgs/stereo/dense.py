@@ -138,6 +138,11 @@ def near_and_ranges(
     return near_views, [depth_range(sight.depth, everywhere) for sight in sights]
 
 
+def least_agreeing(near: Sequence[int], options: Options) -> int:
+    """Views that have to agree with one that is compared with these: all, where there are fewer than wanted."""
+    return max(1, min(options.min_agreeing, len(near)))
+
+
 def _completed(fine: DenseView, coarse: DenseView) -> DenseView:
     """The fine result; where its views did not agree, the coarse one's: a smaller photo has less noise and blur."""
     height, width = fine.depth.shape
@@ -229,7 +234,7 @@ def _filtered(
             options.max_px,
             options.max_relative,
         )
-        kept = (agreed.count >= options.min_agreeing) & (cost < options.max_cost)
+        kept = (agreed.count >= least_agreeing(near[: options.asked], options)) & (cost < options.max_cost)
         depth = np.divide(1, agreed.inverse_depth, out=np.zeros_like(agreed.inverse_depth), where=kept)
         normal = camera.turned_to_world(plane_normals(planes[index], camera))
         baseline = np.median([np.linalg.norm(views[other].camera.centre - camera.centre) for other in near])

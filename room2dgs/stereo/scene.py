@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from room2dgs.block_code import build_of
+from room2dgs.captures.image_files import whole_at
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
@@ -155,9 +156,7 @@ def _unmasked(view: DenseView, frame: Frame) -> DenseView:
 def _usable(frame: Frame, shape: tuple[int, ...]) -> np.ndarray | bool:
     """(h, w) bool: pixels of which the photo's mask hides no part; True without a mask."""
     mask = frame.mask()
-    if mask is None:
-        return True
-    return cv2.resize(mask.astype(np.float32), shape[::-1], interpolation=cv2.INTER_AREA) >= 1
+    return True if mask is None else whole_at(mask, shape[::-1])
 
 
 def grey(frame: Frame, camera: Camera) -> np.ndarray:

@@ -10,7 +10,8 @@ from room2dgs import _C
 from room2dgs.geometry.camera import Camera
 from room2dgs.side_by_side import side_by_side
 from room2dgs.stereo.agreement import agreement
-from room2dgs.stereo.dense import Options, Progress, Sight, near_and_ranges
+from room2dgs.stereo.dense import Options, Progress, Sight, least_agreeing, near_and_ranges
+from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, Packed, Search
 from room2dgs.stereo.planes import planes_of_depth, resized_planes
 from room2dgs.stereo.start import wider_range
@@ -78,12 +79,15 @@ def second_look(
             if last_asked[other] == index:
                 del before[other]
         progress(f"stereo at {view.camera.width} pixels, from the completed depth", index + 1, len(start))
-    found += [_nothing(camera) for camera in cameras[len(start) :]]
+    if len(start) < len(cameras):  # the others have no depth that could agree
+        with_depth = cameras[: len(start)], [sight.points for sight in sights[: len(start)]]
+        near_views = choose_neighbours(*with_depth, xyz, options.asked)
 
     def filtered(index: int) -> tuple[np.ndarray, np.ndarray]:
-        asked = [(cameras[other], found[other]) for other in near_views[index][: options.asked]]
+        near = near_views[index][: options.asked]
+        asked = [(cameras[other], found[other]) for other in near]
         agreed = agreement(cameras[index], found[index], asked, options.max_px, options.max_relative)
-        kept = alike[index] & (agreed.count >= options.min_agreeing)
+        kept = alike[index] & (agreed.count >= least_agreeing(near, options))
         depth = np.divide(1, agreed.inverse_depth, out=np.zeros_like(agreed.inverse_depth), where=kept)
         return depth, np.where(kept, agreed.count, np.uint8(0))
 

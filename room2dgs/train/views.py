@@ -12,8 +12,9 @@ import torch
 from torch import Tensor
 
 from room2dgs.captures.cache import Cache
+from room2dgs.captures.image_files import whole_at
 from room2dgs.captures.packed_maps import pack
-from room2dgs.captures.scene import MASK_WHOLE, Frame
+from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.camera_tensors import view_matrices
@@ -131,7 +132,7 @@ class Views:
         if usable is None or fraction == 1.0:
             return None if usable is None else torch.from_numpy(usable)
         size = _resized(self.frames[index].camera, fraction).size
-        return torch.from_numpy(cv2.resize(usable.astype(np.float32), size, interpolation=cv2.INTER_AREA) > MASK_WHOLE)
+        return torch.from_numpy(whole_at(usable, size))
 
     def _maps(self, name: str, camera: Camera) -> ViewMaps[Tensor]:
         if name not in self._priors:

@@ -17,6 +17,8 @@ import trimesh
 from room2dgs import cli
 from room2dgs.config import load_config
 from room2dgs.config.keys import leaf_keys
+from room2dgs.errors import InputError
+from room2dgs.runs.folder import claimed
 
 WIDTH, HEIGHT = 64, 48  # of the wall's photos
 WALL_Z = 2.0
@@ -143,10 +145,22 @@ def test_an_earlier_run_is_not_overwritten(finished, scene, capsys):
     assert files_of(finished) == before
 
 
-def test_a_folder_with_other_things_is_not_taken(scene, tmp_path, capsys):
+@pytest.mark.parametrize("resume", ["true", "false"])
+def test_a_folder_with_other_things_is_not_taken(scene, tmp_path, capsys, resume):
     (tmp_path / "letter.txt").write_text("dear")
-    assert "is not empty" in refused(capsys, ["run", *settings(scene, tmp_path)])
+    argv = ["run", *settings(scene, tmp_path), f"resume={resume}", f"points.file={tmp_path / 'gone.ply'}"]
+    assert "is not empty" in refused(capsys, argv)
     assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
+
+
+def test_what_lay_in_the_folder_stays_when_nothing_comes_of_a_run(scene, tmp_path):
+    (tmp_path / "letter.txt").write_text("dear")
+    (tmp_path / "photos").mkdir()
+    with pytest.raises(InputError), claimed(load_config([f"scene.path={scene}", f"out={tmp_path}"])) as out:
+        (out / "half.ply").write_text("ply")
+        (out / "points").mkdir()
+        raise InputError("too few points")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["letter.txt", "photos"]
 
 
 def test_resume_needs_only_the_folder_and_gives_the_same_mesh(run_copy, tmp_path, monkeypatch):
@@ -191,6 +205,10 @@ def test_eval_of_any_mesh_by_short_names(finished, scene, tmp_path):
     assert cli.main(["eval", *short, "eval.samples=2000"]) == 0
     metrics = metrics_of(out)
     assert metrics["f_score_5cm"] == 1.0
+    assert cli.main(["eval", *short, "eval.samples=2000", "eval.threshold_m=0.1"]) == 0
+    metrics = metrics_of(out)
+    assert metrics["f_score_10cm"] == 1.0
+    assert metrics["f_score_5cm"] is None  # of other settings than the rest of the scores
     assert metrics["accuracy_m"] < 1e-6
 
 

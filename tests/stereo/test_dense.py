@@ -129,6 +129,28 @@ def test_a_second_look_at_some_views_is_held_to_the_others_photos(corner):
     assert kept.mean() > 0.5 and agreeing.max() == 2 and np.median(off) < 0.004
 
 
+def test_a_second_look_asks_the_views_that_have_depth(corner):
+    """Photos beside the keyframes would be the best neighbours of some, but cannot agree."""
+    order = [0, 1, 2, 4, 3]
+    photos, cameras = [corner[view][1] for view in order], [corner[view][0] for view in order]
+    xyz, sights = sparse([corner[view] for view in order])
+    known = [partial(np.copy, corner[view][2]) for view in order[:3]]
+    options = Options(rounds=1, refinements=1, asked=2)
+    assert {4, 3} & set(choose_neighbours(cameras, [sight.points for sight in sights], xyz, 2)[0])
+    views = PackedWhenAsked(photos, cameras)
+    depth, agreeing = next(second_look(views, cameras, sights, xyz, known, options, Matching()))
+    assert (depth > 0).mean() > 0.5 and agreeing.max() == 2
+
+
+def test_two_photos_are_enough_for_depth(corner):
+    for view in run(corner[:2], Options(min_agreeing=2)):
+        kept = view.depth > 0
+        assert kept.mean() > 0.3 and view.agreeing.max() == 1
+    view = run(corner[:2], Options(min_agreeing=2))[0]
+    off = np.abs(view.depth / corner[0][2] - 1)[view.depth > 0]
+    assert np.median(off) < 0.01
+
+
 def test_same_bits_on_any_number_of_threads(corner):
     found = []
     try:

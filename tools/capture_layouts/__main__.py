@@ -31,6 +31,7 @@ from room2dgs.files import whole_file
 from room2dgs.tools.capture_layouts.made import Made
 from room2dgs.tools.capture_layouts.real import made_of
 from room2dgs.tools.capture_layouts.registry import LAYOUTS, Layout
+from room2dgs.tools.command_line import command_line
 
 # the whole capture is used, and every layout sees the same points
 RUN = [
@@ -157,8 +158,9 @@ def table(rows: list[dict[str, object]]) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code (0 done, 2 bad input)."""
+@command_line("capture_layouts")
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="capture_layouts",
         description="Write a capture in every layout and compare what is read and meshed.",
@@ -175,21 +177,16 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("settings", nargs="*", default=["scene.image_width=320"], help="of the runs")
     given = parser.parse_args(arguments)
     gt_mesh = given.capture / "gt_mesh.ply"
-    try:
-        if not given.no_mesh and not gt_mesh.is_file():
-            raise InputError(f"{gt_mesh} is missing; add --no-mesh")
-        made = made_of(given.capture, given.first, given.frames, given.step)
-        given.out.mkdir(parents=True, exist_ok=True)
-        trimesh.PointCloud(made.xyz, colors=made.rgb).export(given.out / "points.ply")
-        rows = []
-        for name in given.layouts:
-            rows.append(kept(name, made, given, None if given.no_mesh else gt_mesh, [] if given.every else rows))
-            print(table(rows[-1:]).splitlines()[-1], flush=True)
-    except InputError as error:
-        print(f"capture_layouts: {error}", file=sys.stderr)
-        return 2
+    if not given.no_mesh and not gt_mesh.is_file():
+        raise InputError(f"{gt_mesh} is missing; add --no-mesh")
+    made = made_of(given.capture, given.first, given.frames, given.step)
+    given.out.mkdir(parents=True, exist_ok=True)
+    trimesh.PointCloud(made.xyz, colors=made.rgb).export(given.out / "points.ply")
+    rows = []
+    for name in given.layouts:
+        rows.append(kept(name, made, given, None if given.no_mesh else gt_mesh, [] if given.every else rows))
+        print(table(rows[-1:]).splitlines()[-1], flush=True)
     print(f"\n{table(rows)}")
-    return 0
 
 
 def kept(
