@@ -63,7 +63,7 @@ def only_look(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
         InputError: as `scene_stereo`.
     """
     cameras, maps = _searched(photos)
-    return cameras, _weighed(photos, cameras, maps)
+    return cameras, weighed(photos, cameras, maps)
 
 
 def first_of_two(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
@@ -91,7 +91,7 @@ def second_of_two(photos: Compared, first: FirstLook) -> tuple[list[Camera], dic
     maps = {frame.name: view for frame, view in zip(frames, views, strict=True)}
     return cameras, {
         name: _filled(*view, *first.maps[name]) if name in first.maps else view
-        for name, view in _weighed(photos, cameras, maps).items()
+        for name, view in weighed(photos, cameras, maps).items()
     }
 
 
@@ -101,10 +101,12 @@ def _searched(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
     return cameras, {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
 
 
-def _weighed(photos: Compared, cameras: Sequence[Camera], maps: dict[str, Map]) -> dict[str, Map]:
+def weighed(photos: Compared, cameras: Sequence[Camera], maps: dict[str, Map]) -> dict[str, Map]:
     """With the views that each depth is worth (`worth`) in place of those that agree; without what is rather wrong.
 
-    `maps` is empty afterwards: both at once would take memory.
+    Args:
+        maps: frame name -> (H, W) depth and (H, W) views that agree, at the cameras' size; empty afterwards, since both
+            at once would take memory.
     """
     settings = photos.settings
     names = [frame.name for frame in photos.frames]

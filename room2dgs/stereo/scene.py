@@ -16,6 +16,7 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
 from room2dgs.config import StereoConfig
+from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.stereo.dense import COARSEST_WIDTH, DenseView, Options, Sight, dense_views
@@ -24,6 +25,7 @@ from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked
 from room2dgs.stereo.second_look import second_look
 
 LOG_SECONDS = 10.0
+MOST_PIXELS = 15_000_000  # of a photo: the kernels index theirs, which have a border, with floats
 UNKNOWN = np.zeros((1, 1), np.float32)  # depth of a view that has none
 
 
@@ -64,7 +66,7 @@ def scene_stereo(
         it is asked for.
 
     Raises:
-        InputError: a photo cannot be decoded.
+        InputError: a photo cannot be decoded, or is too large.
     """
     cameras, photos, sights, options, matching = _prepared([*frames, *beside], points, settings, device)
     views = dense_views(photos, cameras, sights, points.xyz, options, matching, _progress(log), wanted=len(frames))
@@ -86,7 +88,7 @@ def scene_second_look(
         start: frame name -> z-depth in metres, 0 = unknown; frames may have none. Others: as in `scene_stereo`.
 
     Raises:
-        InputError: a photo cannot be decoded.
+        InputError: a photo cannot be decoded, or is too large.
     """
     cameras, photos, sights, options, matching = _prepared([*frames, *beside], points, settings, device)
     views = PackedWhenAsked(photos, cameras, build_of(device))
@@ -98,6 +100,12 @@ def scene_second_look(
 
 def _prepared(frames: Sequence[Frame], points: PointCloud, settings: StereoConfig, device: str) -> Prepared:
     cameras = [_camera(frame.camera, settings.width) for frame in frames]
+    for frame, camera in zip(frames, cameras, strict=True):
+        if camera.width * camera.height > MOST_PIXELS:
+            raise InputError(
+                f"stereo would compare {frame.color_path} at {camera.width}x{camera.height} pixels, which are "
+                "too many; give it smaller photos, such as stereo.width=1600"
+            )
     photos = [grey(frame, camera) for frame, camera in zip(frames, cameras, strict=True)]
     sights = [_sight(frame, camera, points) for frame, camera in zip(frames, cameras, strict=True)]
     options = Options(

@@ -12,6 +12,7 @@ from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.config import StereoConfig, load_config
+from room2dgs.errors import InputError
 from room2dgs.stereo.scene import scene_second_look, scene_stereo
 
 HIDDEN = 40  # columns at the first view's left
@@ -58,3 +59,9 @@ def test_what_a_mask_hides_has_no_depth_and_nobody_agrees_with_it(frames, points
     assert not depth[:, :HIDDEN].any() and not agreeing[:, :HIDDEN].any()
     assert np.mean(depth[:, HIDDEN:] > 0) > 0.5 and (agreeing[depth > 0] >= 2).all()
     assert np.mean(open_depth[:, :HIDDEN] > 0) > 0.2
+
+
+def test_a_photo_that_is_too_large_for_the_kernels_is_bad_input(frames, points, settings):
+    large = [replace(frame, camera=frame.camera.resized(6000, 4000)) for frame in frames]
+    with pytest.raises(InputError, match=r"0\.png at 6000x4000 pixels.*stereo\.width=1600"):
+        scene_stereo(large, points, settings)

@@ -51,8 +51,9 @@ def expected_relative_error(
         others: what ten other views say of it.
         through: (h, w) share of all other views' word that there is nothing (`free_space.seen_through`).
     """
-    off = (np.abs(anchor / np.maximum(completed, 1e-6) - 1) > OFF) & (anchor > 0)
-    around = [cv2.GaussianBlur(part.astype(np.float32), (0, 0), REACH) for part in (trust * (anchor > 0), trust * off)]
+    known = (anchor > 0) & (completed > 0)  # an anchor in a hole of the prior tells nothing of what is around
+    off = known & (np.abs(anchor / np.maximum(completed, 1e-6) - 1) > OFF)
+    around = [cv2.GaussianBlur(part.astype(np.float32), (0, 0), REACH) for part in (trust * known, trust * off)]
     share = around[1] / np.maximum(around[0], 1e-6)
     held = np.clip(around[0] / ENOUGH, 0, 1)
     column = np.digitize(others.count, COUNTS)

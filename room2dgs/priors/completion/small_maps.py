@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
@@ -73,9 +74,11 @@ def small_maps(
     prior, _ = resize_depth(depth, depth > 0, camera)  # the nearest pixel's is half a pixel off, in all to one side
     weight = np.ones(prior.shape, np.float32) if sure is None else _small(sure, camera)
     weight = weight / np.float32(1 + (misfit / HALF_MISFIT) ** 4)
-    slopes, tie = prior_slopes(prior), np.ones(prior.shape)
+    tie = np.ones(prior.shape)
     unit = np.zeros((*prior.shape, 3), np.float32)
-    if normal is not None:
+    if normal is None:
+        slopes = prior_slopes(prior)
+    else:
         unit = _small(normal, camera)
         length = np.linalg.norm(unit, axis=-1, keepdims=True)
         unit = np.where(length > 0.5, unit / np.maximum(length, 1e-6), 0)
@@ -88,6 +91,20 @@ def small_maps(
     return SmallMaps(
         camera, *map(one, (photo / 255, unit, anchor, trust, prior, weight)), pair(slopes), one(tie), pair(edges)
     )
+
+
+def enlarged(values: np.ndarray, known: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """(H, W) float32 map at a larger size, interpolated; what is not known is taken from the nearest pixel that is.
+
+    Args:
+        values: (h, w) float32.
+        known: (h, w) bool.
+        shape: (H, W).
+    """
+    if known.any() and not known.all():
+        rows, columns = distance_transform_edt(~known, return_distances=False, return_indices=True)
+        values = values[rows, columns]
+    return cv2.resize(values, shape[::-1], interpolation=cv2.INTER_LINEAR)
 
 
 def _single(values: np.ndarray) -> np.ndarray:

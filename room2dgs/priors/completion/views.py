@@ -31,7 +31,7 @@ from room2dgs.priors.completion.places import placed
 from room2dgs.priors.completion.planes import Plane, Samples, find_planes
 from room2dgs.priors.completion.reconciled import on_their_planes, with_neighbours
 from room2dgs.priors.completion.relief import LEAST_TRUST, Anchors, with_reliefs
-from room2dgs.priors.completion.small_maps import Completed, SmallMaps, moved, small_maps
+from room2dgs.priors.completion.small_maps import Completed, SmallMaps, enlarged, moved, small_maps
 from room2dgs.priors.completion.solve import System, solved, system
 from room2dgs.priors.files import resize_depth
 from room2dgs.side_by_side import side_by_side
@@ -142,7 +142,7 @@ def complete_views(
         depth = depths[frame.name]
         large = partial(cv2.resize, dsize=depth.shape[::-1], interpolation=cv2.INTER_LINEAR)
         sure = large(confidence(error))
-        full = (depth * np.exp(large(part.log_scale))).astype(np.float32)
+        full = (depth * np.exp(enlarged(part.log_scale, part.depth > 0, depth.shape))).astype(np.float32)
         if frame.name in stereo:
             full = _with_fine(full, large(error.astype(np.float32)), *stereo[frame.name], frame.camera)
         return median, full, np.where(full > 0, sure, 0).astype(np.float32)

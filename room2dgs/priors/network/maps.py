@@ -121,7 +121,7 @@ def _fill(
     frames: Sequence[Frame], kinds: Sequence[str], config: PriorConfig, model: ModelFile, log: Log, stop: Event
 ) -> None:
     """Make the maps of some photos; the first kind is missing for all of them."""
-    at_once, threads = photos_at_once(model.path, config)
+    at_once, threads = photos_at_once(model, config)
     networks: list[Network] = []
     for kind in kinds:
         session = networks[0].session if networks else None
@@ -162,13 +162,13 @@ def _fill(
     )
 
 
-def photos_at_once(model: Path, config: PriorConfig) -> tuple[int, int]:
+def photos_at_once(model: ModelFile, config: PriorConfig) -> tuple[int, int]:
     """How many photos a network looks at side by side on the CPU, and with how many threads each.
 
     Small networks gain little from a second thread, large ones need their memory for one photo.
     """
     threads = config.threads or available_cores()
-    small = model.stat().st_size < LARGE_MB * 1e6 and not runs_on_gpu(config.provider)
+    small = model.bytes < LARGE_MB * 1e6 and not runs_on_gpu(config.provider)
     at_once = min(threads, MOST_AT_ONCE) if small else 1
     return at_once, threads // at_once
 
@@ -197,7 +197,8 @@ def _photo(frame: Frame) -> tuple[np.ndarray, Camera]:
 
 def _paths(frames: Sequence[Frame], kind: str, config: PriorConfig, model: ModelFile) -> dict[str, Path]:
     folder, settings = Path(config.cache or "") / kind, getattr(config, kind).onnx
-    return {frame.name: folder / f"{frame.name}-{_key(frame, kind, model, settings)}{SUFFIX}" for frame in frames}
+    gpu = runs_on_gpu(config.provider)
+    return {frame.name: folder / f"{frame.name}-{_key(frame, kind, model, settings, gpu)}{SUFFIX}" for frame in frames}
 
 
 def _shape(frame: Frame, kind: str) -> tuple[int, ...]:
@@ -205,11 +206,11 @@ def _shape(frame: Frame, kind: str) -> tuple[int, ...]:
     return (*size, 3) if kind == "normal" else size
 
 
-def _key(frame: Frame, kind: str, model: ModelFile, settings: OnnxConfig) -> str:
+def _key(frame: Frame, kind: str, model: ModelFile, settings: OnnxConfig, gpu: bool) -> str:
     """Sixteen hex digits that stand for all that a map depends on."""
     matters = {name: value for name, value in dataclasses.asdict(settings).items() if name not in _OUTSIDE}
     sees_focal = settings.intrinsics or settings.canonical_focal_px is not None
     K = frame.camera.K.tolist() if sees_focal else None
     photo = frame.digest().hex()
-    known = [FORMAT, kind, model.digest, matters, photo, _shape(frame, kind), K]
+    known = [FORMAT, kind, model.digest, matters, photo, _shape(frame, kind), K, *(["gpu"] if gpu else [])]
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:16]

@@ -36,10 +36,12 @@ class ModelFile(NamedTuple):
     Attributes:
         path: of the .onnx file.
         digest: SHA-256 over the bytes of the file and of all that it names, hexadecimal.
+        bytes: of all of them.
     """
 
     path: Path
     digest: str
+    bytes: int
 
 
 def read_model(path: Path, sha256: str | None = None) -> ModelFile:
@@ -65,11 +67,13 @@ def read_model(path: Path, sha256: str | None = None) -> ModelFile:
                 raise InputError(f"{path} needs {file} beside it, which is not there; get both from the same place")
         own = _sha256(path)
         digests = [own, *(_sha256(file) for file in weights)]
+        size = sum(file.stat().st_size for file in (path, *weights))
     except OSError as error:
         raise InputError(f"{error.filename or path} cannot be read ({error.strerror})") from error
     if sha256 is not None and own != sha256.lower():
         raise InputError(f"{path} has the SHA-256 {own}, not {sha256.lower()}; it is another file or is damaged")
-    return ModelFile(path, own if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest())
+    digest = own if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
+    return ModelFile(path, digest, size)
 
 
 def external_locations(path: Path) -> list[str]:

@@ -188,6 +188,19 @@ def test_more_agreeing_views_and_no_contradiction_are_trusted_more():
     assert sure_of(1.0, said(5), through=0.8) < 0.2
 
 
+def test_anchors_where_there_is_no_depth_tell_nothing_of_what_is_around():
+    """A hole of the prior, in which stereo has depth."""
+    depth, anchor = np.full((20, 20), 2.0), np.zeros((20, 20))
+    depth[:, 10:] = 0
+    anchor[:, :8] = 2.0
+    holed = anchor + 2.0 * (depth == 0)
+    one, other = (
+        expected_relative_error(depth, some, np.ones((20, 20)), said(5), np.zeros((20, 20)))[:, :10]
+        for some in (anchor, holed)
+    )
+    np.testing.assert_array_equal(one, other)
+
+
 def test_views_that_look_through_a_depth_count_against_it_and_views_that_cannot_see_it_hardly():
     assert sure_of(1.0, said(2)) - sure_of(1.0, said(2, through=2)) > 0.6
     assert sure_of(1.0, said(7)) > sure_of(1.0, said(7, through=2)) > sure_of(1.0, said(2, through=2)) + 0.1

@@ -9,7 +9,7 @@ import pytest
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.geometry.camera import Camera
-from room2dgs.priors.completion.small_maps import small_maps
+from room2dgs.priors.completion.small_maps import enlarged, small_maps
 from room2dgs.stereo.anchors import with_stereo
 
 NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
@@ -38,3 +38,17 @@ def test_prior_and_stereo_are_those_of_the_pixels_centres(tmp_path, width):
     assert inside.mean() > 0.4 and maps.camera.width == 160
     for found in (maps.anchor, maps.prior):
         np.testing.assert_allclose(found[inside], exact[inside], rtol=1e-3)
+
+
+def test_a_map_is_enlarged_up_to_its_holes_without_them():
+    values, known = np.full((12, 16), 0.1, np.float32), np.ones((12, 16), bool)
+    known[3:6, 8:] = False
+    values[~known] = 0
+    np.testing.assert_allclose(enlarged(values, known, (48, 64)), 0.1, rtol=1e-6)
+    assert (enlarged(np.zeros((12, 16), np.float32), np.zeros((12, 16), bool), (48, 64)) == 0).all()
+
+
+def test_a_whole_map_is_interpolated():
+    ramp = np.arange(16, dtype=np.float32)[None].repeat(12, axis=0)
+    found = enlarged(ramp, np.ones((12, 16), bool), (24, 32))
+    np.testing.assert_allclose(np.diff(found[:, 1:-1], axis=1), 0.5, rtol=1e-6)

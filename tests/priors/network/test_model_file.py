@@ -51,6 +51,7 @@ def test_weights_apart_are_found_and_belong_to_the_digest(scaled):
     for name in ("b.bin", "sub/a.bin"):
         (apart.parent / name).write_bytes(bytes(12))
     before = read_model(apart).digest
+    assert read_model(apart).bytes == apart.stat().st_size + 24
     (apart.parent / "sub" / "a.bin").write_bytes(bytes(11) + b"x")
     assert read_model(apart).digest != before
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ from room2dgs.errors import InputError
 from room2dgs.priors import load_priors
 from room2dgs.priors.network.map_cache import read_array
 from room2dgs.priors.network.maps import photos_at_once, predicted_maps, read_models
+from room2dgs.priors.network.model_file import ModelFile
 
 DISPARITY = 200.0  # of 8-bit photos: grey level = DISPARITY / depth
 
@@ -83,10 +85,8 @@ def test_a_second_run_opens_no_model_and_gives_the_same_bits(room, photos, grey,
         (16, 1, "cuda", (1, 16)),
     ],
 )
-def test_small_networks_look_at_photos_side_by_side(depth_config, tmp_path, threads, megabytes, provider, expected):
-    model = tmp_path / "a.onnx"
-    with model.open("wb") as file:
-        file.truncate(megabytes * 10**6)
+def test_small_networks_look_at_photos_side_by_side(depth_config, threads, megabytes, provider, expected):
+    model = ModelFile(Path("a.onnx"), "0", megabytes * 10**6)
     assert photos_at_once(model, replace(depth_config(), threads=threads, provider=provider)) == expected
 
 
@@ -123,8 +123,6 @@ def test_only_what_changed_is_computed_again(room, photos, grey, depth_config, d
 
 
 def test_another_working_size_has_maps_of_its_own(room, photos, grey, depth_config):
-    from dataclasses import replace
-
     frames = photos(grey)
     maps(frames, depth_config())
     small = [replace(frame, camera=frame.camera.resized(40, 30)) for frame in frames]
@@ -274,8 +272,6 @@ def test_a_kind_of_prior_can_be_chosen_alone_and_on_an_earlier_run(tmp_path):
 
 
 def test_the_photo_is_seen_at_its_full_size(room, photos, grey, depth_config):
-    from dataclasses import replace
-
     frames = photos(grey)
     fine = cv2.resize(grey[0], (160, 120), interpolation=cv2.INTER_NEAREST)
     fine[::2] = 0
