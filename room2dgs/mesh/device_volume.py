@@ -17,7 +17,7 @@ from torch import Tensor
 from room2dgs.block_code import Build, build_of
 from room2dgs.config import MeshConfig
 from room2dgs.mesh.marching import extracted
-from room2dgs.mesh.tsdf import STEPS, STRIDE, camera_in_volume, local_from_cam, photo_as_floats, start_of
+from room2dgs.mesh.tsdf import STEPS, STRIDE, camera_in_volume, closer, local_from_cam, photo_as_floats, start_of
 from room2dgs.mesh.views import FusedView
 from room2dgs.mesh.voxel_table import BLOCK, NUMBERS, VoxelTable, coordinates
 from room2dgs.train.device import torch_device, upload
@@ -88,6 +88,12 @@ def touched(
     build: Build,
 ) -> Tensor:
     """(M,) int64 keys of the blocks that `tsdf.touched` finds, rising, none twice."""
+    times = closer(float(depth.max()) if depth.numel() else 0.0, K, BLOCK * voxel_m)
+    if times > 1:
+        depth, normal = (
+            part.repeat_interleave(times, 0).repeat_interleave(times, 1).contiguous() for part in (depth, normal)
+        )
+        K = K * [[times], [times], [1]]
     height, width = depth.shape
     found = torch.empty((height // STRIDE) * (width // STRIDE), STEPS, dtype=torch.int64, device=depth.device)
     pose, side = local_from_cam(cam_from_local), BLOCK * voxel_m

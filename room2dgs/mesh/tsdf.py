@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 # pixels between those that say which blocks are near, and points at each, as the kernel has them
 STRIDE, STEPS = 2, 4
+APART = 0.8  # of a block's side: how far apart the points may be that say which blocks are near
 
 
 def integrate(views: Iterable[FusedView], config: MeshConfig) -> trimesh.Trimesh:
@@ -73,6 +75,12 @@ def local_from_cam(cam_from_local: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.concatenate([rotation.T, -rotation.T @ translation], axis=1))
 
 
+def closer(farthest_m: float, K: np.ndarray, side_m: float) -> int:
+    """How many times as many pixels a side `touched` needs: with small blocks, a photo's would jump over some."""
+    apart = STRIDE * farthest_m / min(K[0, 0], K[1, 1])
+    return max(1, math.ceil(apart / (APART * side_m)))
+
+
 def touched(
     depth: np.ndarray,
     normal: np.ndarray,
@@ -88,6 +96,10 @@ def touched(
         normal: (H, W, 3) float32, world frame, towards the camera, 0 = unknown.
         cam_from_local: (4, 4) from the volume's frame.
     """
+    times = closer(float(depth.max(initial=0.0)), K, BLOCK * voxel_m)
+    if times > 1:
+        depth, normal = (part.repeat(times, axis=0).repeat(times, axis=1) for part in (depth, normal))
+        K = K * [[times], [times], [1]]
     height, width = depth.shape
     keys = np.empty((height // STRIDE * (width // STRIDE), STEPS), np.int64)
     _C.touched_blocks(depth, normal, K, local_from_cam(cam_from_local), BLOCK * voxel_m, truncation_m, keys)

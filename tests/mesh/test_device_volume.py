@@ -66,7 +66,30 @@ def blocks_across(view: FusedView, origin: np.ndarray, voxel: float, reach: floa
     return {*map(tuple, np.floor((points.reshape(-1, 3) + shift) / (8 * voxel)).astype(int))}
 
 
-@pytest.mark.parametrize("voxel", [0.005, 0.02, 0.11])
+@pytest.mark.parametrize("voxel", [0.002, 0.005, 0.02])
+@pytest.mark.parametrize("truncation", [1, 8])
+def test_no_block_of_a_wall_is_jumped_over(voxel, truncation):
+    """Also where pixels are farther apart than blocks, and the truncation is as wide as one."""
+    camera = replace(views(1)[0].camera, cam_from_world=np.eye(4))
+    z = 3.0 + 3.5 * voxel
+    depth = np.full((camera.height, camera.width), z, np.float32)
+    normal = np.zeros((*depth.shape, 3), np.float32)
+    normal[..., 2] = -1
+    keys = tsdf.touched(depth, normal, camera.K, np.eye(4), voxel, truncation * voxel)
+    found = {*map(tuple, block_coordinates(keys))}
+    corners = np.array([[3.0, 3.0], np.array(camera.size) - 3.0])
+    low, high = camera.unproject(corners, np.array([z, z]))
+    across, down = (np.arange(*np.floor([low[k], high[k]] / np.array(8 * voxel)).astype(int)) for k in (0, 1))
+    depths = np.unique(np.floor((z + np.array([-truncation, 0, truncation]) * voxel) / (8 * voxel)).astype(int))
+    wanted = {(x, y, k) for x in across for y in down for k in depths}
+    assert len(wanted) > 50 and wanted <= found
+    on_device = device_volume.touched(
+        *map(torch.from_numpy, (depth, normal)), camera.K, np.eye(4), voxel, truncation * voxel, PLAIN
+    )
+    assert on_device.tolist() == keys.tolist()
+
+
+@pytest.mark.parametrize("voxel", [0.02, 0.11])
 def test_blocks_lie_across_the_surface(voxel):
     reach = 5 * voxel
     shifts = 1e-5 * np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # float32 on a border

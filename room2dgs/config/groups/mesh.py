@@ -24,7 +24,7 @@ class MeshConfig:
     space: Literal["bounded", "contracted"] = Field(
         description="bounded | contracted: outside the room voxels grow with the distance"
     )
-    truncation_voxels: Float = Field(ge=1, le=20, description="truncation distance of the TSDF, in voxels")
+    truncation_voxels: Float = Field(ge=1, le=8, description="truncation distance of the TSDF, in voxels")
     depth: Literal["smooth", "median", "expected"] = Field(
         description="smooth (expected where that is within 1 % of the median, else median) | median | expected"
     )
