@@ -72,8 +72,8 @@ def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trim
     else:
         filled = watertight(mesh, config.voxel_m)  # cleaning would tear it open where it was pressed flat
     before, after = ((np.asarray(one.vertices), np.asarray(one.faces)) for one in (mesh, filled))
-    added, whole = area_m2(*after) - area_m2(*before), is_closed(after[1], len(after[0]))
-    closed = ", closed" if whole else ", not closed everywhere" if config.fill == "watertight" else ""
+    added = area_m2(*after) - area_m2(*before)
+    closed = ", closed" if _closed(filled) else ", not closed everywhere" if config.fill == "watertight" else ""
     log(f"mesh: mesh.fill={config.fill} added {added:.2f} m2, {len(filled.faces):,} faces{closed}")
     return filled
 
@@ -84,6 +84,13 @@ def _few(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh
     if config.max_error_m is None:
         return mesh
     found = few_faces(mesh, config.max_error_m)
+    if config.fill == "watertight" and _closed(mesh) and not _closed(found.mesh):
+        log("mesh: all faces stay: with fewer it would not be closed (mesh.fill=watertight)")
+        return mesh
     if found.mesh is not mesh:
         log(f"mesh: {len(found.mesh.faces):,} faces are enough (mesh.max_error_m): {found.sentence}")
     return found.mesh
+
+
+def _closed(mesh: trimesh.Trimesh) -> bool:
+    return is_closed(np.asarray(mesh.faces), len(mesh.vertices))

@@ -10,6 +10,9 @@ import trimesh
 
 from room2dgs.config import load_config
 from room2dgs.mesh import fuse as fusion
+from room2dgs.mesh.clean import clean
+from room2dgs.mesh.edges import is_closed
+from room2dgs.mesh.finish import finished
 
 
 @pytest.mark.parametrize(("fill", "closed"), [("none", False), ("holes", True), ("watertight", True)])
@@ -41,3 +44,19 @@ def test_by_default_cracks_are_closed_and_what_nobody_saw_stays_open(monkeypatch
     rims = mesh.vertices[edges[count == 1]]
     assert crack.any() and len(rims) and (rims[..., 2] < 0).all()
     assert np.hypot(rims[..., 0], rims[..., 1]).max() < 0.25
+
+
+def test_a_room_without_ceiling_stays_closed_whatever_max_error_m_asks_for():
+    """What is pressed flat above has faces without area, which fewer faces would tear open."""
+    rng = np.random.default_rng(0)
+    room = trimesh.creation.box((4.0, 3.0, 2.4)).subdivide_to_size(0.1)
+    middles = room.triangles_center
+    seen = (middles[:, 2] < 1.19) & ~((middles[:, 0] > 1.99) & (np.abs(middles[:, 1]) < 0.5))
+    open_room = trimesh.Trimesh(room.vertices, room.faces[seen][:, ::-1], process=False)
+    open_room = clean(open_room)
+    open_room.vertices = np.asarray(open_room.vertices) + rng.normal(0, 0.006, open_room.vertices.shape)
+    said: list[str] = []
+    config = replace(load_config(["scene.path=a", "out=b"]).mesh, fill="watertight", voxel_m=0.05, smoothing_steps=0)
+    mesh = finished(open_room, config, said.append)
+    assert any("faces, closed" in line for line in said)
+    assert is_closed(np.asarray(mesh.faces), len(mesh.vertices))
