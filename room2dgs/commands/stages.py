@@ -44,6 +44,9 @@ def refined(
 ) -> Scene:
     """The capture with the poses that a new or resumed run works with; out/poses.json keeps them.
 
+    A run that has a checkpoint goes on with its poses. Before that, other frames or settings may be asked for; what has
+    stayed the same is in the cache of points.
+
     Args:
         with_priors: networks make their maps meanwhile, since matching of photos leaves cores free.
 
@@ -55,12 +58,14 @@ def refined(
     from room2dgs.sfm.refinement import refined_poses
 
     told(scene, out, log)
-    if (out / POSES).exists() or any((out / CHECKPOINTS).glob("*")):
+    if any((out / CHECKPOINTS).glob("*")):
         return with_poses_of_run(scene, out)
+    known = (out / POSES).exists()
     cache = Path(config.points.cache or out / POINTS)
     prior = with_map_cache(config, out).prior
     ahead = maps_ahead(scene.keyframes, prior, log) if with_priors else nullcontext(lambda: None)
-    with timed(seconds, "poses"), ahead as begin:
+    # what was found before took its time then
+    with nullcontext() if known else timed(seconds, "poses"), ahead as begin:
         found, report = refined_poses(scene, config.sfm, config.points, cache, log, extracted=begin)
     write_poses(out / POSES, scene, found, report)
     record(out, {"poses": report}, seconds)

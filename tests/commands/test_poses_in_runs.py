@@ -105,6 +105,23 @@ def test_a_run_resumes_only_with_the_same_way_to_its_poses(run_copy, capsys):
     assert "was trained with sfm.refine_poses=auto" in capsys.readouterr().err
 
 
+def test_before_training_a_run_resumes_with_the_poses_that_its_settings_ask_for(finished, run_copy):
+    """poses.json of other settings, or of other frames, is no longer this run's."""
+    shutil.rmtree(run_copy / "checkpoints")
+    for name in ("surfels.safetensors", "mesh.ply"):
+        (run_copy / name).unlink()
+    shorter = ["train.iterations=1", "train.checkpoint_every=1"]
+    lines = len((run_copy / "log.txt").read_text().splitlines())
+    assert cli.main(["run", f"out={run_copy}", "resume=true", *shorter]) == 0
+    assert (run_copy / "poses.json").read_bytes() == (finished / "poses.json").read_bytes()
+    said = "\n".join((run_copy / "log.txt").read_text().splitlines()[lines:])
+    assert "matching" not in said  # what has stayed the same is not done again
+    assert metrics_of(run_copy)["seconds"]["poses"] == metrics_of(finished)["seconds"]["poses"]
+    shutil.rmtree(run_copy / "checkpoints")
+    assert cli.main(["run", f"out={run_copy}", "resume=true", "sfm.refine_poses=false", *shorter]) == 0
+    assert not json.loads((run_copy / "poses.json").read_text())["report"]["refined"]
+
+
 def test_other_given_poses_are_refused(shaken, run_copy, tmp_path, capsys):
     capture = shutil.copytree(shaken, tmp_path / "capture")
     pose = np.loadtxt(capture / "pose/2.txt")
