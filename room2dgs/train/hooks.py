@@ -23,7 +23,7 @@ class Neighbours(Hook):
         self._views = NeighbourViews(trainer.views, trainer.config)
 
     def load(self, trainer: Trainer, state: dict[str, Tensor]) -> None:
-        self._views.load(state, trainer.model.iteration)
+        self._views.load(state)
 
     def before_iteration(self, trainer: Trainer, iteration: Iteration) -> None:
         iteration.pair = self._views.pair(iteration.number, iteration.view_index)

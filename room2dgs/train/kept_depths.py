@@ -10,6 +10,7 @@ from room2dgs.captures.cache import Cache
 from room2dgs.captures.packed_maps import pack_depth, unpack_depth
 
 STEP = 2  # every other row and column is kept
+FRACTION = "fraction"  # of the photos' size, in a checkpoint
 MIN_ALPHA = 0.5  # pixels less covered have no depth
 
 
@@ -51,14 +52,16 @@ class KeptDepths:
         return torch.from_numpy(np.divide(1, depth, out=np.zeros_like(depth), where=depth > 0))
 
     def state(self) -> dict[str, Tensor]:
-        """All that is kept, for a checkpoint: the 16 bits as int16."""
-        return {str(index): torch.from_numpy(self._codes(index).view(np.int16)) for index in sorted(self._known)}
+        """All that is kept, for a checkpoint: the 16 bits as int16; the images' size."""
+        codes = {str(index): torch.from_numpy(self._codes(index).view(np.int16)) for index in sorted(self._known)}
+        return _with_size(codes, self._fraction)
 
-    def load(self, state: dict[str, Tensor], fraction: float) -> None:
-        """The way back from `state`; `fraction` is that of the last `keep`."""
+    def load(self, state: dict[str, Tensor]) -> None:
+        """The way back from `state`."""
+        fraction, codes_of = _opened(state)
         self._forget(fraction)
-        for index, codes in state.items():
-            self._put(int(index), codes.numpy().view(np.uint16))
+        for index, codes in codes_of.items():
+            self._put(index, codes.numpy().view(np.uint16))
 
     def _codes(self, index: int) -> np.ndarray:
         return self._cache.get((self._mine, index))[0]
@@ -96,10 +99,22 @@ class DeviceDepths:
         return self._kept[index] if self.has(index, fraction) else None
 
     def state(self) -> dict[str, Tensor]:
-        """All that is kept, for a checkpoint."""
-        return {str(index): self._kept[index] for index in sorted(self._kept)}
+        """See `KeptDepths`."""
+        kept = {str(index): self._kept[index] for index in sorted(self._kept)}
+        return _with_size(kept, self._fraction)
 
-    def load(self, state: dict[str, Tensor], fraction: float) -> None:
-        """The way back from `state`; `fraction` is that of the last `keep`."""
-        self._fraction = fraction
-        self._kept = {int(index): values.to(self._device) for index, values in state.items()}
+    def load(self, state: dict[str, Tensor]) -> None:
+        """See `KeptDepths`."""
+        self._fraction, kept = _opened(state)
+        self._kept = {index: values.to(self._device) for index, values in kept.items()}
+
+
+def _with_size(kept: dict[str, Tensor], fraction: float) -> dict[str, Tensor]:
+    return {**kept, FRACTION: torch.tensor(fraction, dtype=torch.float64)} if kept else {}
+
+
+def _opened(state: dict[str, Tensor]) -> tuple[float, dict[int, Tensor]]:
+    """The images' size and depths by view; none of a checkpoint that is older than its size."""
+    if FRACTION not in state:
+        return 1.0, {}
+    return float(state[FRACTION]), {int(name): values for name, values in state.items() if name != FRACTION}

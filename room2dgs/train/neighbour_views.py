@@ -84,9 +84,9 @@ class NeighbourViews:
         """The kept depths, for a checkpoint."""
         return self._depths.state()
 
-    def load(self, state: dict[str, Tensor], done: int) -> None:
-        """The way back from `state` after `done` iterations."""
-        self._depths.load(state, self._fraction_of(done - 1))
+    def load(self, state: dict[str, Tensor]) -> None:
+        """The way back from `state`."""
+        self._depths.load(state)
 
     def _neighbours(self, index: int) -> np.ndarray:
         if self._lists is None:

@@ -83,7 +83,7 @@ def test_depths_are_kept_inverse_at_every_other_pixel_and_for_one_size_only():
     assert depths.get(1, 0.5).tolist() == [[0, 0, 0], [0, 0, 0]]
     assert depths.get(4, 0.5) is None and depths.get(4, 1.0) is None
     again = KeptDepths()
-    again.load(depths.state(), 0.5)
+    again.load(depths.state())
     assert torch.equal(again.get(1, 0.5), depths.get(1, 0.5)) and again.get(1, 1.0) is None
 
 

@@ -59,7 +59,7 @@ class TrainConfig:
         "may become transparent"
     )
     resolutions: list[ResolutionConfig] = Field(description="coarse to fine; after the last: full size ([]: always)")
-    coarsest_px: Int = Field(ge=1, description="resolutions make no photo narrower than this, and enlarge none")
+    coarsest_px: Int = Field(ge=1, description="resolutions leave the widest photo this width, and enlarge none")
     log_every: Int = Field(ge=1, description="iterations between two log lines")
     test_every: Int = Field(ge=0, description="iterations between two evaluations of the held-out views (0: none)")
     checkpoint_every: Int = Field(ge=1, description="iterations between two checkpoints")
