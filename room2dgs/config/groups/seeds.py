@@ -19,7 +19,7 @@ class SeedsConfig:
     )
     voxel_m: Float = Field(ge=1e-4, le=10, description="delta")
     depth_voxel_m: Float = Field(
-        ge=1e-3, le=10, description="sfm+depth: one seed a cell where views agree on the depth prior and no point is"
+        ge=1e-3, le=10, description="sfm+depth: one seed a cell where the depth prior is trusted enough and no point is"
     )
     per_seed: Int = Field(ge=1, le=64, description="k surfels a seed")
     neighbours: Int = Field(ge=3, le=256, description="points for the local normal and scale")
