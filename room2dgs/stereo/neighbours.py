@@ -67,7 +67,7 @@ def _of_view(
         return candidates
     use = np.concatenate(
         [
-            _use(centres[view], centres[candidates], xyz[points]) * sees[candidates][:, points],
+            _use(centres[view], centres[candidates], xyz[points]) * sees[np.ix_(candidates, points)],
             # without common points a view at a usual distance that looks the same way is as good a guess as any
             1e-3
             * (cosine[candidates] - 0.7)[:, None]

@@ -12,6 +12,11 @@ import numpy as np
 from room2dgs.geometry.camera import Camera
 
 
+def inverse_of(depth: np.ndarray) -> np.ndarray:
+    """Inverse depth of metres, float32; 0 = unknown in both."""
+    return np.divide(1, depth, out=np.zeros(depth.shape, np.float32), where=depth > 0)
+
+
 def plane_normals(planes: np.ndarray, camera: Camera) -> np.ndarray:
     """Normals of the planes.
 

@@ -72,7 +72,7 @@ def second_look(
             first_draw=FIRST_DRAW,
             thrifty=True,
         )
-        cost, _ = Search(view, others, matching, (0.1, 100.0), 0).costs(planes)
+        cost, _ = search.costs(planes)
         found.append(planes[0].copy())
         alike.append(cost < options.max_cost)
         for other in near:

@@ -13,6 +13,7 @@ import numpy as np
 
 from room2dgs.geometry.camera import Camera
 from room2dgs.stereo.agreement import agreement
+from room2dgs.stereo.planes import inverse_of
 
 Seen = tuple[Camera, np.ndarray]  # a view and its (H, W) depth, metres, 0 = none
 # Log odds that a depth is more than 5 cm off, by how many views agree alone: ALONE[0] - ALONE[1] * views
@@ -46,8 +47,8 @@ def evidence(
 ) -> tuple[np.ndarray, ...]:
     """What `TOGETHER` weighs, (H, W) each; args as of `worth`."""
     camera, depth = view
-    inverse = _inverse(depth)
-    said = agreement(camera, inverse, [(other, _inverse(theirs)) for other, theirs in others], max_px, max_relative)
+    inverse = inverse_of(depth)
+    said = agreement(camera, inverse, [(other, inverse_of(theirs)) for other, theirs in others], max_px, max_relative)
     return agreeing, said.through, said.hidden, *_around(inverse)
 
 
@@ -69,7 +70,3 @@ def _around(inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             inside += beside >= 0
             known += beside > 0
     return same / np.maximum(pairs, 1), known / np.maximum(inside, 1)
-
-
-def _inverse(depth: np.ndarray) -> np.ndarray:
-    return np.divide(1, depth, out=np.zeros(depth.shape, np.float32), where=depth > 0)

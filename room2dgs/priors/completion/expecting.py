@@ -11,6 +11,7 @@ from room2dgs.priors.completion.expected_error import expected_relative_error
 from room2dgs.priors.completion.free_space import FreeSpace, seen_through
 from room2dgs.priors.completion.small_maps import Completed
 from room2dgs.stereo.agreement import Agreement, agreement
+from room2dgs.stereo.planes import inverse_of
 
 MAX_PX, MAX_RELATIVE = 2.0, 0.03
 MOVED = 0.5  # of what other views moved a depth by, relatively, it is expected to be off
@@ -41,14 +42,10 @@ def expecting(
 
 def asking(alone: Sequence[Completed], near: Sequence[Sequence[int]]) -> Callable[[int, np.ndarray], Agreement]:
     """What says how the others agree with a view's (h, w) depth; each counts by what it found by itself."""
-    inverse = [_inverse(part.depth) for part in alone]
+    inverse = [inverse_of(part.depth) for part in alone]
 
     def asked(view: int, depth: np.ndarray) -> Agreement:
         beside = [(alone[other].camera, inverse[other]) for other in near[view][:ASKED]]
-        return agreement(alone[view].camera, _inverse(depth), beside, MAX_PX, MAX_RELATIVE)
+        return agreement(alone[view].camera, inverse_of(depth), beside, MAX_PX, MAX_RELATIVE)
 
     return asked
-
-
-def _inverse(depth: np.ndarray) -> np.ndarray:
-    return np.divide(1, depth, out=np.zeros_like(depth), where=depth > 0)
