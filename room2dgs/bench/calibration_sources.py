@@ -34,7 +34,7 @@ from room2dgs.sfm.sparse import sparse_points
 from room2dgs.splat import set_threads
 from room2dgs.stereo.anchors import StereoPoints, stereo_points, with_stereo
 from room2dgs.stereo.dense import DenseView
-from room2dgs.stereo.looks import Compared, FirstLook, weighed
+from room2dgs.stereo.looks import Compared, FirstLook, weigh
 from room2dgs.stereo.scene import scene_stereo
 
 ON_PLANE = 0.5  # trust in a plane from which on a pixel is counted as the plane's
@@ -82,8 +82,8 @@ def _sources(scene: Scene, config: Config, cache: Path, log: Log) -> Iterator[tu
     prior = replace(config.prior, cache=config.prior.cache or str(cache / "maps"))
     cameras, found = scene_stereo(frames, points, config.stereo, log, config.render.device)
     views = list(found)
-    shown = {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
-    shown = weighed(Compared(frames, (), points, config.stereo, log, config.render.device), cameras, shown)
+    shown = {frame.name: (view.depth.copy(), view.agreeing) for frame, view in zip(frames, views, strict=True)}
+    weigh(Compared(frames, (), points, config.stereo, log, config.render.device), cameras, shown)
 
     def compare(first: FirstLook | None) -> StereoPoints:
         looks = prior.depth.looks

@@ -47,7 +47,7 @@ def filled(
     """
     from room2dgs.priors import load_priors
     from room2dgs.stereo.anchors import StereoPoints, stereo_points, with_stereo
-    from room2dgs.stereo.looks import Compared, FirstLook, weighed
+    from room2dgs.stereo.looks import Compared, FirstLook, weigh
 
     def compare(first: FirstLook | None) -> StereoPoints:
         if first:
@@ -55,9 +55,11 @@ def filled(
             return stereo_points(
                 scene.keyframes, points, config.stereo, log, device, first, looks=looks, beside=scene.beside
             )
-        found = {frame.name: (view.depth, view.agreeing) for frame, view in zip(scene.keyframes, views, strict=True)}
+        maps = {
+            frame.name: (view.depth.copy(), view.agreeing) for frame, view in zip(scene.keyframes, views, strict=True)
+        }
         photos = Compared(scene.keyframes, scene.beside, points, config.stereo, log, config.render.device)
-        maps = weighed(photos, cameras, found)
+        weigh(photos, cameras, maps)
         return StereoPoints(with_stereo(points, scene.keyframes, cameras, maps), maps)
 
     settings = with_map_cache(config, out).prior

@@ -63,7 +63,8 @@ def only_look(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
         InputError: as `scene_stereo`.
     """
     cameras, maps = _searched(photos)
-    return cameras, weighed(photos, cameras, maps)
+    weigh(photos, cameras, maps)
+    return cameras, maps
 
 
 def first_of_two(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
@@ -89,10 +90,11 @@ def second_of_two(photos: Compared, first: FirstLook) -> tuple[list[Camera], dic
     narrow = with_windows(settings, NARROWER * _full_width(photos) / _first_width(photos))
     cameras, views = scene_second_look(frames, points, narrow, log, device, first.completed, beside)
     maps = {frame.name: view for frame, view in zip(frames, views, strict=True)}
-    return cameras, {
-        name: _filled(*view, *first.maps[name]) if name in first.maps else view
-        for name, view in weighed(photos, cameras, maps).items()
-    }
+    weigh(photos, cameras, maps)
+    for name, view in maps.items():
+        if name in first.maps:
+            maps[name] = _filled(*view, *first.maps[name])
+    return cameras, maps
 
 
 def _searched(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
@@ -101,12 +103,12 @@ def _searched(photos: Compared) -> tuple[list[Camera], dict[str, Map]]:
     return cameras, {frame.name: (view.depth, view.agreeing) for frame, view in zip(frames, views, strict=True)}
 
 
-def weighed(photos: Compared, cameras: Sequence[Camera], maps: dict[str, Map]) -> dict[str, Map]:
-    """With the views that each depth is worth (`worth`) in place of those that agree; without what is rather wrong.
+def weigh(photos: Compared, cameras: Sequence[Camera], maps: dict[str, Map]) -> None:
+    """Puts the views that each depth is worth (`worth`) in place of those that agree; what is rather wrong goes.
 
     Args:
-        maps: frame name -> (H, W) depth and (H, W) views that agree, at the cameras' size; empty afterwards, since both
-            at once would take memory.
+        maps: frame name -> (H, W) depth and (H, W) views that agree, at the cameras' size. Changed where they are: of
+            many views, both at once would take memory.
     """
     settings = photos.settings
     names = [frame.name for frame in photos.frames]
@@ -118,7 +120,10 @@ def weighed(photos: Compared, cameras: Sequence[Camera], maps: dict[str, Map]) -
         return worth((cameras[index], depth), agreeing, others, settings.max_px, settings.max_relative)
 
     found = list(side_by_side(views, range(len(names)), _C.threads()))
-    return {name: (np.where(one > 0, maps.pop(name)[0], 0), one) for name, one in zip(names, found, strict=True)}
+    for name, one in zip(names, found, strict=True):
+        depth = maps[name][0]
+        depth[one == 0] = 0
+        maps[name] = depth, one
 
 
 def _first_width(photos: Compared) -> int:
