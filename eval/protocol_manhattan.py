@@ -15,12 +15,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from room2dgs.config import MeshConfig
 from room2dgs.eval.protocol import MeshFile, Options, Result, by_vertex
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.clean import clean
-from room2dgs.mesh.tsdf import integrate
+from room2dgs.mesh.tsdf import Fusion, integrate
 from room2dgs.mesh.views import FusedView
 
 IMAGE_WIDTH = 640
@@ -33,24 +32,7 @@ DOWNSAMPLE_M = 0.02
 
 def manhattan(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: Options) -> Result:
     """Score by ManhattanSDF's protocol; of `options` only threshold_m is used."""
-    fusion = MeshConfig(
-        source="depth",
-        space="bounded",
-        voxel_m=VOXEL_M,
-        truncation_voxels=TRUNCATION_VOXELS,
-        depth="median",
-        max_depth_m=MAX_DEPTH_M,
-        min_alpha=0.0,
-        max_expected_m=None,
-        max_angle_deg=90.0,
-        min_weight=MIN_WEIGHT,
-        min_triangles=0,
-        keep_clusters=1,
-        smoothing_steps=0,
-        fill="none",
-        fill_hole_m=0.0,
-        max_error_m=None,
-    )
+    fusion = Fusion(VOXEL_M, TRUNCATION_VOXELS, MAX_DEPTH_M, MIN_WEIGHT)
     fused = clean(integrate(_depth_views(pred.surface, cameras), fusion))
     constants = {
         "image_width": IMAGE_WIDTH,

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 
 from room2dgs.config import MeshConfig
 from room2dgs.eval.protocol import MeshFile
-from room2dgs.mesh.tsdf import integrate
+from room2dgs.mesh.tsdf import Fusion, integrate
 from room2dgs.mesh.views import FusedView
 
 # Median distance: below it nobody can tell the truth from the depth. Real sensors are this far from a laser's truth or
@@ -27,7 +26,7 @@ def distance_to_truth(views: Iterable[FusedView], gt: MeshFile, config: MeshConf
         gt: the ground truth.
         config: of the run's mesh; only `max_depth_m` counts.
     """
-    fused = integrate(views, replace(config, voxel_m=VOXEL_M, truncation_voxels=4.0, min_weight=2.0))
+    fused = integrate(views, Fusion(VOXEL_M, 4.0, config.max_depth_m, 2.0))
     vertices = np.asarray(fused.vertices, dtype=np.float64)
     if not len(vertices):
         return float("inf")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import trimesh
@@ -24,7 +24,16 @@ STRIDE, STEPS = 2, 4
 APART = 0.8  # of a block's side: how far apart the points may be that say which blocks are near
 
 
-def integrate(views: Iterable[FusedView], config: MeshConfig) -> trimesh.Trimesh:
+class Fusion(NamedTuple):
+    """What fusion needs of `MeshConfig`, whose fields these are."""
+
+    voxel_m: float
+    truncation_voxels: float
+    max_depth_m: float
+    min_weight: float
+
+
+def integrate(views: Iterable[FusedView], config: MeshConfig | Fusion) -> trimesh.Trimesh:
     """Fuse depth maps into a signed distance volume and extract its zero level by marching cubes.
 
     Memory follows the observed surface, not the number of views: each view is released before the next is asked
@@ -35,7 +44,7 @@ def integrate(views: Iterable[FusedView], config: MeshConfig) -> trimesh.Trimesh
 
     Args:
         views: depth in metres, 0 = invalid; all sizes and intrinsics may differ.
-        config: voxel_m, truncation_voxels, max_depth_m, min_weight (a number of views) are used.
+        config: the fields of `Fusion` are used; min_weight is a number of views.
 
     Returns:
         Mesh in the world frame with colours; its faces wind counter-clockwise seen from the cameras.
@@ -107,7 +116,7 @@ def touched(
 
 
 def _integrate_one(
-    table: VoxelTable, origin: np.ndarray, view: FusedView, depth: np.ndarray, config: MeshConfig
+    table: VoxelTable, origin: np.ndarray, view: FusedView, depth: np.ndarray, config: MeshConfig | Fusion
 ) -> None:
     reach = config.voxel_m * config.truncation_voxels
     cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, config.voxel_m)
