@@ -100,6 +100,7 @@ def test_of_the_tools_only_the_demo_room_and_simulated_priors(names):
     assert tools == {
         "__init__.py",
         "capture_files.py",
+        "command_line.py",
         "demo_room",
         "make_room.py",
         "pose_errors.py",

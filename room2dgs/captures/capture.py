@@ -60,8 +60,8 @@ class RawPoints:
         rgb: (M, 3) uint8.
         error_px: (M,) mean reprojection error; None: unknown.
         shots: names of the photos of the observations.
-        shot: (O,) int32 index into `shots`; point: (O,) int32; pixel: (O, 2) in the photo as stored, centres at
-            +0.5. None without tracks.
+        shot: (O,) int32 index into `shots`; point: (O,) int32; pixel: (O, 2) in a photo of the size that the shot's
+            intrinsics are for, centres at +0.5. None without tracks.
     """
 
     xyz: np.ndarray

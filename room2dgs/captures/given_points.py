@@ -31,6 +31,7 @@ def given_points(capture: Capture, frames: Sequence[Frame], shots: Mapping[str, 
     if raw.shot is None:
         return PointCloud(xyz, raw.rgb)
     number = {name: index for index, name in enumerate(raw.shots)}
+    meant = {shot.name: shot.lens.size for shot in capture.shots if shot.lens is not None}
     order = np.argsort(raw.shot, kind="stable")
     bounds = np.searchsorted(raw.shot[order], np.arange(len(raw.shots) + 1))
     parts = []
@@ -39,7 +40,9 @@ def given_points(capture: Capture, frames: Sequence[Frame], shots: Mapping[str, 
             continue
         place = number[shots[frame.name]]
         rows = order[bounds[place] : bounds[place + 1]]
-        point, pixel = raw.point[rows], working_pixel(frame, raw.pixel[rows])
+        stored = frame.lens.size if frame.lens else frame.full_size()
+        resized = np.divide(stored, meant.get(raw.shots[place]) or stored)  # after the model was made
+        point, pixel = raw.point[rows], working_pixel(frame, raw.pixel[rows] * resized)
         good = _usable(frame, pixel)
         point, pixel = point[good], pixel[good]
         # a track may hold two features of one photo: the first counts

@@ -136,7 +136,8 @@ class Frame:
         usable = np.ones(full[::-1], np.float32)
         if self.mask_photo is not None:
             stored = self.lens.size if self.lens else full
-            white = (self.mask_photo.pixels()[..., 0] > MASK_WHITE).astype(np.float32)
+            grey = self.mask_photo.pixels()[..., 0]
+            white = (grey > (MASK_WHITE if grey.max() > 1 else 0)).astype(np.float32)  # some are of 0 and 1
             if white.shape[1::-1] != stored:
                 white = cv2.resize(white, stored, interpolation=cv2.INTER_NEAREST)
             usable = pinhole_of(self.lens).undistorted(white) if self.lens else white

@@ -214,10 +214,14 @@ def _from_folder(path: Path, config: PrepareConfig, folder: Path, log: Log) -> l
     _check_blur(path, sharp[chosen])
     log(f"photos: {len(chosen)} of {len(names)} (sharpness {np.median(sharp[chosen]):.2f})")
     progress = Progress(log, "copying photos", len(chosen), "photos")
-    taken = []
+    taken: list[TakenPhoto] = []
+    source: dict[str, str] = {}
     with whole_folder(folder) as partial:
         for index in chosen:
             name, focal = _copied(path / names[index], partial)
+            if name in source:
+                raise InputError(f"{path / source[name]} and {names[index]} would both be {name}; rename one of them")
+            source[name] = names[index]
             size = color_size(partial / name)
             focal_px = None if focal is None else focal / FILM_DIAGONAL_MM * math.hypot(*size)
             taken.append(TakenPhoto(name, size, focal_px, None, int(index), float(sharp[index])))
@@ -244,7 +248,9 @@ def _copied(path: Path, folder: Path) -> tuple[str, float | None]:
         if plain:
             shutil.copyfile(path, folder / name)
         else:
-            cv2.imwrite(str(folder / name), cv2.cvtColor(read_photo(path, None), cv2.COLOR_RGB2BGR))
+            photo = Image.fromarray(read_photo(path, None))
+            photo.getexif()[ORIENTATION] = exif.get(ORIENTATION, 1)
+            ImageOps.exif_transpose(photo).save(folder / name)
     return name, focal if 5 <= focal <= 1000 else None
 
 

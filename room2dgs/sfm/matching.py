@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import quote
 
 import cv2
 import numpy as np
@@ -113,8 +115,9 @@ def quiet(errors: bool = True) -> Iterator[None]:
 
 
 def image_name(frame: Frame) -> str:
-    """Of the frame in the database."""
-    return f"{frame.name}.bmp"  # written and read in a tenth of the time that a PNG takes
+    """Of the frame in the database: without spaces, which part COLMAP's list of pairs, and unlike any other's."""
+    name = quote(frame.name, safe="") if re.search(r"[\s%#]", frame.name) else frame.name
+    return f"{name}.bmp"  # written and read in a tenth of the time that a PNG takes
 
 
 def pinhole(camera: Camera) -> pycolmap.Camera:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import struct
 import zlib
 from dataclasses import replace
@@ -121,8 +122,45 @@ def test_given_intrinsics_count_as_they_are_said_to(written, settings):
 
 def test_photos_that_were_halved_after_the_model_was_made(written, settings, made):
     half = replace(made, photos=np.stack([cv2.resize(photo, (48, 36)) for photo in made.photos]))
-    camera = read_scene(settings(written("colmap", made=half))).train[0].camera
-    np.testing.assert_allclose(camera.K[:2], made.K[:2] / 2)
+    scene = read_scene(settings(written("colmap", made=half)))
+    np.testing.assert_allclose(scene.train[0].camera.K[:2], made.K[:2] / 2)
+    points = scene.given_points()
+    for frame in scene.train:
+        point, pixel = points.tracks.of_frame(frame.name)
+        assert len(point) > 100
+        np.testing.assert_allclose(frame.camera.project(points.xyz[point])[0], pixel, atol=1e-3)
+
+
+@pytest.mark.parametrize(("white", "hidden"), [(255, 0), (1, 0), (200, 100)])
+def test_masks_of_0_and_1_say_the_same_as_those_of_0_and_255(written, settings, made, white, hidden):
+    root = written("colmap")
+    for photo in sorted((root / "images").rglob("*.jpg")):
+        mask = np.full((made.height, made.width), white, np.uint8)
+        mask[:, :20] = hidden
+        place = root / "masks" / photo.relative_to(root / "images")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(f"{place}.png", mask)
+    mask = read_scene(settings(root)).train[0].mask()
+    assert not mask[:, :20].any() and mask[:, 20:].all()
+
+
+def test_masks_of_photos_that_lie_in_the_capture_itself(written, settings, made):
+    """Those in a folder beside the capture are somebody else's."""
+    root = written("colmap")
+    for photo in sorted((root / "images").rglob("*.jpg")):
+        place = root / photo.relative_to(root / "images")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        photo.rename(place)
+        foreign = root.parent / "masks" / f"{photo.relative_to(root / 'images')}.png"
+        foreign.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(foreign), np.zeros((made.height, made.width), np.uint8))
+    shutil.rmtree(root / "images")
+    assert read_scene(settings(root)).train[0].mask() is None
+    for photo in sorted(root.rglob("*.jpg")):
+        own = root / "masks" / f"{photo.relative_to(root)}.png"
+        own.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(own), np.full((made.height, made.width), 255, np.uint8))
+    assert read_scene(settings(root)).train[0].mask().all()
 
 
 def test_photos_of_another_shape_than_their_intrinsics(written, refused, made):

@@ -323,6 +323,43 @@ def test_photos_are_copied_upright_with_the_focal_length_of_their_exif(tmp_path)
     assert (tmp_path / "images/1.jpg").read_bytes() == (source / "1.jpg").read_bytes()
 
 
+def test_photos_that_are_no_plain_files_are_turned_upright_too(tmp_path):
+    from PIL import Image
+
+    from room2dgs.prepare.photos import _copied
+
+    picture = noise(0)
+    picture[:10] = 255  # the top
+    layers = np.dstack([np.rot90(picture, 1), np.full((160, 120), 255, np.uint8)])
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.fromarray(layers).save(tmp_path / "a b.png", exif=exif)
+    (tmp_path / "out").mkdir()
+    name, _ = _copied(tmp_path / "a b.png", tmp_path / "out")
+    copy = cv2.imread(str(tmp_path / "out" / name), cv2.IMREAD_UNCHANGED)
+    assert copy.shape == (120, 160, 3) and copy[:8].mean() > 240
+    assert Image.open(tmp_path / "out" / name).getexif().get(0x0112, 1) == 1
+
+
+def test_two_photos_that_would_have_one_name_are_refused(tmp_path):
+    from PIL import Image
+
+    from room2dgs.errors import InputError
+    from room2dgs.prepare.photos import taken_photos
+    from room2dgs.prepare.stages import Stages
+
+    source = tmp_path / "source"
+    source.mkdir()
+    for index in range(6):
+        Image.fromarray(noise(index)).save(source / f"{index}.jpg", quality=95)
+    for suffix in ("tif", "png"):
+        Image.fromarray(noise(7)).save(source / f"twice.{suffix}")
+    config = load_config([f"prepare.images={source}", "scene.path=unused", "out=unused"]).prepare
+    with pytest.raises(InputError, match="would both be twice.png; rename"):
+        taken_photos(config, tmp_path / "images", Stages(tmp_path), lambda line: None)
+    assert not (tmp_path / "images").exists()
+
+
 def test_run_of_a_video_makes_its_capture_in_the_runs_folder(monkeypatch, tmp_path):
     """And goes on with it; a taken folder is refused before hours of matching."""
     from room2dgs.commands import prepare as command

@@ -45,7 +45,9 @@ def read_colmap(root: Path, config: SceneConfig) -> Capture:
     tops = [root, *folder.parents] if folder != root else [root, root.parent, root.parent.parent]
     photos = photo_folder(model, [top / name for top in tops if is_below(top, root) for name in PHOTOS])
     prepared = prepared_scale(root)
-    masks = next((photos.parent / name for name in ("masks", "mask") if (photos.parent / name).is_dir()), None)
+    beside = [root] if photos == root else [photos.parent, root]
+    places = [place / name for place in beside for name in ("masks", "mask")]
+    masks = next((place for place in places if place.is_dir()), None)
     return Capture(
         root,
         "colmap",
