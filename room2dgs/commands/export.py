@@ -44,6 +44,7 @@ def main(argv: list[str]) -> int:
     formats = chosen(wanted)
     _check(Path(config.out), formats)
     out = Path(last_value(argv, "out") or Path(config.out) / EXPORTS).expanduser().absolute()
+    _check_place(out, formats, config)
     use_threads(config)
     write(source_of(config, print), formats, out, print)
     return 0
@@ -65,6 +66,18 @@ def chosen(wanted: str | None) -> list[Format]:
     if unknown is not None:
         raise InputError(f"to={wanted} is not known: {unknown!r}; choose one or more from {known}, all")
     return [FORMATS[name] for name in names]
+
+
+def _check_place(out: Path, formats: Iterable[Format], config: Config) -> None:
+    """Refuse to write over the run's own files or the capture's."""
+    run, scene = Path(config.out).absolute(), Path(config.scene.path).absolute()
+    if out == run:
+        raise InputError(
+            f"out={out} is the run's own folder, whose files would be lost; leave out= away, or name another"
+        )
+    for target in (out, *(out / one.place for one in formats)):
+        if target == scene or (target != out and target in scene.parents):
+            raise InputError(f"{target} has the capture, whose files would be lost; choose another out=DIR")
 
 
 def write(source: Source, formats: Iterable[Format], out: Path, log: Log) -> None:

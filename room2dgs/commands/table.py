@@ -14,7 +14,7 @@ from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.json_files import update_json
-from room2dgs.runs.folder import CONFIG, earlier_run, last_value
+from room2dgs.runs.folder import CAPTURE, CONFIG, earlier_run, last_value
 from room2dgs.runs.metrics import earlier
 
 if TYPE_CHECKING:
@@ -44,10 +44,13 @@ def main(argv: list[str]) -> int:
     configs = [earlier_run([f"out={folder}"]) for folder in _runs(given)]
     protocol = last_value(argv, "protocol") or str(configs[0].eval.protocols[0])
     out = Path(last_value(argv, "out") or "table").expanduser().absolute()
-    scores = [_of_run(config, last_value(argv, "name") or "room2dgs", protocol) for config in configs]
+    scenes = _scenes(configs)
+    name = last_value(argv, "name") or "room2dgs"
+    scores = [_of_run(config, name, scene, protocol) for config, scene in zip(configs, scenes, strict=True)]
     meshes = last_value(argv, "meshes")
     if meshes:
-        scores += _of_meshes(Path(meshes).expanduser(), configs, protocol, out)
+        first = {scene: config for scene, config in zip(scenes[::-1], configs[::-1], strict=True)}
+        scores += _of_meshes(Path(meshes).expanduser(), first, protocol, out)
     title = f"Protocol {protocol}, {configs[0].eval.threshold_m * 100:g} cm"
     return _written(scores, title, out)
 
@@ -80,11 +83,20 @@ def _runs(given: list[str]) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def _of_run(config: Config, name: str, protocol: str) -> Score:
+def _scenes(configs: list[Config]) -> list[str]:
+    """What each run's capture is called; one that was made in a run's folder has the run's name."""
+    from room2dgs.study.suite import names
+
+    paths = [Path(config.scene.path) for config in configs]
+    known = {path: path.parent if path.name == CAPTURE else path for path in paths}
+    called = dict(zip(known, names([str(path) for path in known.values()]), strict=True))
+    return [called[path] for path in paths]
+
+
+def _of_run(config: Config, name: str, scene: str, protocol: str) -> Score:
     from room2dgs.eval.geometry_scores import threshold_name
     from room2dgs.study.score_table import Score, values_of
 
-    scene = Path(config.scene.path).name
     metrics = earlier(Path(config.out))
     values = values_of(metrics, protocol, threshold_name(config.eval.threshold_m))
     if values is not None:
@@ -95,9 +107,8 @@ def _of_run(config: Config, name: str, protocol: str) -> Score:
     )
 
 
-def _of_meshes(folder: Path, configs: list[Config], protocol: str, out: Path) -> list[Score]:
+def _of_meshes(folder: Path, by_scene: dict[str, Config], protocol: str, out: Path) -> list[Score]:
     """Raises InputError if there is none."""
-    by_scene = {Path(config.scene.path).name: config for config in reversed(configs)}
     files = sorted(path for path in folder.glob("*/*") if path.suffix.lower() in MESHES)
     if not files:
         raise InputError(f"{folder} has no meshes; give meshes=DIR with DIR/METHOD/SCENE.ply")
@@ -122,6 +133,11 @@ def _scored(path: Path, config: Config, protocol: str, kept: Path) -> dict[str, 
     from room2dgs.eval.geometry_scores import threshold_name
     from room2dgs.study.score_table import values_of
 
+    if config.eval.align != "none":
+        raise InputError(
+            f"{config.out} was scored with eval.align={config.eval.align}; meshes= are compared where they are, "
+            "so give the run a truth in the capture's own frame"
+        )
     scene = with_poses_of_run(read(config), Path(config.out))
     gt = ground_truth(config) or scene.gt_mesh
     if gt is None:

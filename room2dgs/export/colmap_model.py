@@ -11,18 +11,20 @@ from room2dgs.captures.scene import Scene
 from room2dgs.colmap import pycolmap
 from room2dgs.export.photos import write_photos
 from room2dgs.export.source import Source
+from room2dgs.files import whole_folder
 
 
 def write_colmap(source: Source, folder: Path, text: bool) -> list[Path]:
     """images/ and sparse/0/ (cameras, images, points3D; .bin or .txt)."""
     names = write_photos(source.scene.frames, folder / "images")
     model = folder / "sparse" / "0"
-    model.mkdir(parents=True, exist_ok=True)
+    model.parent.mkdir(parents=True, exist_ok=True)
     reconstruction = colmap_model(source.scene, source.points, names)
-    if text:
-        reconstruction.write_text(model)
-    else:
-        reconstruction.write_binary(model)
+    with whole_folder(model) as partial:
+        if text:
+            reconstruction.write_text(partial)
+        else:
+            reconstruction.write_binary(partial)
     return [*(folder / "images" / name for name in names.values()), *sorted(model.iterdir())]
 
 

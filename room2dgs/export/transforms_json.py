@@ -35,13 +35,15 @@ def write_transforms(source: Source, folder: Path) -> list[Path]:
                 "transform_matrix": (frame.camera.world_from_cam @ OPENGL_FROM_OPENCV).tolist(),
             }
         )
-    parts = {"train_filenames": scene.train, "test_filenames": scene.test}
+    parts = {}
+    if scene.test:  # nerfstudio wants all three or none, and evaluates on "val"
+        parts = {"train_filenames": scene.train, "val_filenames": scene.test, "test_filenames": scene.test}
     meta = {
         "camera_model": "OPENCV",
         **{key: 0.0 for key in ("k1", "k2", "p1", "p2")},
         "applied_transform": np.eye(4)[:3].tolist(),
         "ply_file_path": POINTS,
-        **{key: [f"images/{names[frame.name]}" for frame in part] for key, part in parts.items() if part},
+        **{key: [f"images/{names[frame.name]}" for frame in part] for key, part in parts.items()},
         "frames": frames,
     }
     cloud = trimesh.PointCloud(source.points.xyz, colors=source.points.rgb)

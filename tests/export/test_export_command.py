@@ -80,8 +80,21 @@ def test_cameras_come_back_through_our_readers(run, wall, tmp_path, name):
 def test_held_out_views_stay_held_out(run, tmp_path):
     meta = json.loads((exported(run, tmp_path, "transforms") / "transforms/transforms.json").read_text())
     assert len(meta["test_filenames"]) == 2 and len(meta["train_filenames"]) == 6
+    assert meta["val_filenames"] == meta["test_filenames"]  # nerfstudio wants all three or none
     cloud = trimesh.load(tmp_path / "transforms" / meta["ply_file_path"])
     assert np.ptp(cloud.vertices[:, 2]) == 0 and cloud.vertices[0, 2] == WALL_Z
+
+
+def test_neither_the_runs_files_nor_the_captures_are_written_over(run, wall, tmp_path, capsys):
+    before = {path: path.read_bytes() for folder in (run, wall) for path in folder.rglob("*") if path.is_file()}
+    assert "own folder" in refused(capsys, f"run={run}", "to=ply", f"out={run}", "faces=200")
+    assert "has the capture" in refused(capsys, f"run={run}", "to=depth", f"out={wall}")
+    moved = shutil.copytree(wall, tmp_path / "colmap")
+    copy = shutil.copytree(run, tmp_path / "run")
+    config = (copy / "config.yaml").read_text().replace(str(wall), str(moved))
+    (copy / "config.yaml").write_text(config)
+    assert "has the capture" in refused(capsys, f"run={copy}", "to=colmap", f"out={tmp_path}")
+    assert all(path.read_bytes() == content for path, content in before.items())
 
 
 def test_colmap_tracks_come_back(run, wall, tmp_path):

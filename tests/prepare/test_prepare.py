@@ -355,7 +355,7 @@ def test_two_photos_that_would_have_one_name_are_refused(tmp_path):
     for suffix in ("tif", "png"):
         Image.fromarray(noise(7)).save(source / f"twice.{suffix}")
     config = load_config([f"prepare.images={source}", "scene.path=unused", "out=unused"]).prepare
-    with pytest.raises(InputError, match="would both be twice.png; rename"):
+    with pytest.raises(InputError, match=r"would both be twice\.png; rename"):
         taken_photos(config, tmp_path / "images", Stages(tmp_path), lambda line: None)
     assert not (tmp_path / "images").exists()
 

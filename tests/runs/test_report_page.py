@@ -10,9 +10,13 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+import trimesh
 
+from room2dgs.json_files import update_json
+from room2dgs.mesh.io import write_mesh
 from room2dgs.runs.page.curves import HELD_OUT, PSNR, drawings, read_curves
 from room2dgs.runs.page.discs import turned_over
+from room2dgs.runs.page.solid import solid, with_error
 from room2dgs.runs.page.trust import picture, sentences
 from room2dgs.runs.trust import read_trust
 
@@ -156,3 +160,20 @@ def test_trust_is_told_apart_by_its_source(reported):
     assert "in 50% of the pixels; trusted 50%" in said and "25% have depth of network (room_prior) alone" in said
     (reported.out / "damaged.npz").write_bytes(b"no archive")
     assert read_trust(reported.out / "damaged.npz") == {}
+
+
+def test_the_error_of_an_aligned_mesh_is_where_it_belongs(tmp_path):
+    """error.ply is in the truth's frame then, here turned by half and shifted."""
+    box = trimesh.creation.box((4.0, 3.0, 2.0)).subdivide_to_size(0.5)
+    wrong = box.vertices[:, 0] > 1.9
+    turn = np.diag([-1.0, -1.0, 1.0, 1.0])
+    turn[:3, 3] = [0.3, -0.2, 0.1]
+    colors = np.where(wrong[:, None], [255, 0, 0, 255], [0, 0, 255, 255]).astype(np.uint8)
+    scored = trimesh.Trimesh(
+        box.vertices @ turn[:3, :3].T + turn[:3, 3], box.faces, vertex_colors=colors, process=False
+    )
+    (tmp_path / "eval").mkdir()
+    write_mesh(tmp_path / "eval/error.ply", scored)
+    update_json(tmp_path / "metrics.json", {"protocol": "area", "align": {"truth_from_pred": turn.tolist()}})
+    layer = with_error(solid(box, 10**6), tmp_path).layers["error"]
+    np.testing.assert_array_equal(layer[:, 0] > 200, wrong)

@@ -52,6 +52,16 @@ def test_points_lie_on_the_planes_that_were_drawn(scene_config, points_config, s
     assert points.rgb.std() > 10
 
 
+def test_photos_whose_names_have_spaces_are_matched_as_others_are(scene_config, points_config, shared_cache, tmp_path):
+    """COLMAP's list of pairs is parted by spaces."""
+    scene = read_scene(scene_config())
+    plain = sparse_points(scene, points_config, shared_cache, quiet)
+    spaced = replace(scene, train=tuple(replace(frame, name=f"IMG 1%{frame.name} #") for frame in scene.train))
+    points = sparse_points(spaced, points_config, tmp_path / "cache", quiet)
+    np.testing.assert_array_equal(points.xyz, plain.xyz)
+    assert points.tracks.frames == tuple(frame.name for frame in spaced.train)
+
+
 def test_points_have_the_colour_of_the_photo(scene_config, points_config, shared_cache):
     scene = read_scene(scene_config())
     points = sparse_points(scene, points_config, shared_cache, quiet)

@@ -105,6 +105,33 @@ def test_meshes_of_others_are_scored_beside_a_run_once_and_failures_do_not_stop(
     assert "scored /" not in capsys.readouterr().out
 
 
+def test_captures_with_folders_of_one_name_are_scenes_of_their_own(tmp_path):
+    """Those made of videos lie in their runs as "capture"."""
+    places = {"first": "first/capture", "second": "second/capture", "a": "x/hall", "b": "y/hall"}
+    for run, capture in places.items():
+        (tmp_path / run).mkdir()
+        write_config(tmp_path / run, load_config([f"scene.path={tmp_path / capture}", f"out={tmp_path / run}"]))
+        at = {f"{figure}_5cm": 0.5 for figure in ("precision", "recall", "f_score")}
+        update_json(
+            tmp_path / run / "metrics.json", {"protocols": {"area": {"accuracy_m": 0.01, "completion_m": 0.02, **at}}}
+        )
+    assert cli.main(["table", *(str(tmp_path / run) for run in places), f"out={tmp_path / 'table'}"]) == 0
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "table/table.csv").read_text())))
+    scenes = [row["scene"] for row in rows if row["scene"] and "mean" not in row["scene"]]
+    assert {"first", "second"} <= set(scenes) and sum(scene.endswith("_hall") for scene in scenes) == 2
+
+
+def test_meshes_are_not_compared_with_a_truth_in_another_frame(wall, tmp_path):
+    run = tmp_path / "run"
+    run.mkdir()
+    write_config(run, load_config([f"scene.path={wall}", f"out={run}", "eval.align=icp"]))
+    (tmp_path / "meshes/exact").mkdir(parents=True)
+    (tmp_path / "meshes/exact/wall.ply").write_bytes((wall / "gt_mesh.ply").read_bytes())
+    cli.main(["table", str(run), f"meshes={tmp_path / 'meshes'}", f"out={tmp_path / 'table'}"])
+    rows = csv.DictReader(io.StringIO((tmp_path / "table/table.csv").read_text()))
+    assert "eval.align=icp" in next(row["failed"] for row in rows if row["method"] == "exact")
+
+
 def test_what_is_no_run_is_refused(tmp_path, capsys):
     assert cli.main(["table", str(tmp_path)]) == 2
     assert "holds no run" in capsys.readouterr().err

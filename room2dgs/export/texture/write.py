@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -114,5 +115,7 @@ def glb_of(mesh: trimesh.Trimesh, found: Charts, picture: np.ndarray, rotation: 
     out = trimesh.Trimesh(found.vertices @ rotation.T, found.faces, vertex_normals=normals, process=False)
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, "JPEG", quality=JPEG_QUALITY, subsampling=0)
-    out.visual = trimesh.visual.TextureVisuals(uv=found.uv, material=dull_material(Image.open(buffer)))
+    image = Image.open(buffer)
+    image.save = partial(image.save, quality="keep")  # trimesh would encode it again, coarser
+    out.visual = trimesh.visual.TextureVisuals(uv=found.uv, material=dull_material(image))
     return gltf_bytes(out)

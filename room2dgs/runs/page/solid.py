@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
+from room2dgs.eval.alignment import moved
 from room2dgs.eval.shading import CLAY
 from room2dgs.mesh.io import read_mesh
 from room2dgs.mesh.simplify import decimated
@@ -79,8 +80,10 @@ def with_error(one: Solid, out: Path) -> Solid:
     # meshing anew takes the scores out of metrics.json; the picture of the earlier mesh's error stays on the disk
     if not error_file.is_file() or earlier(out).get("protocol") is None:
         return one
-    scored = read_mesh(error_file)
-    nearest = cKDTree(np.asarray(scored.vertices)).query(one.vertices)[1]
+    scored, align = read_mesh(error_file), earlier(out).get("align")
+    # a mesh that was aligned is scored, and coloured, in the truth's frame
+    vertices = moved(one.vertices, np.array(align["truth_from_pred"])) if isinstance(align, dict) else one.vertices
+    nearest = cKDTree(np.asarray(scored.vertices)).query(vertices)[1]
     colors = np.asarray(scored.visual.vertex_colors)[nearest, :3].astype(np.uint8)
     return one._replace(layers={**one.layers, "error": colors})
 
