@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from room2dgs.captures.assemble import check_principal_point
+from room2dgs.captures.capture import pinhole_lens
 from room2dgs.colmap import pycolmap
 from room2dgs.config import PrepareConfig
 from room2dgs.cores import available_cores
@@ -28,14 +30,15 @@ KINDS = pycolmap.TwoViewGeometryConfiguration
 
 
 def new_database(
-    path: Path, photos: Sequence[TakenPhoto], config: PrepareConfig, intrinsics: Sequence[float] | None
+    path: Path, photos: Sequence[TakenPhoto], config: PrepareConfig, intrinsics: Sequence[float] | None, half: bool
 ) -> None:
     """A database that knows photos and cameras; image ids are 1, 2, ... in the order of the photos.
 
     Photos of one size and one focal length in EXIF share a camera.
 
     Args:
-        intrinsics: fx, fy, cx, cy of a pinhole camera in pixels of the photos, centres at +0.5; None: unknown.
+        intrinsics: fx, fy, cx, cy of a pinhole camera in pixels of the photos; None: unknown.
+        half: their cx, cy count pixel centres at +0.5; False: at integers.
     """
     path.unlink(missing_ok=True)
     with whole_file(path) as temporary, pycolmap.Database.open(temporary) as database:
@@ -43,17 +46,21 @@ def new_database(
         for photo in photos:
             key = (photo.size, photo.focal_px)
             if key not in camera_ids:
-                camera_ids[key] = database.write_camera(_camera(photo, config, intrinsics))
+                camera_ids[key] = database.write_camera(_camera(photo, config, intrinsics, half))
                 rig = pycolmap.Rig()
                 rig.add_ref_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera_ids[key]))
                 database.write_rig(rig)
             database.write_image(pycolmap.Image(name=photo.name, camera_id=camera_ids[key]))
 
 
-def _camera(photo: TakenPhoto, config: PrepareConfig, intrinsics: Sequence[float] | None) -> pycolmap.Camera:
+def _camera(
+    photo: TakenPhoto, config: PrepareConfig, intrinsics: Sequence[float] | None, half: bool
+) -> pycolmap.Camera:
     width, height = photo.size
     if intrinsics is not None:
-        camera = pycolmap.Camera(model="PINHOLE", width=width, height=height, params=list(intrinsics))
+        lens = pinhole_lens(*intrinsics, photo.size, "scene.intrinsics", half)
+        check_principal_point(lens)  # of a video whose frames were made smaller they are not
+        camera = pycolmap.Camera(model="PINHOLE", width=width, height=height, params=list(lens.params))
         camera.has_prior_focal_length = True
         return camera
     focal = photo.focal_px or FOCAL * max(photo.size)

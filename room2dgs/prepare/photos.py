@@ -100,7 +100,7 @@ def _photo_folder(path: Path) -> Path:
 
 
 def _from_video(path: Path, config: PrepareConfig, folder: Path, stages: Stages, log: Log) -> list[TakenPhoto]:
-    key = key_of("scan", str(path), path.stat().st_size, path.stat().st_mtime_ns)
+    key = key_of("scan, times", str(path), path.stat().st_size, path.stat().st_mtime_ns)
     scan = stages.found("scan", key)
     if scan is None:
         scan = stages.finished("scan", key, _scanned(path, log))
@@ -127,7 +127,7 @@ def _from_video(path: Path, config: PrepareConfig, folder: Path, stages: Stages,
     progress = Progress(log, "writing photos", len(wanted), "photos")
     taken = []
     with whole_folder(folder) as partial:
-        for index, image in _frames(path):
+        for index, image, _ in _frames(path):
             if index not in wanted:
                 continue
             photo = _at_most(image, config.max_side)
@@ -158,16 +158,18 @@ def _scanned(path: Path, log: Log) -> dict[str, list]:
     log(f"video: {path}, {total} frames, {rate:.0f} a second")
     motion, progress = Motion(), Progress(log, "looking for sharp frames", total or None, "frames")
     found: dict[str, list] = {"sharpness": [], "steps": [], "seconds": []}
-    for index, image in _frames(path):
+    for index, image, shown in _frames(path):
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         found["sharpness"].append(round(sharpness(grey), 5))
         step = motion.step(grey)
         found["steps"].append(round(step, 6) if math.isfinite(step) else None)
-        found["seconds"].append(round(index / rate, 3))
+        found["seconds"].append(round(shown, 3))
         progress.at(index + 1)
     count = len(found["steps"])
     if not count:
         raise InputError(f"{path} has no frame that can be decoded; convert it to H.264 in .mp4")
+    if not (np.diff(found["seconds"]) > 0).all():  # the file tells no times
+        found["seconds"] = [round(index / rate, 3) for index in range(count)]
     if count < 0.9 * total:
         log(f"NOTE: {path} ends after {count} of {total} frames; copy it again if something is missing")
     return found
@@ -182,7 +184,7 @@ def _opened(path: Path) -> cv2.VideoCapture:
 
 
 def _frames(path: Path):
-    """(index, (H, W, 3) BGR) of a video's frames, turned upright as its header says."""
+    """(index, (H, W, 3) BGR, seconds when it is shown) of a video's frames, turned upright as its header says."""
     capture = _opened(path)
     try:
         index = 0
@@ -193,7 +195,7 @@ def _frames(path: Path):
                 return
             if not good:
                 return
-            yield index, image
+            yield index, image, capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
             index += 1
     finally:
         capture.release()

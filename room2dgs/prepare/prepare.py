@@ -68,9 +68,8 @@ def prepare(config: Config, out: Path, log: Log) -> dict[str, Any]:
     photos, key = taken_photos(settings, images, stages, log)
     remove_leftovers(work)
     (out / VERDICT).unlink(missing_ok=True)  # it is written last, and says that all is whole
-    key = key_of(
-        key, settings.lens, settings.features, settings.peak_threshold, settings.feature_side, config.scene.intrinsics
-    )
+    camera = settings.lens, config.scene.intrinsics, config.scene.pixel_centres
+    key = key_of(key, *camera, settings.features, settings.peak_threshold, settings.feature_side)
     model_key = key_of(key, settings.exhaustive, settings.overlap, settings.loops)
     features, found = stages.found("features", key), stages.found("model", model_key)
     if features is None or found is None or not (work / "model").is_dir():
@@ -96,7 +95,7 @@ def _features(
     log: Log,
 ) -> dict[str, Any]:
     if stages.found("database", key) is None or not database.is_file():
-        new_database(database, photos, config.prepare, config.scene.intrinsics)
+        new_database(database, photos, config.prepare, config.scene.intrinsics, config.scene.pixel_centres != "integer")
         stages.finished("database", key, {})
     count = extracted(database, images, photos, config.prepare, log)
     if np.median(count) < FEW_FEATURES:

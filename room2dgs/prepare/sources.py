@@ -24,7 +24,7 @@ def depth_files(folder: Path, photos: Sequence[TakenPhoto]) -> dict[str, Path]:
     """Photo's name -> its depth map: of the same name, or with the number of the video's frame.
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or one lies on its side.
     """
     names = {Path(name).stem: folder / name for name in listed(folder) if name.lower().endswith((".png", ".npy"))}
     by_number: dict[int, Path] = {}
@@ -38,11 +38,24 @@ def depth_files(folder: Path, photos: Sequence[TakenPhoto]) -> dict[str, Path]:
             path = by_number.get(photo.index)
         if path is not None:
             found[photo.name] = path
+    for photo in photos:
+        if photo.name in found:
+            _check_upright(found[photo.name], photo)
     if not found:
         raise InputError(
             f"{folder} has no depth map named as a photo, such as {Path(photos[0].name).stem}.png; rename them"
         )
     return found
+
+
+def _check_upright(path: Path, photo: TakenPhoto) -> None:
+    """Photos are turned upright as their files say; depth files say nothing."""
+    height, width = depth_file(path).metres().shape
+    if (width - height) * (photo.size[0] - photo.size[1]) < 0:
+        raise InputError(
+            f"{path} has {width}x{height} pixels, but its photo, turned upright, {photo.size[0]}x{photo.size[1]}; turn "
+            "the depth maps likewise"
+        )
 
 
 def sensor_depths(files: dict[str, Path]) -> DepthOf:

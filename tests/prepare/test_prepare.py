@@ -341,6 +341,63 @@ def test_photos_that_are_no_plain_files_are_turned_upright_too(tmp_path):
     assert Image.open(tmp_path / "out" / name).getexif().get(0x0112, 1) == 1
 
 
+@pytest.mark.parametrize(
+    ("shown", "expected"),
+    [([0.0, 0.033, 0.1, 0.4], [0.0, 0.033, 0.1, 0.4]), ([0.0, 0.0, 0.0, 0.0], [0.0, 0.1, 0.2, 0.3])],
+)
+def test_frames_are_shown_when_the_video_says_if_it_says(monkeypatch, shown, expected):
+    """Phones film at a varying rate; some files tell no times."""
+    from room2dgs.prepare import photos
+
+    class Video:
+        def get(self, what):
+            return {cv2.CAP_PROP_FRAME_COUNT: len(shown), cv2.CAP_PROP_FPS: 10.0}[what]
+
+        def release(self):
+            pass
+
+    frames = [(index, noise(index), seconds) for index, seconds in enumerate(shown)]
+    monkeypatch.setattr(photos, "_opened", lambda path: Video())
+    monkeypatch.setattr(photos, "_frames", lambda path: iter(frames))
+    assert photos._scanned(None, lambda line: None)["seconds"] == expected
+
+
+@pytest.mark.parametrize(("half", "centre"), [(True, 80.0), (False, 80.5)])
+def test_a_known_camera_counts_as_its_intrinsics_are_said_to(tmp_path, half, centre):
+    from room2dgs.colmap import pycolmap
+    from room2dgs.prepare.features import new_database
+    from room2dgs.prepare.photos import TakenPhoto
+
+    photo = TakenPhoto("a.jpg", (160, 120), None, None, 0, 1.0)
+    config = load_config(["prepare.images=unused", "scene.path=unused", "out=unused"]).prepare
+    new_database(tmp_path / "a.db", [photo], config, [140.0, 140.0, 80.0, 60.0], half)
+    with pycolmap.Database.open(tmp_path / "a.db") as database:
+        assert database.read_all_cameras()[0].params[2] == centre
+
+
+def test_intrinsics_of_a_larger_video_are_refused_before_anything_is_matched(tmp_path):
+    """Its frames were made smaller (`prepare.max_side`)."""
+    from room2dgs.errors import InputError
+    from room2dgs.prepare.features import new_database
+    from room2dgs.prepare.photos import TakenPhoto
+
+    photo = TakenPhoto("a.jpg", (160, 120), None, None, 0, 1.0)
+    config = load_config(["prepare.images=unused", "scene.path=unused", "out=unused"]).prepare
+    with pytest.raises(InputError, match="160x120"):
+        new_database(tmp_path / "a.db", [photo], config, [280.0, 280.0, 160.0, 120.0], True)
+
+
+def test_depth_that_lies_on_its_side_beside_upright_photos_is_refused(tmp_path):
+    from room2dgs.errors import InputError
+    from room2dgs.prepare.photos import TakenPhoto
+    from room2dgs.prepare.sources import depth_files
+
+    cv2.imwrite(str(tmp_path / "a.png"), np.full((30, 40), 2000, np.uint16))
+    assert depth_files(tmp_path, [TakenPhoto("a.jpg", (160, 120), None, None, 0, 1.0)])
+    with pytest.raises(InputError, match="40x30 pixels, but its photo, turned upright, 120x160"):
+        depth_files(tmp_path, [TakenPhoto("a.jpg", (120, 160), None, None, 0, 1.0)])
+
+
 def test_two_photos_that_would_have_one_name_are_refused(tmp_path):
     from PIL import Image
 
