@@ -50,7 +50,7 @@ def test_odds_take_as_many_columns_as_there_are_weights():
 def test_a_capture_gives_evidence_and_says_what_is_wrong(plain, tmp_path):
     pixels = gathered(plain.path, tmp_path)
     assert len(pixels.evidence) == len(pixels.wrong) > 1000
-    assert (pixels.evidence[:, 0] >= 2).all()  # fewer views are not kept
+    assert (pixels.evidence[:, 0] >= 1).all()  # what no view agrees with is not kept
     assert 0 < pixels.wrong.mean() < 0.5
     assert area(-pixels.evidence[:, 0], pixels.wrong) > 0.55
 
