@@ -83,11 +83,11 @@ def _sources(scene: Scene, config: Config, cache: Path, log: Log) -> Iterator[tu
     cameras, found = scene_stereo(frames, points, config.stereo, log, config.render.device)
     views = list(found)
     shown = {frame.name: (view.depth.copy(), view.agreeing) for frame, view in zip(frames, views, strict=True)}
-    weigh(Compared(frames, (), points, config.stereo, log, config.render.device), cameras, shown)
 
     def compare(first: FirstLook | None) -> StereoPoints:
         looks = prior.depth.looks
         if looks == 1:
+            weigh(Compared(frames, (), points, config.stereo, log, config.render.device), cameras, shown)
             return StereoPoints(with_stereo(points, frames, cameras, shown), shown)
         found = stereo_points(frames, points, config.stereo, log, config.render.device, first, looks=looks)
         shown.update(found.maps)
