@@ -16,13 +16,19 @@ from torch import Tensor
 
 from room2dgs.block_code import PLAIN, build_for
 from room2dgs.kernel_calls import call
+from room2dgs.losses.known_gradients import with_gradients
 
 LEVELS = 4  # of the depth prior's differences, at most
 
 
 def rgb_loss(rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
     """`photometric.rgb_loss` of float32 images on one device; differentiable once with respect to `rendered`."""
-    return _RgbLoss.apply(rendered, target, dssim)
+    losses, queue = _losses(rendered)
+    gradient = _empty(rendered) if rendered.requires_grad else None
+    values = torch.empty(2, dtype=torch.float64, device=rendered.device)
+    call(losses.rgb_loss, _plain(rendered), _plain(target), dssim, values, gradient, queue)
+    value = torch.lerp(*values, dssim).to(rendered.dtype)
+    return value if gradient is None else with_gradients(value, [rendered], [gradient])
 
 
 def normal_consistency(depth: Tensor, alpha: Tensor, normal: Tensor, K: Tensor, pose: Tensor) -> Tensor:
@@ -32,7 +38,19 @@ def normal_consistency(depth: Tensor, alpha: Tensor, normal: Tensor, K: Tensor, 
         K: (3, 3) without skew, pixels; on the maps' device, or nothing waits for it to come.
         pose: (4, 4) cam_from_world, likewise.
     """
-    return _NormalConsistency.apply(depth, alpha, normal, K, pose)
+    losses, queue = _losses(depth)
+    grad_depth, grad_normal = _empty(depth), _empty(normal)
+    values = torch.empty(10, dtype=torch.float64, device=depth.device)
+    call(
+        losses.normal_consistency, *map(_plain, (depth, alpha, normal)), _there(K, depth), _there(pose, depth),
+        grad_depth, grad_normal, values, queue,
+    )  # fmt: skip
+    inputs, gradients = [depth, normal], [grad_depth, grad_normal]
+    if pose.requires_grad:
+        grad_pose = pose.new_zeros(4, 4)
+        grad_pose[:3, :3] = values[1:].reshape(3, 3)
+        inputs, gradients = [*inputs, pose], [*gradients, grad_pose]
+    return with_gradients(values[0].to(depth.dtype), inputs, gradients)
 
 
 def depth_normals(depth: Tensor, K: Tensor, pose: Tensor) -> Tensor:
@@ -59,7 +77,14 @@ def depth_prior_loss(
     if confidence is not None:
         confidence = _plain(confidence)
     maps = (_plain(alpha), _plain(prior), _plain(valid).view(torch.uint8), confidence)
-    return _DepthPrior.apply(depth, *maps, space == "disparity", align, gradient_weight, scales)
+    losses, queue = _losses(depth)
+    gradient, levels = _empty(depth), scales if gradient_weight else 0
+    value = torch.empty(1, dtype=torch.float64, device=depth.device)
+    call(
+        losses.depth_prior, _plain(depth), *maps, space == "disparity", align, gradient_weight, levels, gradient,
+        value, queue,
+    )  # fmt: skip
+    return with_gradients(value[0].to(depth.dtype), [depth], [gradient])
 
 
 def normal_prior_loss(
@@ -146,71 +171,6 @@ def _there(camera: Tensor, like: Tensor) -> Tensor:
 
 def _empty(x: Tensor) -> Tensor:
     return torch.empty_like(x, memory_format=torch.contiguous_format)
-
-
-class _RgbLoss(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx, rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
-        losses, queue = _losses(rendered)
-        gradient = _empty(rendered) if ctx.needs_input_grad[0] else None
-        values = torch.empty(2, dtype=torch.float64, device=rendered.device)
-        call(losses.rgb_loss, _plain(rendered), _plain(target), dssim, values, gradient, queue)
-        if gradient is not None:
-            ctx.save_for_backward(gradient)
-        return torch.lerp(*values, dssim).to(rendered.dtype)
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, grad: Tensor):
-        (gradient,) = ctx.saved_tensors
-        return gradient.mul_(grad), None, None  # in place: torch refuses a second backward through this node
-
-
-class _NormalConsistency(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx, depth: Tensor, alpha: Tensor, normal: Tensor, K: Tensor, pose: Tensor) -> Tensor:
-        losses, queue = _losses(depth)
-        grad_depth, grad_normal = _empty(depth), _empty(normal)
-        values = torch.empty(10, dtype=torch.float64, device=depth.device)
-        call(
-            losses.normal_consistency, *map(_plain, (depth, alpha, normal)), _there(K, depth), _there(pose, depth),
-            grad_depth, grad_normal, values, queue,
-        )  # fmt: skip
-        grad_pose = pose.new_empty(0)
-        if ctx.needs_input_grad[4]:
-            grad_pose = pose.new_zeros(4, 4)
-            grad_pose[:3, :3] = values[1:].reshape(3, 3)
-        ctx.save_for_backward(grad_depth, grad_normal, grad_pose)
-        return values[0].to(depth.dtype)
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, grad: Tensor):
-        # in place: torch refuses a second backward through this node
-        grad_depth, grad_normal, grad_pose = (
-            gradient.mul_(grad.to(gradient.device)) if gradient.numel() else None for gradient in ctx.saved_tensors
-        )
-        return grad_depth, None, grad_normal, None, grad_pose
-
-
-class _DepthPrior(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx, depth, alpha, prior, valid, confidence, disparity, align, gradient_weight, scales) -> Tensor:
-        losses, queue = _losses(depth)
-        gradient = _empty(depth)
-        value = torch.empty(1, dtype=torch.float64, device=depth.device)
-        call(
-            losses.depth_prior, _plain(depth), alpha, prior, valid, confidence, disparity, align, gradient_weight,
-            scales if gradient_weight else 0, gradient, value, queue,
-        )  # fmt: skip
-        ctx.save_for_backward(gradient)
-        return value[0].to(depth.dtype)
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, grad: Tensor):
-        (gradient,) = ctx.saved_tensors
-        return gradient * grad, *[None] * 8
 
 
 class _NormalPrior(torch.autograd.Function):

@@ -13,6 +13,7 @@ from room2dgs.block_code import build_for
 from room2dgs.geometry.kernel_arguments import plain_map, runs_compiled
 from room2dgs.kernel_calls import call
 from room2dgs.losses import blocks
+from room2dgs.losses.known_gradients import with_gradients
 
 MIN_ALPHA = 0.5  # pixels less covered have no depth worth comparing
 MIN_PIXELS = 64  # fewer say nothing about scale and shift
@@ -76,8 +77,10 @@ def depth_prior_loss(
     if alpha.shape != depth.shape or any(other.shape != compared for other in of_prior):
         raise ValueError("depth, alpha, prior, valid and confidence differ in size")
     if runs_compiled(depth, alpha, prior) and not build_for(depth) and scales <= blocks.LEVELS:
-        maps = (alpha, prior, valid, confidence)
-        return _Compiled.apply(depth, *maps, space == "disparity", align, gradient_weight, scales, step)
+        maps = map(plain_map, (depth, alpha, prior, valid, confidence))
+        gradient, levels = torch.empty(depth.shape, dtype=torch.float32), scales if gradient_weight else 0
+        value = call(_C.depth_prior, *maps, space == "disparity", align, gradient_weight, levels, step, gradient)
+        return with_gradients(depth.new_tensor(value), [depth], [gradient])
     depth, alpha = depth[::step, ::step], alpha[::step, ::step]
     if build_for(depth, alpha, prior) and scales <= blocks.LEVELS:
         return blocks.depth_prior_loss(
@@ -98,7 +101,7 @@ def depth_prior_loss(
     scale, shift = scale_and_shift(prior, rendered, weight) if align else (1.0, 0.0)
     unit = scale * float(prior.flatten().dot(weight.flatten())) / total_weight + shift
     residual = (rendered - (scale * prior + shift)) * (compared.to(depth.dtype) / unit)
-    return _Penalty.apply(residual, compared, weight, count, gradient_weight, scales)
+    return _penalty(residual, compared, weight, count, gradient_weight, scales)
 
 
 def scale_and_shift(prior: Tensor, rendered: Tensor, weight: Tensor) -> tuple[float, float]:
@@ -160,48 +163,22 @@ def edge_band(prior: np.ndarray, relative_jump: float, width_px: int) -> np.ndar
     return cv2.dilate(edge, np.ones((2 * width_px + 1,) * 2, np.uint8)).astype(bool)
 
 
-class _Compiled(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx, depth, alpha, prior, valid, confidence, disparity, align, gradient_weight, scales, step) -> Tensor:
-        maps = map(plain_map, (depth, alpha, prior, valid, confidence))
-        gradient = torch.empty(depth.shape, dtype=torch.float32)
-        levels = scales if gradient_weight else 0
-        value = call(_C.depth_prior, *maps, disparity, align, gradient_weight, levels, step, gradient)
-        ctx.save_for_backward(gradient)
-        return depth.new_tensor(value)
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, grad: Tensor):
-        (gradient,) = ctx.saved_tensors
-        return gradient.mul_(grad), *[None] * 9  # in place: torch refuses a second backward through this node
-
-
-class _Penalty(torch.autograd.Function):
+def _penalty(
+    residual: Tensor, compared: Tensor, weight: Tensor, count: int, gradient_weight: float, scales: int
+) -> Tensor:
     """Value and gradient in one sweep: autograd's own backward through the slices takes twice as long."""
-
-    @staticmethod
-    def forward(
-        ctx, residual: Tensor, compared: Tensor, weight: Tensor, count: int, gradient_weight: float, scales: int
-    ) -> Tensor:
-        weighted = residual * weight
-        value = (weighted * residual).sum() / count
-        gradient = weighted * (2 / count)
-        for level in range(scales if gradient_weight else 0):
-            r, m, w, g = (t[:: 2**level, :: 2**level] for t in (residual, compared, weight, gradient))
-            for along, there, trust, push in ((r, m, w, g), (r.T, m.T, w.T, g.T)):
-                share = gradient_weight / max(1, int(torch.count_nonzero(there[1:] & there[:-1])))
-                trusted = torch.minimum(trust[1:], trust[:-1])  # 0 where one of the two is not compared
-                difference = hardshrink(along[1:] - along[:-1], ROUNDING).mul_(trusted)
-                value += share * difference.abs().sum()
-                sign = difference.sign_().mul_(trusted).mul_(share)
-                push[1:] += sign
-                push[:-1] -= sign
-        ctx.save_for_backward(gradient)
-        return value
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, grad: Tensor):
-        (gradient,) = ctx.saved_tensors
-        return gradient * grad, None, None, None, None, None
+    r_all = residual.detach()
+    weighted = r_all * weight
+    value = (weighted * r_all).sum() / count
+    gradient = weighted * (2 / count)
+    for level in range(scales if gradient_weight else 0):
+        r, m, w, g = (t[:: 2**level, :: 2**level] for t in (r_all, compared, weight, gradient))
+        for along, there, trust, push in ((r, m, w, g), (r.T, m.T, w.T, g.T)):
+            share = gradient_weight / max(1, int(torch.count_nonzero(there[1:] & there[:-1])))
+            trusted = torch.minimum(trust[1:], trust[:-1])  # 0 where one of the two is not compared
+            difference = hardshrink(along[1:] - along[:-1], ROUNDING).mul_(trusted)
+            value += share * difference.abs().sum()
+            sign = difference.sign_().mul_(trusted).mul_(share)
+            push[1:] += sign
+            push[:-1] -= sign
+    return with_gradients(value, [residual], [gradient], again=True)

@@ -12,6 +12,7 @@ from room2dgs.block_code import build_for
 from room2dgs.geometry.kernel_arguments import plain_map, runs_compiled
 from room2dgs.kernel_calls import call
 from room2dgs.losses import blocks
+from room2dgs.losses.known_gradients import with_gradients
 
 MIN_ALPHA = 0.5  # pixels less covered have no normal worth comparing
 TINY = 1e-3  # normals that cancel along the ray have no direction; their gradient stays below 1 / TINY
@@ -76,7 +77,10 @@ def normal_prior_loss(
             normal, alpha, prior, valid, l1=l1, cosine=cosine, confidence=confidence, step=step
         )
     if runs_compiled(normal, alpha, prior):
-        return _Compiled.apply(normal, alpha, prior, valid, confidence, l1, cosine, step)
+        maps = map(plain_map, (normal, alpha, prior, valid, confidence))
+        gradient = torch.empty(normal.shape, dtype=torch.float32)
+        value = call(_C.normal_prior, *maps, l1, cosine, step, gradient)
+        return with_gradients(normal.new_tensor(value), [normal], [gradient])
     normal, alpha = normal[::step, ::step], alpha[::step, ::step]
     compared = valid & (alpha.detach() >= MIN_ALPHA)
     share = compared.to(normal.dtype) / torch.count_nonzero(compared).clamp(min=1)
@@ -89,19 +93,3 @@ def normal_prior_loss(
     distance = (rendered - wanted).abs().sum(0)
     apart = 1 - (rendered * wanted).sum(0)
     return ((l1 * distance + cosine * apart) * share).sum()
-
-
-class _Compiled(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx, normal, alpha, prior, valid, confidence, l1, cosine, step) -> Tensor:
-        maps = map(plain_map, (normal, alpha, prior, valid, confidence))
-        gradient = torch.empty(normal.shape, dtype=torch.float32)
-        value = call(_C.normal_prior, *maps, l1, cosine, step, gradient)
-        ctx.save_for_backward(gradient)
-        return normal.new_tensor(value)
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, grad: Tensor):
-        (gradient,) = ctx.saved_tensors
-        return gradient.mul_(grad), *[None] * 7  # in place: torch refuses a second backward through this node

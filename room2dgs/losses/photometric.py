@@ -10,6 +10,7 @@ from room2dgs.block_code import build_for
 from room2dgs.geometry.kernel_arguments import runs_compiled
 from room2dgs.kernel_calls import call
 from room2dgs.losses import blocks, reference
+from room2dgs.losses.known_gradients import with_gradients
 
 
 def rgb_loss(rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
@@ -36,22 +37,7 @@ def rgb_loss(rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
         return blocks.rgb_loss(rendered, target, dssim)
     if dssim == 0 or not runs_compiled(rendered, target):
         return reference.rgb_loss(rendered, target.detach(), dssim) if dssim else (rendered - target).abs().mean()
-    return _RgbLoss.apply(rendered, target, dssim)
-
-
-class _RgbLoss(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx, rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
-        gradient = torch.empty(rendered.shape, dtype=torch.float32) if ctx.needs_input_grad[0] else None
-        l1, dissimilarity = call(
-            _C.rgb_loss, rendered.detach().contiguous(), target.detach().contiguous(), dssim, gradient
-        )
-        if gradient is not None:
-            ctx.save_for_backward(gradient)
-        return rendered.new_tensor((1 - dssim) * l1 + dssim * dissimilarity)
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, grad: Tensor):
-        (gradient,) = ctx.saved_tensors
-        return gradient.mul_(grad), None, None  # in place: torch refuses a second backward through this node
+    gradient = torch.empty(rendered.shape, dtype=torch.float32) if rendered.requires_grad else None
+    l1, dissimilarity = call(_C.rgb_loss, rendered.detach().contiguous(), target.detach().contiguous(), dssim, gradient)
+    value = rendered.new_tensor((1 - dssim) * l1 + dssim * dissimilarity)
+    return value if gradient is None else with_gradients(value, [rendered], [gradient])

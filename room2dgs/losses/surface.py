@@ -11,6 +11,7 @@ from room2dgs.block_code import build_for
 from room2dgs.geometry.kernel_arguments import intrinsics, rotation_of, runs_compiled
 from room2dgs.kernel_calls import call
 from room2dgs.losses import blocks, reference
+from room2dgs.losses.known_gradients import with_gradients
 from room2dgs.splat.types import Rendering
 
 
@@ -56,34 +57,14 @@ def normal_consistency(
     pose = cam_from_world if isinstance(cam_from_world, Tensor) else torch.from_numpy(np.asarray(cam_from_world))
     if by_blocks:
         return blocks.normal_consistency(*maps, torch.as_tensor(K), pose)
-    return _NormalConsistency.apply(*maps, intrinsics(K), pose)
+    return _by_kernel(*maps, intrinsics(K), pose)
 
 
-class _NormalConsistency(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx, depth: Tensor, alpha: Tensor, normal: Tensor, pinhole: tuple[float, ...], pose: Tensor) -> Tensor:
-        grad_depth = torch.empty(depth.shape, dtype=torch.float32)
-        grad_normal = torch.empty(normal.shape, dtype=torch.float32)
-        grad_pose = torch.zeros(4, 4, dtype=torch.float64)
-        grad_rotation = np.empty((3, 3))
-        value = call(
-            _C.normal_consistency,
-            depth.detach().contiguous(),
-            alpha.detach().contiguous(),
-            normal.detach().contiguous(),
-            *pinhole,
-            rotation_of(pose),
-            grad_depth,
-            grad_normal,
-            grad_rotation,
-        )
-        grad_pose[:3, :3] = torch.from_numpy(grad_rotation)
-        ctx.save_for_backward(grad_depth, grad_normal, grad_pose.to(pose))
-        return depth.new_tensor(value)
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, grad: Tensor):
-        # in place: torch refuses a second backward through this node
-        grad_depth, grad_normal, grad_pose = (gradient.mul_(grad) for gradient in ctx.saved_tensors)
-        return grad_depth, None, grad_normal, None, grad_pose
+def _by_kernel(depth: Tensor, alpha: Tensor, normal: Tensor, pinhole: tuple[float, ...], pose: Tensor) -> Tensor:
+    grad_depth, grad_normal = (torch.empty(maps.shape, dtype=torch.float32) for maps in (depth, normal))
+    grad_pose = torch.zeros(4, 4, dtype=torch.float64)
+    grad_rotation = np.empty((3, 3))
+    maps = (x.detach().contiguous() for x in (depth, alpha, normal))
+    value = call(_C.normal_consistency, *maps, *pinhole, rotation_of(pose), grad_depth, grad_normal, grad_rotation)
+    grad_pose[:3, :3] = torch.from_numpy(grad_rotation)
+    return with_gradients(depth.new_tensor(value), [depth, normal, pose], [grad_depth, grad_normal, grad_pose.to(pose)])
