@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pycolmap
 import pytest
 import torch
 import trimesh
@@ -119,6 +120,16 @@ def test_colmap_tracks_come_back(run, wall, tmp_path):
     assert sorted(zip(found.point.tolist(), found.pixel[:, 0].round(3).tolist(), strict=True)) == sorted(
         zip(point.tolist(), pixel[:, 0].astype(float).round(3).tolist(), strict=True)
     )
+
+
+def test_a_model_that_could_not_be_written_whole_is_not_there(run, tmp_path, monkeypatch):
+    def full(model, folder):
+        (folder / "cameras.bin").write_bytes(b"half of")
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(pycolmap.Reconstruction, "write_binary", full)
+    assert cli.main(["export", f"run={run}", "to=colmap", f"out={tmp_path}"]) != 0
+    assert not list((tmp_path / "colmap" / "sparse").iterdir())
 
 
 def test_depth_and_normals_are_those_of_the_wall(run, tmp_path):

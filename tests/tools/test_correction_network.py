@@ -99,7 +99,7 @@ def data(tmp_path):
 
 def test_training_learns_what_the_evidence_says_and_says_so_on_held_out_rooms(data, tmp_path):
     rooms, lines = read_rooms(data), []
-    weights = train(rooms, rooms, tmp_path / "run", Options(steps=100, lr=3e-3), log=lines.append)
+    weights = train(rooms, rooms, tmp_path / "run", Options(steps=60, batch=2, lr=5e-3), log=lines.append)
     inputs, truth = stacked([(rooms["room_0000"].evidence[0], rooms["room_0000"].shift[0])])
     network = CorrectionNetwork()
     network.load_state_dict(weights)

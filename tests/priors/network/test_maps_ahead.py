@@ -49,6 +49,15 @@ def test_both_kinds_are_there_when_the_block_has_ended(photos, grey, config, tmp
     assert cached(tmp_path, "depth") == cached(tmp_path, "normal") == {frame.name for frame in frames}
 
 
+def test_a_gpus_maps_are_not_taken_for_a_cpus(photos, grey, config, tmp_path, monkeypatch):
+    """Their numbers differ in the last places, and runs on one machine repeat to the bit."""
+    for gpu in (False, True):
+        monkeypatch.setattr(maps, "runs_on_gpu", lambda provider, gpu=gpu: gpu)
+        with maps_ahead(photos(grey), config("prior=auto"), lambda line: None):
+            pass
+    assert len(list((tmp_path / "cache" / "depth").iterdir())) == 2 * len(grey)
+
+
 @pytest.mark.parametrize("prior", [("prior=none",), ("prior=files", "prior.depth.path=x", "prior.normal.path=x")])
 def test_nothing_is_made_that_nobody_will_ask_for(photos, grey, config, tmp_path, prior):
     with maps_ahead(photos(grey), config(*prior), lambda line: None):
