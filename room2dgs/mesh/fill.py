@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import open3d as o3d
-import open3d.core as o3c
 import trimesh
 from scipy.spatial import KDTree
 
+from room2dgs.mesh.open3d import o3c, o3d
 from room2dgs.mesh.poisson import screened_poisson
 
 MARGIN = 2.0  # of the octree's side to the room's: what bulges out where nothing was seen is cut by its box

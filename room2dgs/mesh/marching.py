@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import open3d as o3d
-import open3d.core as o3c
 import trimesh
 
+from room2dgs.mesh.open3d import o3c, o3d
 from room2dgs.mesh.voxel_table import BLOCK, VOXELS, VoxelTable, block_coordinates, keys_of
 
 # open3d takes 8 kB a block for its vertices, and a copy of what it meshes: some blocks at a time, and those around them

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import open3d as o3d
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
+from room2dgs.mesh.open3d import o3d
 
 NEIGHBOURS = 30  # nearest points, itself among them, whose plane gives a point's normal; open3d's default
 

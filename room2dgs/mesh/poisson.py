@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import open3d as o3d
+
+from room2dgs.mesh.open3d import o3d
 
 SHALLOWEST, DEEPEST = 5, 10  # of the octree: 32 to 1024 cells along its side
 

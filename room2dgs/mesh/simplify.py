@@ -11,10 +11,10 @@ from functools import partial
 
 import fast_simplification
 import numpy as np
-import open3d as o3d
-import open3d.core as o3c
 import trimesh
 from scipy.spatial import KDTree
+
+from room2dgs.mesh.open3d import o3c, o3d
 
 FEWEST = 100  # faces
 STEP = 0.5  # of the faces stay, from one try to the next

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import open3d as o3d
 import trimesh
 
 from room2dgs.captures.point_cloud import PointCloud
@@ -13,6 +12,7 @@ from room2dgs.captures.scene import Frame
 from room2dgs.config import MeshConfig
 from room2dgs.logs import Log
 from room2dgs.mesh.finish import NoSurface, cleaned, finished
+from room2dgs.mesh.open3d import o3d
 from room2dgs.mesh.point_normals import oriented_normals, towards_views
 from room2dgs.mesh.poisson import screened_poisson
 from room2dgs.sfm.capture_points import MIN_POINTS

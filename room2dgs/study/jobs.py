@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 
-from room2dgs.config import Config, conf_dir, dump_config, load_config
+from room2dgs.config import Config, conf_dir, load_config
 from room2dgs.config.keys import leaf_keys, path_keys
 from room2dgs.config.overrides import quoted
 from room2dgs.errors import InputError, RunFailed
@@ -76,11 +76,12 @@ def planned(overrides: Sequence[str], out: Path) -> list[Job]:
         InputError: settings that cannot be.
     """
     jobs: list[Job] = []
+    first: dict[str, Job] = {}
     several, swept = swept_settings(overrides)
     for given in several:
         job = _job(given, [key for key in swept if key not in (EXPERIMENT, SEED)], out)
-        twin = next((one for one in jobs if _settings(one.config) == _settings(job.config)), None)
-        jobs.append(replace(job, same_as=twin.same_as or twin.row) if twin else job)
+        twin = first.setdefault(_settings(job.config), job)
+        jobs.append(job if twin is job else replace(job, same_as=twin.row))
     return jobs
 
 
@@ -156,7 +157,7 @@ def path_as_it_stands(text: str) -> str:
 
 def _settings(config: Config) -> str:
     """As text, which tells 1 from 1.0: in a schedule they differ."""
-    return dump_config(replace(config, out="any", resume=False))
+    return repr(replace(config, out="any", resume=False))
 
 
 def _differing(one: Config, other: Config) -> str:

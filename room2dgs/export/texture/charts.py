@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import open3d as o3d
-import open3d.core as o3c
 import trimesh
+
+from room2dgs.mesh.open3d import o3c, o3d
 
 PADDING_PX = 4  # between charts; twice that is seen by a viewer's first two smaller versions of the picture
 BENT = 8.0  # cost at which a chart ends: 2, xatlas's own, cuts a rough surface into shreds

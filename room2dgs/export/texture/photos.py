@@ -8,12 +8,11 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import open3d as o3d
-import open3d.core as o3c
 import trimesh
 
 from room2dgs.captures.scene import Frame
 from room2dgs.geometry.camera import Camera
+from room2dgs.mesh.open3d import o3c, o3d
 
 WIDEST_PX = 2048  # photos are used at their own size up to this
 TOLERANCE_M, TOLERANCE_SHARE = 0.02, 0.01  # farther behind what the camera sees first, a point is hidden
