@@ -22,7 +22,7 @@ GPU_OPTIONS ?=
 GPU_TESTS ?= $(wildcard tests/bindings/test_block_*.py) $(addprefix tests/,splat/test_blocks.py losses/test_blocks.py \
 	train/test_block_multiview.py train/test_on_device.py stereo/test_patchmatch.py stereo/test_dense.py \
 	mesh/test_device_volume.py commands/test_mesh_on_device.py)
-TEST_OPTIONS ?= -n 2 --dist loadfile
+TEST_OPTIONS ?= -n 2 --dist loadfile --durations=20 --durations-min=8
 
 .PHONY: install demo test test-slow test-all lint sanitize bench gpu-check gpu-sanitize clean
 .DELETE_ON_ERROR:
