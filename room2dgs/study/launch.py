@@ -12,6 +12,7 @@ import sys
 import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 
 from hydra import version as hydra_version
@@ -103,10 +104,14 @@ def launched(jobs: Sequence[Sequence[str]], hydra_settings: Sequence[str], out: 
 
 def in_turn(hydra_settings: Sequence[str]) -> bool:
     """Does the launcher that the settings choose run one job after the other?"""
+    return _in_turn(tuple(hydra_settings))
+
+
+@lru_cache(maxsize=8)
+def _in_turn(hydra_settings: tuple[str, ...]) -> bool:
+    settings = [*hydra_settings, "out=any"]
     with _hydra() as hydra:
-        config = hydra.compose_config(
-            "config", [*hydra_settings, "out=any"], RunMode.MULTIRUN, with_log_configuration=False
-        )
+        config = hydra.compose_config("config", settings, RunMode.MULTIRUN, with_log_configuration=False)
         return config.hydra.launcher._target_ == BASIC
 
 
