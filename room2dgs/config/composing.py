@@ -27,7 +27,7 @@ def conf_dir() -> Path:
 def composed(overrides: Sequence[str]) -> DictConfig:
     """conf/config.yaml with its groups and the overrides, as Hydra puts them together; not validated.
 
-    Hydra takes a third of a second for the groups: what they give together is kept for the next call.
+    Hydra takes a third of a second to put the groups together: what it came to is kept for the next call with them.
 
     Args:
         overrides: "KEY=VALUE" each, of known keys.
@@ -37,19 +37,24 @@ def composed(overrides: Sequence[str]) -> DictConfig:
     """
     folder, choices, values = conf_dir().resolve(), [], []
     for text in overrides:
-        (choices if (folder / text.partition("=")[0]).is_dir() else values).append(text)
+        is_choice = (folder / text.partition("=")[0]).is_dir()  # a group is a folder
+        (choices if is_choice else values).append(text)
     parsed = OverridesParser.create().parse_overrides(values)
     if all(one.type == OverrideType.CHANGE and not one.is_sweep_override() and not one.package for one in parsed):
-        tree = copy.deepcopy(_composed(folder, tuple(choices)))
+        tree = copy.deepcopy(_with_choices(folder, tuple(choices)))
         with suppress(OmegaConfBaseException):
             for one in parsed:
                 OmegaConf.update(tree, one.key_or_group, one.value(), merge=True)
             return tree
-    return _composed.__wrapped__(folder, tuple(overrides))  # what Hydra says of it
+    return _by_hydra(folder, overrides)  # sweeps, +KEY and what does not fit: its word, or its error
 
 
 @lru_cache(maxsize=32)
-def _composed(folder: Path, overrides: tuple[str, ...]) -> DictConfig:
+def _with_choices(folder: Path, choices: tuple[str, ...]) -> DictConfig:
+    return _by_hydra(folder, choices)
+
+
+def _by_hydra(folder: Path, overrides: Sequence[str]) -> DictConfig:
     with hydra_to_itself(), initialize_config_dir(str(folder), version_base="1.3"):
         return compose("config", overrides=list(overrides))
 

@@ -1,3 +1,7 @@
+"""A value that comes with its gradients, as autograd sees it."""
+
+from __future__ import annotations
+
 import pytest
 import torch
 
