@@ -30,7 +30,7 @@ class RasterFrame:
     def entries(self) -> int:
         """(surfel, tile) pairs."""
 
-    def forward(self, centers: Annotated[NDArray, dict(writable=False)], rotations: Annotated[NDArray, dict(writable=False)], scales: Annotated[NDArray, dict(writable=False)], opacities: Annotated[NDArray, dict(writable=False)], sh: Annotated[NDArray, dict(writable=False)], cam_from_world: Annotated[NDArray, dict(writable=False)], K: Annotated[NDArray, dict(writable=False)], width: int, height: int, near: float, background: Annotated[NDArray, dict(writable=False)], color: NDArray, alpha: NDArray, depth: NDArray, median: NDArray, normal: NDArray | None, distortion: NDArray | None) -> int:
+    def forward(self, centers: Annotated[NDArray, dict(writable=False)], rotations: Annotated[NDArray, dict(writable=False)], scales: Annotated[NDArray, dict(writable=False)], opacities: Annotated[NDArray, dict(writable=False)], sh: Annotated[NDArray, dict(writable=False)], cam_from_world: Annotated[NDArray, dict(writable=False)], K: Annotated[NDArray, dict(writable=False)], width: int, height: int, near: float, opacity_floor: float, background: Annotated[NDArray, dict(writable=False)], color: NDArray, alpha: NDArray, depth: NDArray, median: NDArray, normal: NDArray | None, distortion: NDArray | None) -> int:
         """
         Draws a view into the maps. Gives its number, which `backward` asks for. cam_from_world and K are float64, all else float32.
         """

@@ -29,13 +29,14 @@ SIZES = ((320, 240), (640, 480))
 COUNTS = (20_000, 100_000, 500_000)
 REFERENCE = ((320, 240), 20_000)  # the torch reference takes seconds there, and minutes at the largest
 TILE_STEP = 8  # the bare loop runs every n-th tile
+FLOOR = 1 / 64  # as conf/render has it
 
 
 class Case:
     """One image size and number of surfels, with incoming gradients as a training iteration has them."""
 
-    def __init__(self, width: int, height: int, count: int) -> None:
-        self.width, self.height, self.count = width, height, count
+    def __init__(self, width: int, height: int, count: int, opacity_floor: float = FLOOR) -> None:
+        self.width, self.height, self.count, self.opacity_floor = width, height, count, opacity_floor
         self.surfels = box_surfels(count)
         self.K, self.cam_from_world = inside_view(width, height)
         self.leaves = Surfels(*(x.clone().requires_grad_() for x in self.surfels))
@@ -45,6 +46,7 @@ class Case:
 
     def draw(self, render=splat.render, surfels: Surfels | None = None, **options):
         """Render for training: every output but the distortion."""
+        options |= {"opacity_floor": self.opacity_floor}
         return render(surfels or self.surfels, self.K, self.cam_from_world, self.width, self.height, **options)
 
     def back(self, out) -> tuple[Tensor, ...]:
@@ -77,7 +79,7 @@ class Case:
         frame = _C.RasterFrame()
         frame.forward(
             *self.surfels, self.cam_from_world.double(), self.K.double(), self.width, self.height, 0.05,
-            torch.zeros(3), *images, None,
+            self.opacity_floor, torch.zeros(3), *images, None,
         )  # fmt: skip
         forward, pairs = _C.bench.bare_loop(frame, *images, None, TILE_STEP, repeats)
         backward, _ = _C.bench.bare_loop(frame, *images, self.g_color, TILE_STEP, repeats)
@@ -115,8 +117,12 @@ def measure(case: Case, threads: int, repeats: int) -> dict[str, Any]:
     return row
 
 
-def profile_iteration(case: Case, repeats: int) -> dict[str, float]:
-    """Milliseconds by stage of one whole training iteration, medians."""
+def profile_iteration(case: Case, repeats: int, surface: bool) -> dict[str, float]:
+    """Milliseconds by stage of one whole training iteration, medians.
+
+    Args:
+        surface: with normal consistency, for which depth and normals have gradients; else by the photo alone.
+    """
     g = torch.Generator().manual_seed(2)
     photo = torch.randint(0, 256, (case.height, case.width, 3), generator=g, dtype=torch.uint8)
     parameters = Surfels(*(x.clone().requires_grad_() for x in case.surfels))
@@ -132,17 +138,20 @@ def profile_iteration(case: Case, repeats: int) -> dict[str, float]:
         t = time.perf_counter()
         target = photo.float() / 255
         t = lap("photo", t)
-        out = case.draw(surfels=parameters, with_distortion=False)
+        out = case.draw(surfels=parameters, with_normal=surface, with_distortion=False)
         t = lap("raster forward", t)
         leaves = [x.detach().requires_grad_() for x in out]
         seen = type(out)(*leaves)
         rgb = rgb_loss(seen.color, target, 0.2)
         g_color = torch.autograd.grad(rgb, seen.color)[0]
         t = lap("L1 + D-SSIM, both ways", t)
-        smooth = normal_consistency(seen, case.K, case.cam_from_world, "expected")
-        g_depth, g_normal = torch.autograd.grad(smooth, [seen.depth, seen.normal])
-        t = lap("normal consistency, both ways", t)
-        grads = torch.autograd.grad([out.color, out.depth, out.normal], list(parameters), [g_color, g_depth, g_normal])
+        drawn, flowing = [out.color], [g_color]
+        if surface:
+            smooth = normal_consistency(seen, case.K, case.cam_from_world, "expected")
+            drawn += [out.depth, out.normal]
+            flowing += torch.autograd.grad(smooth, [seen.depth, seen.normal])
+            t = lap("normal consistency, both ways", t)
+        grads = torch.autograd.grad(drawn, list(parameters), flowing)
         t = lap("raster backward", t)
         for x, grad in zip(parameters, grads, strict=True):
             x.grad = grad
@@ -157,22 +166,32 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--threads", type=int, default=available_cores(), help="threads of the main columns")
     parser.add_argument("--repeats", type=int, default=7, help="runs of each figure; the fastest counts")
     parser.add_argument("--quick", action="store_true", help="the smallest case alone")
+    parser.add_argument(
+        "--opacity-floor", type=float, default=FLOOR, help="hits fainter than this are skipped: render.opacity_floor"
+    )
     parser.add_argument("--json", type=Path, help="also write the figures here")
     args = parser.parse_args(argv)
     from room2dgs.runs.metrics import commit, machine
 
     torch.set_num_threads(args.threads)
     sizes, counts = (SIZES[:1], COUNTS[:1]) if args.quick else (SIZES, COUNTS)
-    cases = [Case(width, height, count) for width, height in sizes for count in counts]
+    cases = [Case(width, height, count, args.opacity_floor) for width, height in sizes for count in counts]
     report: dict[str, Any] = {
         "machine": machine(), "commit": commit(), "isa": _C.isa(), "threads": args.threads, "repeats": args.repeats,
+        "opacity_floor": args.opacity_floor,
         "cases": [measure(case, args.threads, args.repeats) for case in cases],
         "iterations": [],
     }  # fmt: skip
     for case in cases:
-        stages = profile_iteration(case, args.repeats)
+        photo, whole = (profile_iteration(case, args.repeats, surface) for surface in (False, True))
         report["iterations"].append(
-            {"width": case.width, "height": case.height, "surfels": case.count, "stages_ms": stages}
+            {
+                "width": case.width,
+                "height": case.height,
+                "surfels": case.count,
+                "stages_ms": whole,
+                "photo_alone_ms": photo,
+            }
         )
     chosen = next(c for c in cases if ((c.width, c.height), c.count) == REFERENCE)
     slow = chosen.reference_seconds()
@@ -191,9 +210,10 @@ def main(argv: list[str] | None = None) -> int:
 
 def _print(report: dict[str, Any]) -> None:
     console = Console(width=150)
+    floor = f"1/{1 / report['opacity_floor']:.0f}"
     console.print(
         f"machine {report['machine']}, commit {report['commit']}, kernels {report['isa']}, "
-        f"{report['threads']} threads, fastest of {report['repeats']}"
+        f"{report['threads']} threads, fastest of {report['repeats']}, opacity floor {floor}"
     )
     table = Table(title="Rasterizer: milliseconds, and ratios within this run")
     for column in (
@@ -212,12 +232,17 @@ def _print(report: dict[str, Any]) -> None:
     console.print(table)
     stages = Table(title="One training iteration: milliseconds by stage")
     names = list(report["iterations"][0]["stages_ms"])
-    for column in ("image", "surfels", *names, "all"):
+    for column in ("image", "surfels", *names, "all", "by the photo alone"):
         stages.add_column(column, justify="right")
     for r in report["iterations"]:
         ms = r["stages_ms"]
         values = [f"{ms[n]:.1f}" for n in names]
-        stages.add_row(f"{r['width']}x{r['height']}", str(r["surfels"]), *values, f"{sum(ms.values()):.1f}")
+        stages.add_row(
+            f"{r['width']}x{r['height']}",
+            str(r["surfels"]),
+            *values,
+            *(f"{sum(r[k].values()):.1f}" for k in ("stages_ms", "photo_alone_ms")),
+        )
     console.print(stages)
     ref = report["torch_reference"]
     console.print(

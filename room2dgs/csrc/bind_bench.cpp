@@ -122,7 +122,7 @@ void tile_work(RasterFrame& f, int64_t every, const Output& work) {
       uint32_t near = 0, blended = 0, blended_rows = 0;  // bits of patches, and of rows' warps
       for (int p = 0; p < kTilePixels; ++p) {
         const float dx = x + p % kTile + 0.5f - r.cx - r.cx_rest, dy = y + p / kTile + 0.5f - r.cy - r.cy_rest;
-        if (!(intersect<float>(r, dx, dy).raw >= kAlphaMin)) continue;
+        if (!(intersect<float>(r, dx, dy).raw >= a.opacity_floor)) continue;
         near |= 1u << patch(p);
         if (x + p % kTile >= a.width || y + p / kTile >= a.height || a.state.last[tile * kTilePixels + p] <= j) continue;
         blended |= 1u << patch(p), blended_rows |= 1u << row_warp(p), ++kept;

@@ -19,7 +19,7 @@ Camera camera_of(const ViewArrays& view) {
     c.t[row] = m[4 * row + 3];
   }
   c.fx = k[0], c.fy = k[4], c.cx = k[2], c.cy = k[5];
-  c.near = view.near, c.width = view.width, c.height = view.height;
+  c.near = view.near, c.opacity_floor = view.opacity_floor, c.width = view.width, c.height = view.height;
   return c;
 }
 

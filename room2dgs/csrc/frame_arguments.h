@@ -61,6 +61,7 @@ struct ViewArrays {
   const double *cam_from_world, *K;  // (4, 4), (3, 3)
   const float* background;           // (3)
   double near;
+  float opacity_floor;
   int width, height;
   int device;  // of the surfels
 };
@@ -92,7 +93,7 @@ void def_forward(nb::class_<Frame>& type, const char* about, Start start, Draw d
       "forward",
       [start, draw](Frame& f, const Input& centers, const Input& rotations, const Input& scales, const Input& opacities,
                     const Input& sh, const Input& cam_from_world, const Input& K, int64_t width, int64_t height,
-                    double near, const Input& background, const Output& color, const Output& alpha, const Output& depth,
+                    double near, double opacity_floor, const Input& background, const Output& color, const Output& alpha, const Output& depth,
                     const Output& median, const OptionalOutput& normal, const OptionalOutput& distortion,
                     More... more) -> int64_t {
         Claim claim(f);
@@ -101,10 +102,13 @@ void def_forward(nb::class_<Frame>& type, const char* about, Start start, Draw d
                 "image size " + std::to_string(width) + " x " + std::to_string(height) + " is not in 1.." +
                     std::to_string(kMaxSide));
         require(std::isfinite(near) && near > 0, "near is " + std::to_string(near) + ", not a distance above 0");
+        require(opacity_floor >= 1e-6 && opacity_floor < 1,
+                "opacity_floor is " + std::to_string(opacity_floor) + ", not a share from 1e-6 to below 1");
         const ViewArrays view{check.input<double>("cam_from_world", cam_from_world, {4, 4}),
                               check.input<double>("K", K, {3, 3}),
                               check.input<float>("background", background, {3}),
                               near,
+                              static_cast<float>(opacity_floor),
                               static_cast<int>(width),
                               static_cast<int>(height),
                               centers.device_id()};
@@ -116,7 +120,7 @@ void def_forward(nb::class_<Frame>& type, const char* about, Start start, Draw d
         return static_cast<int64_t>(f.view = ++f.views);
       },
       as_is("centers"), as_is("rotations"), as_is("scales"), as_is("opacities"), as_is("sh"), as_is("cam_from_world"),
-      as_is("K"), nb::arg("width"), nb::arg("height"), nb::arg("near"), as_is("background"), as_is("color"),
+      as_is("K"), nb::arg("width"), nb::arg("height"), nb::arg("near"), nb::arg("opacity_floor"), as_is("background"), as_is("color"),
       as_is("alpha"), as_is("depth"), as_is("median"), or_none("normal"), or_none("distortion"), extra.named..., about);
 }
 

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from room2dgs.splat.backends import View, backend_for
 from room2dgs.splat.checks import check_shapes
+from room2dgs.splat.constants import OPACITY_FLOOR
 from room2dgs.splat.types import Rendering, Surfels
 
 
@@ -19,6 +20,7 @@ def render(
     *,
     background: Tensor | None = None,
     near_m: float = 0.05,
+    opacity_floor: float = OPACITY_FLOOR,
     center_px: Tensor | None = None,
     with_normal: bool = True,
     with_distortion: bool = True,
@@ -37,6 +39,7 @@ def render(
         width, height: image size in pixels, 1..16384.
         background: (3,) RGB, black by default.
         near_m: surfels with centres nearer than this, and parts of discs that are, are not drawn; above 0.
+        opacity_floor: hits fainter than this are skipped, 1e-6 to below 1; the higher, the fewer pixels a disc has.
         center_px: (N, 2) zeros that require grad: their gradient is that of the projected centres, in 1/pixel.
         with_normal, with_distortion: leave out an output that is not wanted (it is zeros then).
         backend: a name in `splat.backends.BACKENDS`; by default the one of the tensors' device.
@@ -51,5 +54,7 @@ def render(
     chosen = backend_for(surfels.centers, backend)
     if background is None:
         background = torch.zeros(3, dtype=torch.float32, device=surfels.centers.device)
-    view = View(K, cam_from_world, width, height, background, near_m, center_px, with_normal, with_distortion)
+    view = View(
+        K, cam_from_world, width, height, background, near_m, opacity_floor, center_px, with_normal, with_distortion
+    )
     return chosen.render(surfels, view)

@@ -16,6 +16,7 @@ from room2dgs.splat.types import Surfels
 MAX_SIDE_PX = 16384
 SKEW_MAX_PX = 1e-6  # rounding of a product of matrices, not a skew
 RIGID_TOLERANCE = 1e-3  # of R R^T - I
+LEAST_FLOOR = 1e-6  # far above what the kernels' powers of 2 end at
 
 
 def check_shapes(
@@ -69,14 +70,16 @@ def _check_shape(name: str, tensor: Tensor, shape: tuple[int, ...]) -> None:
         raise ValueError(f"{name} has shape {tuple(tensor.shape)}, not {shape}")
 
 
-def check_values(K: Tensor, cam_from_world: Tensor, background: Tensor, near_m: float) -> None:
+def check_values(K: Tensor, cam_from_world: Tensor, background: Tensor, near_m: float, opacity_floor: float) -> None:
     """Numbers that the maths does not allow for, or that would be ignored.
 
     Raises:
         ValueError: a focal length that is not positive, a skewed K or one whose last row is not 0 0 1, a pose that is
-            not rigid, a near plane that is not in front of the camera, anything that is not finite.
+            not rigid, a near plane that is not in front of the camera, an opacity floor that is no share of 1, anything
+            that is not finite.
     """
     check_near(near_m)
+    check_floor(opacity_floor)
     (fx, skew, cx), (other_skew, fy, cy), last = K.tolist()
     if not all(map(math.isfinite, (fx, skew, cx, other_skew, fy, cy, *last))):
         raise ValueError("K has an entry that is not finite")
@@ -108,6 +111,16 @@ def check_near(near_m: float) -> None:
     """
     if not (math.isfinite(near_m) and near_m > 0):
         raise ValueError(f"near_m is {near_m}; the near plane lies in front of the camera, at a distance above 0")
+
+
+def check_floor(opacity_floor: float) -> None:
+    """The opacity below which a hit is skipped.
+
+    Raises:
+        ValueError: it is not a share of 1, or too small for float32's powers of 2.
+    """
+    if not LEAST_FLOOR <= opacity_floor < 1:
+        raise ValueError(f"opacity_floor is {opacity_floor}; it is from {LEAST_FLOOR:g} to below 1")
 
 
 def _is_last_row(row: list[float]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-ALPHA_MIN = 1.0 / 255.0  # fainter hits are skipped
+OPACITY_FLOOR = 1.0 / 255.0  # fainter hits are skipped, unless a caller says otherwise
 ALPHA_MAX = 0.99  # opaque hits are clamped; no gradient through the clamp
 TRANSMITTANCE_MIN = 1e-4  # a pixel is finished once less light than this passes
 FILTER_INVERSE_VARIANCE = 2.0  # screen-space low-pass filter of 2DGS, sigma = sqrt(2)/2 px

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from room2dgs.geometry.rotations import rotation_matrices
-from room2dgs.splat.constants import ALPHA_MIN, FILTER_INVERSE_VARIANCE
+from room2dgs.splat.constants import FILTER_INVERSE_VARIANCE, OPACITY_FLOOR
 from room2dgs.splat.types import Surfels
 
 SIGMAS = 3.0
@@ -62,6 +62,6 @@ def footprint(
     to_the_far_edge = (center - size / 2).abs() + size / 2
     half = torch.where(whole[:, None], half, to_the_far_edge).ceil()
     inside = ((center + half > 0) & (center - half < size)).all(-1) | ~whole
-    seen = between & inside & (surfels.opacities >= ALPHA_MIN)
+    seen = between & inside & (surfels.opacities >= OPACITY_FLOOR)
     radius = torch.where(seen[:, None], half.clamp(max=1e6), torch.zeros_like(half)).to(torch.int32)
     return Footprint(center, depth, radius, seen)

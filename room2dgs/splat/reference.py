@@ -13,12 +13,12 @@ from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.geometry.spherical_harmonics import sh_color
 from room2dgs.splat.constants import (
     ALPHA_MAX,
-    ALPHA_MIN,
     DEN_MIN,
     DISTORTION_FAR_M,
     DISTORTION_NEAR_M,
     EDGE_ON,
     FILTER_INVERSE_VARIANCE,
+    OPACITY_FLOOR,
     QUATERNION_MIN,
     TRANSMITTANCE_MIN,
 )
@@ -101,6 +101,7 @@ def render(
     *,
     background: Tensor | None = None,
     near_m: float = 0.05,
+    opacity_floor: float = OPACITY_FLOOR,
     center_px: Tensor | None = None,
     stored: Callable[[Projected], Projected] = lambda projected: projected,
 ) -> Rendering:
@@ -114,7 +115,7 @@ def render(
     background = torch.zeros(3, dtype=dtype, device=device) if background is None else background.to(dtype)
     projected = stored(project(surfels, K, cam_from_world, near_m, center_px))
     order = depth_order(projected)
-    reach = _angular_reach(surfels, cam_from_world.detach(), K.detach())[order]
+    reach = _angular_reach(surfels, cam_from_world.detach(), K.detach(), opacity_floor)[order]
     projected = Projected(*(x[order] for x in projected))
     bearing = torch.nn.functional.normalize(
         torch.cat(
@@ -131,7 +132,7 @@ def render(
             ys, xs = torch.meshgrid(torch.arange(h) + y + 0.5, torch.arange(w) + x + 0.5, indexing="ij")
             pixels = torch.stack([xs, ys], dim=-1).reshape(-1, 2).to(dtype=dtype, device=device)
             near_tile = _meets_tile(pixels, K, bearing, reach)
-            part = _composite(Projected(*(v[near_tile] for v in projected)), pixels, background, near_m)
+            part = _composite(Projected(*(v[near_tile] for v in projected)), pixels, background, near_m, opacity_floor)
             row.append([v.reshape(h, w, *v.shape[1:]) for v in part])
         rows.append([torch.cat(parts, dim=1) for parts in zip(*row, strict=True)])
     return Rendering(*(torch.cat(parts, dim=0) for parts in zip(*rows, strict=True)))
@@ -146,9 +147,9 @@ def depth_order(projected: Projected) -> Tensor:
     return order[projected.visible[order]]
 
 
-def _angular_reach(surfels: Surfels, cam_from_world: Tensor, K: Tensor) -> Tensor:
+def _angular_reach(surfels: Surfels, cam_from_world: Tensor, K: Tensor, opacity_floor: float) -> Tensor:
     """(N,) radians: no visible part of a disc, nor its filter, is further than this from its centre's bearing."""
-    rho_max = 2 * torch.log((surfels.opacities.detach() / ALPHA_MIN).clamp_min(1.0))
+    rho_max = 2 * torch.log((surfels.opacities.detach() / opacity_floor).clamp_min(1.0))
     radius = surfels.scales.detach().amax(dim=-1) * rho_max.sqrt()
     distance = (surfels.centers.detach() @ cam_from_world[:3, :3].T + cam_from_world[:3, 3]).norm(dim=-1)
     disc = torch.where(radius < distance, torch.asin((radius / distance).clamp(max=1.0)), math.pi)
@@ -164,7 +165,9 @@ def _meets_tile(pixels: Tensor, K: Tensor, bearing: Tensor, reach: Tensor) -> Te
     return torch.acos((bearing @ axis).clamp(-1.0, 1.0)) <= half_angle + reach + 1e-6
 
 
-def _composite(s: Projected, pixels: Tensor, background: Tensor, near_m: float) -> tuple[Tensor, ...]:
+def _composite(
+    s: Projected, pixels: Tensor, background: Tensor, near_m: float, opacity_floor: float
+) -> tuple[Tensor, ...]:
     """Blend depth-sorted surfels (n) over pixels (m); returns colour, alpha, depth, median, normal, distortion."""
     delta = pixels[None] - s.center_px[:, None]  # (n, m, 2)
     den = 1 + torch.einsum("nmi,ni->nm", delta, s.b)
@@ -178,7 +181,7 @@ def _composite(s: Projected, pixels: Tensor, background: Tensor, near_m: float) 
     rho = torch.where(on_plane, rho_plane, rho_filter)
     z = torch.where(on_plane, s.depth[:, None] / safe, s.depth[:, None].expand_as(safe))
     raw = s.opacity[:, None] * torch.exp(-0.5 * rho)
-    alpha = torch.where(raw >= ALPHA_MIN, raw.clamp_max(ALPHA_MAX), torch.zeros_like(raw))
+    alpha = torch.where(raw >= opacity_floor, raw.clamp_max(ALPHA_MAX), torch.zeros_like(raw))
     after = torch.cumprod(1 - alpha, dim=0)
     before = torch.cat([torch.ones_like(after[:1]), after[:-1]], dim=0)
     blended = (alpha > 0) & (before >= TRANSMITTANCE_MIN)

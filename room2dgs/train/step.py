@@ -130,6 +130,7 @@ def render_view(
         view.height,
         background=_background(tuple(render.background), view.K.device) if background is None else background,
         near_m=render.near_m,
+        opacity_floor=render.opacity_floor,
         center_px=center_px,
         with_normal=with_normal,
         with_distortion=with_distortion,

@@ -68,8 +68,9 @@ def test_stages_survive_where_there_is_nothing_to_go_by(name):
     focal=st.floats(0, 3),
     angle=st.floats(0, 3.1),
     from_origin=st.sampled_from([0.0, 10.0, 1e4]),
+    floor=st.sampled_from([1 / 255, 1 / 64, 0.3, 1e-6]),
 )
-def test_cases_drawn_at_random(seed, unit, distance, size, stretch, opacity, focal, angle, from_origin):
+def test_cases_drawn_at_random(seed, unit, distance, size, stretch, opacity, focal, angle, from_origin, floor):
     """Any unit, distance, size, shape, opacity, focal length and place, all at once; exponents of ten."""
     unit = 10.0**unit
     surfels = random_surfels(40, seed, (0.3, 1.0), distance, opacity=opacity)
@@ -80,7 +81,7 @@ def test_cases_drawn_at_random(seed, unit, distance, size, stretch, opacity, foc
     turned[:3, 3] = unit * turned[:3, 3] - turned[:3, :3] @ away
     centers = (unit * (surfels.centers.double() @ turned[:3, :3]) + away).float()
     K = intrinsics(10**focal, 1.1 * 10**focal, 13.3, 9.1)
-    scene = HardScene(surfels._replace(centers=centers, scales=unit * scales), K, turned, 29, 19, 0.05 * unit)
+    scene = HardScene(surfels._replace(centers=centers, scales=unit * scales), K, turned, 29, 19, 0.05 * unit, floor)
     found = compare(scene)
     assert found.passed, found
 

@@ -17,6 +17,7 @@ from room2dgs.bench.roofline.scene import Counts, boxes, measured
 from room2dgs.commands import bench_roofline
 from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.splat import Surfels, reference
+from room2dgs.splat.constants import OPACITY_FLOOR
 
 W, H = 53, 40
 
@@ -30,7 +31,7 @@ def room():
 def work_of(surfels, K, pose, every=1):
     images = [torch.empty(H, W, *tail) for tail in ((3,), (), (), (), (3,))]
     frame = _C.RasterFrame()
-    frame.forward(*surfels, pose.double(), K.double(), W, H, 0.2, torch.zeros(3), *images, None)
+    frame.forward(*surfels, pose.double(), K.double(), W, H, 0.2, OPACITY_FLOOR, torch.zeros(3), *images, None)
     work = np.empty((12, 11))
     _C.bench.tile_work(frame, every, work)
     return frame, work

@@ -141,6 +141,7 @@ CALLS = {
                 "width",
                 "height",
                 "near",
+                "opacity_floor",
                 Array("background", "3"),
                 *_written(*MAPS),
             ),
@@ -261,7 +262,8 @@ def numbers(sizes: dict[str, int]) -> dict[str, float]:
     """The arguments that are no arrays."""
     return {
         "dssim": 0.2, "fx": 30.0, "fy": 32.0, "cx": sizes["w"] / 2, "cy": sizes["h"] / 2,
-        "width": sizes["w"], "height": sizes["h"], "near": 0.05, "every": 2, "repeats": 1, "step": 2,
+        "width": sizes["w"], "height": sizes["h"], "near": 0.05, "opacity_floor": 1 / 255,
+        "every": 2, "repeats": 1, "step": 2,
         "smoothness": 8.0, "magnitude": 0.3, "reweightings": 2, "least": 1e-7, "anchor_width": 0.03, "tie_width": 0.01,
         "same": 0.02, "side": 0.05, "from_m": 0.1, "up_to": 0.95, "doubt": 2.0,
         "disparity": True, "align": True, "gradient_weight": 0.5, "levels": 4, "l1": 0.02, "cosine": 0.01,

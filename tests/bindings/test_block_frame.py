@@ -13,6 +13,7 @@ import pytest
 from room2dgs import _C
 
 SURFELS = ("centers", "rotations", "scales", "opacities", "sh")
+FLOOR = 1 / 255
 
 
 def _corpus() -> dict[str, dict[str, np.ndarray]]:
@@ -36,6 +37,7 @@ def plain(scene) -> dict[str, np.ndarray]:
         "K": scene.K.double().numpy(),
         "size": np.array([scene.width, scene.height]),
         "near": np.array(scene.near_m),
+        "floor": np.array(scene.opacity_floor),
     }
 
 
@@ -51,7 +53,8 @@ def drawn(frame, scene, background, queue: tuple = (), **wanted) -> list[np.ndar
     extra = {"queue": queue[0]} if queue else {}
     if wanted.get("color_alone"):
         maps[4:] = None, None
-    number = frame.forward(*surfels, scene["pose"], scene["K"], w, h, float(scene["near"]), background, *maps, **extra)
+    view = (scene["pose"], scene["K"], w, h, float(scene["near"]), float(scene["floor"]))
+    number = frame.forward(*surfels, *view, background, *maps, **extra)
     rng = np.random.default_rng(0)
     flows = [rng.standard_normal(shape, np.float32) for shape in shapes]
     if wanted.get("color_alone"):
@@ -93,7 +96,7 @@ def test_surfels_of_any_bits():
         wild = rng.random(n) < 0.7
         scene["centers"][wild] = rng.normal(0, 2, (wild.sum(), 3))
         scene["opacities"][wild] = rng.random(wild.sum())
-        scene |= {"pose": np.eye(4), "K": np.diag([90.0, 80, 1]), "near": np.array(0.05)}
+        scene |= {"pose": np.eye(4), "K": np.diag([90.0, 80, 1]), "near": np.array(0.05), "floor": np.array(FLOOR)}
         scene["size"] = rng.integers(1, 300, 2)
         drawn(_C.device.BlockFrame(), scene, background, (k,))
 
@@ -105,7 +108,7 @@ def test_a_camera_that_cannot_be_draws_nothing(entry, value):
     (w, h), frame = scene["size"].tolist(), _C.device.BlockFrame()
     maps = [np.zeros((h, w, 3), np.float32), *(np.zeros((h, w), np.float32) for _ in range(3)), None, None]
     surfels = [scene[name] for name in SURFELS]
-    number = frame.forward(*surfels, scene["pose"], scene["K"], w, h, 0.05, np.zeros(3, np.float32), *maps)
+    number = frame.forward(*surfels, scene["pose"], scene["K"], w, h, 0.05, FLOOR, np.zeros(3, np.float32), *maps)
     assert number == 0 and frame.camera()[1][entry[0] * 3 + entry[1]] == pytest.approx(value, nan_ok=True)
     to = [np.zeros_like(x) for x in surfels] + [np.zeros((len(surfels[0]), 2), np.float32), np.eye(4), np.eye(3)]
     with pytest.raises(ValueError, match="no view"):

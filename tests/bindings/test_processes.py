@@ -77,7 +77,7 @@ _C.set_threads(3)
 frame = _C.RasterFrame()
 
 def draw():
-    return frame.forward(*surfels, np.eye(4), K, side, side, 0.05, np.zeros(3, np.float32), *maps, None, None)
+    return frame.forward(*surfels, np.eye(4), K, side, side, 0.05, 1 / 255, np.zeros(3, np.float32), *maps, None, None)
 
 size = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (size + (60 << 20), resource.RLIM_INFINITY))

@@ -53,6 +53,13 @@ def test_a_near_plane_that_is_not_in_front_is_refused(scene, near_m, backend):
         splat.render(*scene, 8, 8, near_m=near_m, backend=backend)
 
 
+@pytest.mark.parametrize("floor", [0.0, -0.1, 1e-7, 1.0, float("nan")])
+@pytest.mark.parametrize("backend", [None, "reference", "blocks"])
+def test_a_floor_that_is_no_share_of_the_light_is_refused(scene, floor, backend):
+    with pytest.raises(ValueError, match="opacity_floor"):
+        splat.render(*scene, 8, 8, opacity_floor=floor, backend=backend)
+
+
 def test_projected_centres_cannot_be_moved(scene):
     center_px = torch.zeros(5, 2)
     splat.render(*scene, 8, 8, center_px=center_px)

@@ -25,6 +25,7 @@ from room2dgs.bench.numerics.scenes import (
 from room2dgs.block_code import PLAIN, set_order
 from room2dgs.splat import Surfels
 from room2dgs.splat.backends import block_view, cuda
+from room2dgs.splat.constants import OPACITY_FLOOR
 
 RENDER = partial(splat.render, backend="blocks")
 APART = 3e-5  # what sums in another order change, and fused arithmetic on one side
@@ -95,7 +96,7 @@ def test_bits_of_the_cpu_without_fused_arithmetic_and_the_way_to_a_build_of_cuda
         "for name, make in ALL.items():\n"
         "    s = make()\n"
         "    args = (s.surfels, s.K, s.cam_from_world, s.width, s.height)\n"
-        "    pairs = zip(*(f(*args, near_m=s.near_m) for f in (splat.render, RENDER)))\n"
+        "    pairs = zip(*(f(*args, near_m=s.near_m, opacity_floor=s.opacity_floor) for f in (splat.render, RENDER)))\n"
         "    assert all(torch.equal(a, b) for a, b in pairs), name\n"
     )
     load = (
@@ -127,7 +128,7 @@ def test_a_lost_state_is_rendered_again():
     """A copy of the state is no frame: the backward pass draws again, to the same bits."""
     surfels = random_surfels(40, 5)
     inputs = (*surfels, pose(), intrinsics(), torch.zeros(3))
-    options = (37, 29, NEAR_M, True, True)
+    options = (37, 29, NEAR_M, OPACITY_FLOOR, True, True)
     forward, backward = (partial(getattr(block_view, name), PLAIN) for name in ("forward", "backward"))
     color, alpha, depth, *_, state = forward(*inputs, None, *options)
     flows = (torch.ones_like(color), *[None] * 5)

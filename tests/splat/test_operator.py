@@ -10,6 +10,7 @@ import torch
 from room2dgs import splat
 from room2dgs.splat import Surfels
 from room2dgs.splat.backends import frames, operators
+from room2dgs.splat.constants import OPACITY_FLOOR
 
 
 @pytest.fixture
@@ -32,15 +33,15 @@ def total_of(images):
 
 @pytest.mark.parametrize("options", [(True, True), (False, False)])
 def test_the_operator_is_registered_as_torch_wants_it(leaves, options):
-    torch.library.opcheck(torch.ops.room2dgs.rasterize.default, (*leaves, 37, 20, 0.05, *options))
+    torch.library.opcheck(torch.ops.room2dgs.rasterize.default, (*leaves, 37, 20, 0.05, OPACITY_FLOOR, *options))
 
 
 def test_the_backward_operator_is_registered_as_torch_wants_it(leaves):
     with torch.no_grad():
-        color, alpha, depth, *_, state = operators.rasterize(*leaves, 37, 20, 0.05, True, True)
+        color, alpha, depth, *_, state = operators.rasterize(*leaves, 37, 20, 0.05, OPACITY_FLOOR, True, True)
     values = [x.detach() for x in leaves[:-1]]
     flowing = [torch.ones_like(color), None, torch.ones_like(depth), None, None, None]
-    args = (*values, alpha, depth, state, *flowing, 37, 20, 0.05, True, True, True)
+    args = (*values, alpha, depth, state, *flowing, 37, 20, 0.05, OPACITY_FLOOR, True, True, True)
     torch.library.opcheck(torch.ops.room2dgs.rasterize_backward.default, args)
 
 

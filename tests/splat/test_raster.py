@@ -16,6 +16,7 @@ from room2dgs.bench.numerics.pairs import pairs_of, smooth
 from room2dgs.bench.numerics.scenes import HardScene
 from room2dgs.splat import Rendering, Surfels, reference
 from room2dgs.splat.backends import operators
+from room2dgs.splat.constants import OPACITY_FLOOR
 
 BACKGROUND = torch.tensor([0.1, 0.4, 0.7])
 
@@ -80,7 +81,9 @@ def test_tile_lists_are_tight(make_surfels):
     needed = listed = 0
     for k in range(200):
         one = Surfels(*(x[k : k + 1] for x in surfels))
-        *images, state = operators.rasterize(*one, torch.eye(4), K, torch.zeros(3), None, 160, 120, 0.05, True, True)
+        *images, state = operators.rasterize(
+            *one, torch.eye(4), K, torch.zeros(3), None, 160, 120, 0.05, OPACITY_FLOOR, True, True
+        )
         out = Rendering(*images)
         listed += int(state[1])
         alpha = torch.nn.functional.pad(out.alpha.detach(), (0, 0, 0, 8))
@@ -183,7 +186,7 @@ def test_a_near_plane_behind_the_camera_is_refused(make_surfels, make_view, near
 
 def test_a_frame_that_has_drawn_another_view_has_no_gradient(make_surfels, make_view):
     surfels, (K, pose) = make_surfels(5), make_view()
-    view = (pose.double(), K.double(), 8, 8, 0.05, BACKGROUND)
+    view = (pose.double(), K.double(), 8, 8, 0.05, OPACITY_FLOOR, BACKGROUND)
     maps = [torch.zeros(8, 8, 3), *(torch.zeros(8, 8) for _ in range(3)), torch.zeros(8, 8, 3), torch.zeros(8, 8)]
     frame = _C.RasterFrame()
     number = frame.forward(*surfels, *view, *maps)

@@ -14,7 +14,7 @@ from room2dgs.bench.numerics.pairs import Pairs, pairs_of
 from room2dgs.bench.numerics.scenes import HardScene
 from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.splat import Surfels, reference
-from room2dgs.splat.constants import ALPHA_MAX, ALPHA_MIN, DISTORTION_FAR_M, DISTORTION_NEAR_M
+from room2dgs.splat.constants import ALPHA_MAX, DISTORTION_FAR_M, DISTORTION_NEAR_M
 
 
 class Choices(NamedTuple):
@@ -45,7 +45,7 @@ def choices(scene: HardScene) -> Choices | None:
         u, v, found = (x.double()[on_plane] for x in form)
         opacity.append((torch.exp(-(u * u + v * v) / 2) - weight[on_plane]).abs().nan_to_num(nan=1.0).max().item())
         z.append(((found - depth[on_plane]) / depth[on_plane]).abs().nan_to_num(nan=1.0, posinf=1.0).max().item())
-    w, z64 = blended(pairs, depth)
+    w, z64 = blended(pairs, depth, scene.opacity_floor)
     exact = shifted(w, z64)
     largest = exact.max() if exact.any() else 1.0
     errors = [
@@ -81,9 +81,9 @@ def three_planes(scene: HardScene) -> tuple[Tensor, Tensor, Tensor]:
     return u, v, M[:, 2, 0, None] * u + M[:, 2, 1, None] * v + M[:, 2, 2, None]
 
 
-def blended(pairs: Pairs, depth: Tensor) -> tuple[Tensor, Tensor]:
+def blended(pairs: Pairs, depth: Tensor, floor: float) -> tuple[Tensor, Tensor]:
     """(n, m) weights and depths along each ray, front to back."""
-    alpha = torch.where(pairs.raw >= ALPHA_MIN, pairs.raw.clamp_max(ALPHA_MAX), 0.0)
+    alpha = torch.where(pairs.raw >= floor, pairs.raw.clamp_max(ALPHA_MAX), 0.0)
     after = torch.cumprod(1 - alpha, 0)
     on_plane = pairs.hit & (pairs.rho_plane <= pairs.rho_filter)
     z = torch.where(on_plane, depth, pairs.projected.depth[:, None])

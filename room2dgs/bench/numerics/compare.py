@@ -91,8 +91,9 @@ def differentiate(
     pose = scene.cam_from_world.clone().requires_grad_()
     center_px = torch.zeros(len(surfels.centers), 2, dtype=dtype, requires_grad=True)
     images = render(
-        surfels, K, pose, scene.width, scene.height, background=background, center_px=center_px, near_m=scene.near_m
-    )
+        surfels, K, pose, scene.width, scene.height, background=background, center_px=center_px,
+        near_m=scene.near_m, opacity_floor=scene.opacity_floor,
+    )  # fmt: skip
     total = sum((w.to(x.dtype) * x).sum() for w, x in zip(weights, images, strict=True))
     inputs = [*surfels, K, pose, background, center_px]
     gradients = torch.autograd.grad(total, inputs, allow_unused=True, materialize_grads=True)

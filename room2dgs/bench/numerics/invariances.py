@@ -80,7 +80,7 @@ def _scaled(scene: HardScene, weights: list[Tensor]) -> float:
     pose[:3, 3] *= UNIT
     there = HardScene(
         s._replace(centers=s.centers * UNIT, scales=s.scales * UNIT), scene.K, pose, scene.width, scene.height,
-        scene.near_m * UNIT,
+        scene.near_m * UNIT, scene.opacity_floor,
     )  # fmt: skip
     images, gradients = differentiate(splat.render, scene, weights, torch.float32)
     lighter = [w * UNIT**-p for w, p in zip(weights, POWERS, strict=True)]

@@ -10,7 +10,13 @@ from torch import Tensor
 from room2dgs.bench.numerics.scenes import HardScene
 from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.splat import Surfels, reference
-from room2dgs.splat.constants import ALPHA_MAX, ALPHA_MIN, DEN_MIN, EDGE_ON, FILTER_INVERSE_VARIANCE, TRANSMITTANCE_MIN
+from room2dgs.splat.constants import (
+    ALPHA_MAX,
+    DEN_MIN,
+    EDGE_ON,
+    FILTER_INVERSE_VARIANCE,
+    TRANSMITTANCE_MIN,
+)
 
 NEAR = 1e-5  # relative distance from a jump at which rounding may take the other branch
 
@@ -47,7 +53,7 @@ def pairs_of(scene: HardScene) -> Pairs:
     The jumps are the opacity floor, the early stop, the half transmittance of the median, the clamp, the switch
     between disc and filter (its depth jumps), the near plane and edge-on discs.
     """
-    surfels = Surfels(*(x.double() for x in scene.surfels))
+    surfels, floor = Surfels(*(x.double() for x in scene.surfels)), scene.opacity_floor
     p = reference.project(surfels, scene.K.double(), scene.cam_from_world, scene.near_m)
     order = reference.depth_order(p)
     p = reference.Projected(*(x[order] for x in p))
@@ -61,14 +67,14 @@ def pairs_of(scene: HardScene) -> Pairs:
     plane, screen = u * u + v * v, FILTER_INVERSE_VARIANCE * (delta * delta).sum(-1)
     rho = torch.where(hit, torch.minimum(plane, screen), screen)
     raw = p.opacity[:, None] * torch.exp(-rho / 2)
-    alpha = torch.where(raw >= ALPHA_MIN, raw.clamp_max(ALPHA_MAX), 0.0)
+    alpha = torch.where(raw >= floor, raw.clamp_max(ALPHA_MAX), 0.0)
     T = torch.cumprod(1 - alpha, 0)
 
     def close(a, b, band):
         return (a - b).abs() <= band * b
 
-    counted = raw > 0.9 * ALPHA_MIN
-    jump = close(raw, ALPHA_MIN, 20 * NEAR) | close(raw, ALPHA_MAX, NEAR)
+    counted = raw > 0.9 * floor
+    jump = close(raw, floor, 20 * NEAR) | close(raw, ALPHA_MAX, NEAR)
     jump |= counted & (close(T, TRANSMITTANCE_MIN, 20 * NEAR) | close(T, 0.5, NEAR))
     jump |= counted & hit & close(plane, screen, 10 * NEAR)
     jump |= counted & close(scene.near_m * den, limit, NEAR)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from room2dgs.splat.constants import OPACITY_FLOOR
 from room2dgs.splat.types import Surfels
 
 NEAR_M = 0.05  # of a scene in metres
@@ -24,6 +25,7 @@ class HardScene(NamedTuple):
         cam_from_world: (4, 4) float64.
         width, height: pixels.
         near_m: near plane, in the scene's unit of length.
+        opacity_floor: fainter hits are skipped.
     """
 
     surfels: Surfels
@@ -32,6 +34,7 @@ class HardScene(NamedTuple):
     width: int
     height: int
     near_m: float = NEAR_M
+    opacity_floor: float = OPACITY_FLOOR
 
 
 def random_surfels(
@@ -112,6 +115,18 @@ def faint() -> HardScene:
 def opacities_at_the_limits() -> HardScene:
     limits = torch.tensor([0.0, 1 / 255, 0.99, 1.0, 0.5])
     return _scene(_some(4, opacities=limits.repeat(COUNT // 5)))
+
+
+def a_high_floor() -> HardScene:
+    """What training has, and opacities on both sides of it."""
+    return _scene(_some(6, opacities=torch.tensor([1.0, 0.3, 0.03, 1 / 64, 0.01]).repeat(COUNT // 5)))._replace(
+        opacity_floor=1 / 64
+    )
+
+
+def a_low_floor() -> HardScene:
+    """Discs of five deviations."""
+    return _scene(_some(28))._replace(opacity_floor=1e-6)
 
 
 def deep_stack() -> HardScene:
@@ -300,11 +315,11 @@ def off_screen() -> HardScene:
 
 
 ALL: tuple[Callable[[], HardScene], ...] = (
-    ordinary, many_small, below_a_pixel, image_filling, opaque, faint, opacities_at_the_limits, deep_stack,
-    coincident_layers, equal_depths, depths_within_one_rounding, edge_on, floor_under_the_camera, around_the_camera,
-    at_5_cm, at_100_m, from_5_cm_to_100_m, in_millimetres, in_kilometres, ten_km_from_the_origin, needles,
-    quaternions_of_any_norm, quaternions_near_zero, nothing_in_view, no_surfel, one_pixel, prime_sized, wide_angle,
-    principal_point_outside, principal_point_far_outside, off_screen,
+    ordinary, many_small, below_a_pixel, image_filling, opaque, faint, opacities_at_the_limits, a_high_floor,
+    a_low_floor, deep_stack, coincident_layers, equal_depths, depths_within_one_rounding, edge_on,
+    floor_under_the_camera, around_the_camera, at_5_cm, at_100_m, from_5_cm_to_100_m, in_millimetres, in_kilometres,
+    ten_km_from_the_origin, needles, quaternions_of_any_norm, quaternions_near_zero, nothing_in_view, no_surfel,
+    one_pixel, prime_sized, wide_angle, principal_point_outside, principal_point_far_outside, off_screen,
 )  # fmt: skip
 SCENES: dict[str, Callable[[], HardScene]] = {scene.__name__.replace("_", " "): scene for scene in ALL}
 ILL_CONDITIONED = ("needles", "around the camera")  # what float32 stores of them costs more than 1e-4

@@ -46,11 +46,8 @@ class Variant(NamedTuple):
     timed: bool = True
 
 
-def _floor(level: float, deviations: float) -> tuple[Edit, ...]:
-    return (
-        Edit(f"{SPLAT}/surfel.h", "kAlphaMin = 1.0f / 255.0f;", f"kAlphaMin = 1.0f / {level:.1f}f;"),
-        Edit(f"{SPLAT}/stages.h", "reach = -3.34f * scale", f"reach = -{deviations:.2f}f * scale"),
-    )
+def _floor(level: float) -> tuple[Edit, ...]:
+    return (Edit("room2dgs/csrc/frame_arguments.h", "static_cast<float>(opacity_floor),", f"1.0f / {level:.1f}f,"),)
 
 
 def _stop(level: str) -> tuple[Edit, ...]:
@@ -97,7 +94,7 @@ inline F shortened(F x) {  // each of its floats to the 11 bits of a half's mant
 _PROJECT = f"{SPLAT}/stages.h"
 _FIRST = "R2_HD Surfel<double> load_surfel("  # of the functions there
 _WITH_SHORT = Edit(_PROJECT, _FIRST, _SHORT + _FIRST)
-_REACH = "d.rho = T(2 * kLn2) * (r.log2_opacity - log2_of(T(kAlphaMin)));"
+_REACH = "d.rho = T(2 * kLn2) * (r.log2_opacity - log2_of(T(view.opacity_floor)));"
 
 
 def _short(place: str) -> Edit:
@@ -106,13 +103,13 @@ def _short(place: str) -> Edit:
     return Edit(_PROJECT, place, f"{name} = shortened({value})")
 
 
-EXACT = Variant("", "none of them", (*_floor(25500, 4.6), *_stop("1e-8")))
+EXACT = Variant("", "none of them", (*_floor(25500), *_stop("1e-8")))
 SHIPPED = Variant("", "shipped")
 VARIANTS = (
     Variant("exp", "cubic", _exp(_CUBIC)),
     Variant("exp", "the library's", _exp(_LIBRARY)),
-    Variant("opacity floor", "1/1000", _floor(1000, 3.75)),
-    Variant("opacity floor", "1/64", _floor(64, 3.34)),
+    Variant("opacity floor", "1/1000", _floor(1000)),
+    Variant("opacity floor", "1/64", _floor(64)),
     Variant("early stop", "1e-6", _stop("1e-6")),
     Variant("early stop", "1e-3", _stop("1e-3")),
     Variant("early stop", "1e-2", _stop("1e-2")),

@@ -11,6 +11,7 @@ from torch import Tensor
 from room2dgs import _C
 from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.splat import Surfels
+from room2dgs.splat.constants import OPACITY_FLOOR
 
 TILE = 16
 EVERY = 4  # blended pairs are counted in every n-th tile
@@ -56,7 +57,8 @@ def measured(surfels: Surfels, K: Tensor, cam_from_world: Tensor, width: int, he
     images = [torch.empty(height, width, *tail) for tail in ((3,), (), (), (), (3,))]
     frame = _C.RasterFrame()
     frame.forward(
-        *surfels, cam_from_world.double(), K.double(), width, height, NEAR_M, torch.zeros(3), *images, None
+        *surfels, cam_from_world.double(), K.double(), width, height, NEAR_M, OPACITY_FLOOR, torch.zeros(3),
+        *images, None
     )  # fmt: skip
     columns, rows = -(-width // TILE), -(-height // TILE)
     work = np.empty((columns * rows, COLUMNS))

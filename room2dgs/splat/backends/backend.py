@@ -20,6 +20,7 @@ class View(NamedTuple):
         width, height: pixels.
         background: (3,) RGB.
         near_m: metres.
+        opacity_floor: fainter hits are skipped.
         center_px: (N, 2) zeros whose gradient is wanted, or None.
         with_normal, with_distortion: outputs that may be zeros when they are not wanted.
     """
@@ -30,6 +31,7 @@ class View(NamedTuple):
     height: int
     background: Tensor
     near_m: float
+    opacity_floor: float
     center_px: Tensor | None
     with_normal: bool
     with_distortion: bool

@@ -11,13 +11,13 @@ import torch
 from room2dgs.block_code import Build
 from room2dgs.kernel_calls import call
 from room2dgs.splat.backends import cpu_view, frames
-from room2dgs.splat.checks import check_near, check_values
+from room2dgs.splat.checks import check_floor, check_near, check_values
 
 
 def forward(
     build: Build,
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, center_px,
-    width, height, near_m, with_normal, with_distortion,
+    width, height, near_m, opacity_floor, with_normal, with_distortion,
 ):  # fmt: skip
     """Images as in `Rendering`, and the state that the backward pass needs (`frames`)."""
     images = cpu_view.empty_images(centers, width, height)
@@ -25,28 +25,30 @@ def forward(
     frame = frames.take(kind)
     number = _draw(
         build, frame, [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)],
-        cam_from_world, K, background, center_px, images, width, height, near_m, with_normal, with_distortion,
+        cam_from_world, K, background, center_px, images, width, height, near_m, opacity_floor,
+        with_normal, with_distortion,
     )  # fmt: skip
     return *images, frames.hold(kind, frame, number)
 
 
 def _draw(
-    build, frame, parameters, cam_from_world, K, background, center_px, images, width, height, near_m, with_normal,
-    with_distortion,
+    build, frame, parameters, cam_from_world, K, background, center_px, images, width, height, near_m, opacity_floor,
+    with_normal, with_distortion,
 ) -> int:  # fmt: skip
     """Fill the images and the frame; gives the view's number there."""
     check_near(near_m)
+    check_floor(opacity_floor)
     *others, normal, distortion = images
     moved = None if center_px is None else center_px.detach().to(torch.float32).contiguous()
     number = call(
         frame.forward, *parameters, *(x.detach().to(torch.float64).contiguous() for x in (cam_from_world, K)),
-        width, height, near_m,
+        width, height, near_m, opacity_floor,
         background.detach().to(torch.float32).contiguous(), *others,
         normal if with_normal or with_distortion else None, distortion if with_distortion else None,
         moved, queue=build.queue(parameters[0]),
     )  # fmt: skip
     pose, intrinsics, behind = (torch.tensor(x, dtype=torch.float64) for x in frame.camera())
-    check_values(intrinsics.reshape(3, 3), pose.reshape(4, 4), behind, near_m)
+    check_values(intrinsics.reshape(3, 3), pose.reshape(4, 4), behind, near_m, opacity_floor)
     if frame.moved:
         raise ValueError("center_px is not zero; it exists for its gradient and cannot move projected centres")
     if not with_distortion:
@@ -60,7 +62,7 @@ def backward(
     build: Build,
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state,
     to_color, to_alpha, to_depth, to_median, to_normal, to_distortion,
-    width, height, near_m, with_normal, with_distortion, with_background,
+    width, height, near_m, opacity_floor, with_normal, with_distortion, with_background,
 ):  # fmt: skip
     """Gradients of the surfels' five tensors, the pose, K, the background (if wanted) and the projected centres."""
     parameters = [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)]
@@ -71,7 +73,8 @@ def backward(
         frame = frames.take(kind)
         number = _draw(
             build, frame, parameters, cam_from_world, K, background, None,
-            cpu_view.empty_images(centers, width, height), width, height, near_m, with_normal, with_distortion,
+            cpu_view.empty_images(centers, width, height), width, height, near_m, opacity_floor,
+            with_normal, with_distortion,
         )  # fmt: skip
     wanted = (True, True, True, True, with_normal, with_distortion)
     gradients = (to_color, to_alpha, to_depth, to_median, to_normal, to_distortion)

@@ -12,7 +12,7 @@ from room2dgs.splat.types import Rendering, Surfels
 def _render(surfels: Surfels, view: View) -> Rendering:
     *images, _ = Rasterize.apply(
         *surfels, view.cam_from_world, view.K, view.background, view.center_px,
-        view.width, view.height, view.near_m, view.with_normal, view.with_distortion,
+        view.width, view.height, view.near_m, view.opacity_floor, view.with_normal, view.with_distortion,
         BUILDS.get(surfels.centers.device.type, PLAIN),
     )  # fmt: skip
     return Rendering(*images)

@@ -50,7 +50,14 @@ def _render(surfels: Surfels, view: View) -> Rendering:
     # anything that traces or wraps needs the operator
     plain = not torch.compiler.is_compiling() and all(type(x) in (Tensor, torch.nn.Parameter) for x in tensors)
     *images, _ = (_Rasterize.apply if plain else rasterize)(
-        *tensors, view.center_px, view.width, view.height, view.near_m, view.with_normal, view.with_distortion
+        *tensors,
+        view.center_px,
+        view.width,
+        view.height,
+        view.near_m,
+        view.opacity_floor,
+        view.with_normal,
+        view.with_distortion,
     )
     return Rendering(*images)
 

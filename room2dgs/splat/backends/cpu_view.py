@@ -17,16 +17,16 @@ CPU = frames.Kind(_C.RasterFrame, torch.device("cpu"))
 
 def forward(
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, center_px,
-    width, height, near_m, with_normal, with_distortion,
+    width, height, near_m, opacity_floor, with_normal, with_distortion,
 ):  # fmt: skip
     """Images as in `Rendering`, and the state that the backward pass needs (`frames`)."""
-    check_values(K, cam_from_world, background, near_m)
+    check_values(K, cam_from_world, background, near_m, opacity_floor)
     check_center_px(center_px)
     images = empty_images(centers, width, height)
     frame = frames.take(CPU)
     number = _draw(
         frame, (centers, rotations, scales, opacities, sh), cam_from_world, K, background, images,
-        width, height, near_m, with_normal, with_distortion,
+        width, height, near_m, opacity_floor, with_normal, with_distortion,
     )  # fmt: skip
     return *images, frames.hold(CPU, frame, number)
 
@@ -38,13 +38,24 @@ def empty_images(like: Tensor, width: int, height: int) -> list[Tensor]:
 
 
 def _draw(
-    frame, parameters, cam_from_world, K, background, images, width, height, near_m, with_normal, with_distortion
+    frame,
+    parameters,
+    cam_from_world,
+    K,
+    background,
+    images,
+    width,
+    height,
+    near_m,
+    opacity_floor,
+    with_normal,
+    with_distortion,
 ) -> int:
     """Fill the images and the frame; gives the view's number there."""
     *others, normal, distortion = images
     number = call(
         frame.forward, *(x.detach().contiguous() for x in parameters), _doubles(cam_from_world), _doubles(K),
-        width, height, near_m,
+        width, height, near_m, opacity_floor,
         background.detach().to(torch.float32).contiguous(), *others,
         normal if with_normal or with_distortion else None, distortion if with_distortion else None,
     )  # fmt: skip
@@ -62,7 +73,7 @@ def _doubles(matrix: Tensor) -> Tensor:
 def backward(
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state,
     to_color, to_alpha, to_depth, to_median, to_normal, to_distortion,
-    width, height, near_m, with_normal, with_distortion, with_background,
+    width, height, near_m, opacity_floor, with_normal, with_distortion, with_background,
 ):  # fmt: skip
     """Gradients of the surfels' five tensors, the pose, K, the background (if wanted) and the projected centres."""
     parameters = [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)]
@@ -72,7 +83,7 @@ def backward(
         frame = frames.take(CPU)
         number = _draw(
             frame, parameters, cam_from_world, K, background, empty_images(centers, width, height),
-            width, height, near_m, with_normal, with_distortion,
+            width, height, near_m, opacity_floor, with_normal, with_distortion,
         )  # fmt: skip
     flowing = [
         x.contiguous() if x is not None and wanted else None

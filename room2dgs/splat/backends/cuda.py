@@ -23,7 +23,7 @@ if CUDA is not None:
 def _render(surfels: Surfels, view: View) -> Rendering:
     inputs = (
         *surfels, view.cam_from_world, view.K, view.background, view.center_px,
-        view.width, view.height, view.near_m, view.with_normal, view.with_distortion,
+        view.width, view.height, view.near_m, view.opacity_floor, view.with_normal, view.with_distortion,
     )  # fmt: skip
     tensors = inputs[:8]
     # anything that traces or wraps needs the operator

@@ -11,7 +11,7 @@ from room2dgs.splat.backends import cpu_view
 
 _SURFELS = "Tensor centers, Tensor rotations, Tensor scales, Tensor opacities, Tensor sh"
 _VIEW = "Tensor cam_from_world, Tensor K, Tensor background"
-_OPTIONS = "SymInt width, SymInt height, float near_m, bool with_normal, bool with_distortion"
+_OPTIONS = "SymInt width, SymInt height, float near_m, float opacity_floor, bool with_normal, bool with_distortion"
 _TO_IMAGES = ", ".join(f"Tensor? to_{name}" for name in ("color", "alpha", "depth", "median", "normal", "distortion"))
 
 rasterize = torch.library.custom_op(
@@ -34,7 +34,7 @@ rasterize_backward = torch.library.custom_op(
 @rasterize.register_fake
 def _(
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, center_px,
-    width, height, near_m, with_normal, with_distortion,
+    width, height, near_m, opacity_floor, with_normal, with_distortion,
 ):  # fmt: skip
     return *cpu_view.empty_images(centers, width, height), torch.empty(2, dtype=torch.int64, device="cpu")
 
@@ -43,7 +43,7 @@ def _(
 def _(
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state,
     to_color, to_alpha, to_depth, to_median, to_normal, to_distortion,
-    width, height, near_m, with_normal, with_distortion, with_background,
+    width, height, near_m, opacity_floor, with_normal, with_distortion, with_background,
 ):  # fmt: skip
     *to, to_center_px = cpu_view.empty_gradients(centers, rotations, scales, opacities, sh)
     view = (x.new_empty(x.shape) for x in (cam_from_world, K, background))

@@ -12,12 +12,12 @@ from room2dgs.splat.types import Rendering, Surfels
 
 def render(surfels: Surfels, view: View) -> Rendering:
     """One view by `reference.render`, with the same outputs left out as the compiled kernels do."""
-    check_values(view.K, view.cam_from_world, view.background, view.near_m)
+    check_values(view.K, view.cam_from_world, view.background, view.near_m, view.opacity_floor)
     check_center_px(view.center_px)
     K, pose, background = (x.to(surfels.centers.dtype) for x in (view.K, view.cam_from_world, view.background))
     rendering = reference.render(
         surfels, K, pose, view.width, view.height,
-        background=background, near_m=view.near_m, center_px=view.center_px,
+        background=background, near_m=view.near_m, opacity_floor=view.opacity_floor, center_px=view.center_px,
     )  # fmt: skip
     if not view.with_normal:
         rendering = rendering._replace(normal=torch.zeros_like(rendering.normal))

@@ -92,6 +92,7 @@ template <bool kNormal, bool kDistortion>
 void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradients& g, int64_t tile, float* entries) {
   const int x = static_cast<int>(tile % a.tiles_x) * kTile, y = static_cast<int>(tile / a.tiles_x) * kTile;
   const auto all = [](float value) { return Lanes<fw>::all(value); };
+  const float floor = a.opacity_floor;
   BackwardTile s;
   const int tile_last = load_gradients<kNormal, kDistortion>(a, out, g, tile, s);
   const Item* items = a.items + a.tile_begin[tile];
@@ -122,7 +123,7 @@ void blend_tile_backward(const BlendArgs& a, const Images& out, const ImageGradi
     for_vectors(t.reach, [&](int k, int v) {
       const int q = kWide * v;
       const Hit<fw>& hit = hits[k];
-      const iw keep = (hit.raw >= kAlphaMin) & (load_wide(s.last + q) > j);
+      const iw keep = (hit.raw >= floor) & (load_wide(s.last + q) > j);
       const fw alpha = alpha_of(hit.raw, keep);
       const fw T = load_wide(s.T + q) / (1.0f - alpha);
       store_wide(s.T + q, T);

@@ -33,6 +33,7 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
   const int x = static_cast<int>(tile % a.tiles_x) * kTile, y = static_cast<int>(tile / a.tiles_x) * kTile;
   const int columns = a.width - x < kTile ? a.width - x : kTile, height = a.height - y < kTile ? a.height - y : kTile;
   const auto all = [](float value) { return Lanes<fw>::all(value); };
+  const float floor = a.opacity_floor;
   ForwardTile s;
   uint32_t alive = 0;  // a bit a vector
   for (int v = 0; v < kVectors; ++v) {
@@ -69,7 +70,7 @@ void blend_tile(const BlendArgs& a, const Images& out, int64_t tile, int64_t* pa
     for_vectors(t.reach, [&](int k, int v) {
       const int q = kWide * v;
       const fw raw = raw_of[k], z = z_of[k], T = load_wide(s.T + q);
-      const iw keep = (raw >= kAlphaMin) & (T >= kTransmittanceMin);
+      const iw keep = (raw >= floor) & (T >= kTransmittanceMin);
       const fw alpha = alpha_of(raw, keep);
       const fw weight = T * alpha, after = T * (1.0f - alpha);
       store_wide(s.T + q, after);

@@ -72,6 +72,7 @@ struct BlendTiles {
   struct Shared {
     alignas(16) Record records[kBatch];
     uint8_t reach[2][kBatch];
+    float floor;  // as a kernel's argument it would take a register
   };
   BlockTiles a;
   Images out;
@@ -104,6 +105,7 @@ struct BlendTiles {
           copy_piece(s.records + k / kPieces, a.records + surfel_of(items[begin + k / kPieces]), k % kPieces);
       });
       block.threads([&](int thread) {
+        if (thread == 0) s.floor = a.opacity_floor;
         const int j = thread / 2, half = thread % 2;
         s.reach[half][j] = static_cast<uint8_t>(j < batch ? patches_of(s.records[j], x, y, half) : 0);
       });
@@ -124,7 +126,8 @@ struct BlendTiles {
             for (uint32_t left = near; left && pixel.T >= kTransmittanceMin; left &= left - 1) {
               const int j = first + lowest_bit(left);
               const Record& r = s.records[j];
-              add(r, begin + j, dx_of(p, offset(x, r.cx, r.cx_rest)), dy_of(p, offset(y, r.cy, r.cy_rest)), pixel);
+              add(r, s.floor, begin + j, dx_of(p, offset(x, r.cx, r.cx_rest)),
+                  dy_of(p, offset(y, r.cy, r.cy_rest)), pixel);
             }
           });
         }
@@ -136,9 +139,9 @@ struct BlendTiles {
   }
 
   // One record to one pixel at (dx, dy) from its centre; `j` is its position in the list.
-  static R2_KERNEL void add(const Record& r, int j, float dx, float dy, Pixel& p) {
+  static R2_KERNEL void add(const Record& r, float floor, int j, float dx, float dy, Pixel& p) {
     const Hit<float> h = intersect<float>(r, dx, dy);
-    if (!(h.raw >= kAlphaMin)) return;
+    if (!(h.raw >= floor)) return;
     const float alpha = alpha_of<float>(h.raw, true);
     const float weight = p.T * alpha, after = p.T * (1.0f - alpha), in_front = p.covered;
     p.covered = in_front + weight;
@@ -265,7 +268,7 @@ struct BlendTilesBackward {
             const int thread = warp.thread(lane);
             const Place p = place_of(a, tile, thread);
             hits[lane] = intersect<float>(r, dx_of(p, ox), dy_of(p, oy));
-            keep[lane] = hits[lane].raw >= kAlphaMin && pixels[thread].last > begin + j;
+            keep[lane] = hits[lane].raw >= a.opacity_floor && pixels[thread].last > begin + j;
           });
           if (!warp.ballot(keep)) continue;
           filled |= 1u << j;
@@ -394,8 +397,8 @@ BlockTiles BlockFrame::tiles(const Queue& queue) {
   for (DeviceBuffer<float>* buffer : {&transmittance_, &first_z_, &m1_, &m2_}) buffer->grow(queue, pixels);
   for (DeviceBuffer<int32_t>* buffer : {&last_, &median_}) buffer->grow(queue, pixels);
   reach_.grow(queue, static_cast<int64_t>(facts.entries));
-  return {records_.data(), items_.data(), tile_begin_.data(), reach_.data(), view_.data()->background, input.width,
-          input.height, input.tiles_x(),
+  return {records_.data(), items_.data(), tile_begin_.data(), reach_.data(), view_.data()->background,
+          input.opacity_floor, input.width, input.height, input.tiles_x(),
           {transmittance_.data(), last_.data(), median_.data(), first_z_.data(), m1_.data(), m2_.data()}};
 }
 

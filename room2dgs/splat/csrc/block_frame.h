@@ -40,6 +40,7 @@ struct ViewInput {
   const double *cam_from_world, *K;
   const float* background;
   double near;
+  float opacity_floor;
   int width, height;
   int tiles_x() const { return (width + kTile - 1) / kTile; }
   int tiles_y() const { return (height + kTile - 1) / kTile; }
@@ -58,6 +59,7 @@ struct BlockTiles {
   const uint32_t* begin;    // of a tile's list, and the end of the last one
   uint8_t* reach;           // of each item, a bit for each patch of its tile that it can reach
   const float* background;
+  float opacity_floor;
   int width, height, tiles_x;
   room2dgs::PixelState state;  // tile by tile, by thread
 };

@@ -16,7 +16,7 @@ constexpr float kDistortionScale = kDistortionNear * kDistortionFar / (kDistorti
 
 template <class F>
 struct Hit {
-  F u, v, inverse, rho, z, raw;  // raw: opacity before the clamp; the hit counts where it reaches kAlphaMin
+  F u, v, inverse, rho, z, raw;  // raw: opacity before the clamp; the hit counts where it reaches the floor
   Mask<F> plane;                 // the disc itself is hit; elsewhere its screen-space filter
 };
 

@@ -139,6 +139,7 @@ BlendArgs RasterFrame::blend_args() {
   args.records = records.data();
   args.items = items.data();
   args.tile_begin = tile_begin.data();
+  args.opacity_floor = camera.opacity_floor;
   args.width = camera.width, args.height = camera.height, args.tiles_x = camera.tiles_x();
   std::copy(background, background + 3, args.background);
   args.state = {transmittance.data(), last.data(), median.data(), first_z.data(), m1.data(), m2.data()};

@@ -18,6 +18,7 @@ struct Camera {
   double R[9], t[3];  // camera = R world + t, row-major
   double fx, fy, cx, cy;
   double near;
+  float opacity_floor;  // fainter hits are skipped
   int width, height;
   int tiles_x() const { return (width + kTile - 1) / kTile; }
   int tiles_y() const { return (height + kTile - 1) / kTile; }
@@ -96,7 +97,7 @@ struct BlendArgs {
   const Item* items;
   const uint32_t* tile_begin;
   int width, height, tiles_x;
-  float background[3];
+  float opacity_floor, background[3];
   PixelState state;
 };
 

@@ -29,7 +29,8 @@ R2_HD const float* sh_of(const SurfelArrays& s, int64_t i) { return s.sh + 3 * s
 
 // The four side planes of the view, through the camera's centre, normals inwards, for a quick test of spheres.
 struct Frustum {
-  float R[9], t[3], near;
+  float R[9], t[3], near, opacity_floor;
+  float deviations;  // of a disc, over its edge: an opaque one falls to the floor before
   float shift;  // |t|: what rounding can do to a place follows from it and from the place
   float left[2], right[2], top[2], bottom[2];  // (x or y, z) of the unit normal
 };
@@ -42,6 +43,8 @@ R2_HD Frustum frustum_of(const View& view) {
   for (int k = 0; k < 9; ++k) f.R[k] = static_cast<float>(view.R[k]);
   for (int k = 0; k < 3; ++k) f.t[k] = static_cast<float>(view.t[k]);
   f.near = static_cast<float>(view.near);
+  f.opacity_floor = view.opacity_floor;
+  f.deviations = static_cast<float>(1.003 * ::sqrt(-2 * ::log(view.opacity_floor)));
   f.shift = static_cast<float>(::fabs(view.t[0]) + ::fabs(view.t[1]) + ::fabs(view.t[2]));
   const double margin = 4;  // pixels, for the screen-space filter
   side_plane((-margin - view.cx) / view.fx, 1, f.left);
@@ -51,8 +54,8 @@ R2_HD Frustum frustum_of(const View& view) {
   return f;
 }
 
-// Which surfels may be seen, by centre, larger scale and opacity: a disc lies in the ball of its largest scale, 3.34
-// sigma at most. Of one surfel or eight.
+// Which surfels may be seen, by centre, larger scale and opacity: a disc lies in the ball of its largest scale times
+// `deviations`. Of one surfel or eight.
 template <class F>
 R2_HD Mask<F> maybe_seen(const Frustum& f, F x, F y, F z, F scale, F opacity) {
   const F px = f.R[0] * x + f.R[1] * y + f.R[2] * z + f.t[0];
@@ -60,8 +63,8 @@ R2_HD Mask<F> maybe_seen(const Frustum& f, F x, F y, F z, F scale, F opacity) {
   const F pz = f.R[6] * x + f.R[7] * y + f.R[8] * z + f.t[2];
   // far from the world's origin the sums above lose digits: kilometres away, millimetres
   const F lost = 1e-6f * (vmax(x, -x) + vmax(y, -y) + vmax(z, -z) + f.shift);
-  const F reach = -3.34f * scale - 1e-4f * pz - lost;
-  return (pz >= 0.999f * f.near - lost) & (opacity >= kAlphaMin) & (f.left[0] * px + f.left[1] * pz >= reach) &
+  const F reach = -f.deviations * scale - 1e-4f * pz - lost;
+  return (pz >= 0.999f * f.near - lost) & (opacity >= f.opacity_floor) & (f.left[0] * px + f.left[1] * pz >= reach) &
          (f.right[0] * px + f.right[1] * pz >= reach) & (f.top[0] * py + f.top[1] * pz >= reach) &
          (f.bottom[0] * py + f.bottom[1] * pz >= reach);
 }
@@ -86,7 +89,7 @@ R2_HD Standing<T> stand(const Surfel<T>& s, T opacity, const View& view) {
   constexpr double kLn2 = 0.69314718055994530942;
   Disc<T>& d = r.disc;
   const Projected<T>& o = r.o;
-  d.rho = T(2 * kLn2) * (r.log2_opacity - log2_of(T(kAlphaMin)));
+  d.rho = T(2 * kLn2) * (r.log2_opacity - log2_of(T(view.opacity_floor)));
   d.su = s.su, d.sv = s.sv, d.tu = o.tu, d.tv = o.tv;
   d.cx = o.cx, d.cy = o.cy, d.dx = o.dx, d.dy = o.dy, d.z = o.p.z;
   d.aux = o.aux, d.auy = o.auy, d.avx = o.avx, d.avy = o.avy, d.bx = o.bx, d.by = o.by;

@@ -13,7 +13,6 @@ namespace R2_ISA {
 
 using View = room2dgs::Camera;
 
-constexpr float kAlphaMin = 1.0f / 255.0f;
 constexpr float kFilterInverseVariance = 2.0f;
 constexpr float kEdgeOn = 1e-3f;
 constexpr float kFilterOnlySlope = 1e10f;  // stands for an infinitely thin disc: only its filter is seen
