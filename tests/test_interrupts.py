@@ -24,6 +24,7 @@ SLOWLY = [
     "seeds.voxel_m=0.1",
     "train.tensorboard=false",
     "train.resolutions=[]",
+    "train.opacity_floor.until=0",
     "train.checkpoint_every=5",
     "train.log_every=5",
     "render.threads=1",

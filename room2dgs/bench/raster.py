@@ -29,7 +29,7 @@ SIZES = ((320, 240), (640, 480))
 COUNTS = (20_000, 100_000, 500_000)
 REFERENCE = ((320, 240), 20_000)  # the torch reference takes seconds there, and minutes at the largest
 TILE_STEP = 8  # the bare loop runs every n-th tile
-FLOOR = 1 / 64  # as conf/render has it
+FLOOR = 1 / 32  # as conf/train has it
 
 
 class Case:
@@ -167,7 +167,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--repeats", type=int, default=7, help="runs of each figure; the fastest counts")
     parser.add_argument("--quick", action="store_true", help="the smallest case alone")
     parser.add_argument(
-        "--opacity-floor", type=float, default=FLOOR, help="hits fainter than this are skipped: render.opacity_floor"
+        "--opacity-floor", type=float, default=FLOOR, help="hits fainter than this are skipped: train.opacity_floor"
     )
     parser.add_argument("--json", type=Path, help="also write the figures here")
     args = parser.parse_args(argv)

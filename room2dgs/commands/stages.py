@@ -249,8 +249,5 @@ def rendered(
         camera = frame.camera
         matrices = (moved(matrix, where) for matrix in view_matrices(camera))
         with on_device(device), torch.no_grad():  # around the call alone: a generator would leave it on in its caller
-            view = render(
-                there, *matrices, *camera.size, background=background, near_m=config.render.near_m,
-                opacity_floor=config.render.opacity_floor,
-            )  # fmt: skip
+            view = render(there, *matrices, *camera.size, background=background, near_m=config.render.near_m)
         yield frame, view

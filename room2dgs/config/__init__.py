@@ -16,7 +16,7 @@ from room2dgs.config.groups.sensor import SensorConfig
 from room2dgs.config.groups.sfm import SfmConfig
 from room2dgs.config.groups.stereo import StereoConfig
 from room2dgs.config.groups.strategy import StrategyConfig
-from room2dgs.config.groups.train import RatesConfig, ResolutionConfig, TrainConfig
+from room2dgs.config.groups.train import FloorConfig, RatesConfig, ResolutionConfig, TrainConfig
 from room2dgs.config.load import dump_config, load_config
 from room2dgs.config.schema import Config
 
@@ -25,6 +25,7 @@ __all__ = [
     "Config",
     "DepthPriorConfig",
     "EvalConfig",
+    "FloorConfig",
     "LossConfig",
     "MeshConfig",
     "MultiviewConfig",

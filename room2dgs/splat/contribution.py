@@ -12,9 +12,7 @@ from room2dgs.splat.api import render
 from room2dgs.splat.types import Surfels
 
 
-def contributions(
-    surfels: Surfels, views: Iterable[tuple[Tensor, Tensor, int, int]], near_m: float, opacity_floor: float
-) -> Tensor:
+def contributions(surfels: Surfels, views: Iterable[tuple[Tensor, Tensor, int, int]], near_m: float) -> Tensor:
     """(N,) float64, pixels: the sum of alpha times transmittance over the pixels of the view where it is largest.
 
     What few views see counts as much as what all see. Colour is linear in the surfels' colours, so the weights are its
@@ -22,16 +20,14 @@ def contributions(
 
     Args:
         views: K (3, 3), cam_from_world (4, 4), width, height of each.
-        near_m, opacity_floor: as `render` has them.
+        near_m: as `render` has it.
     """
     most = torch.zeros(len(surfels.centers), dtype=torch.float64, device=surfels.centers.device)
     grey = torch.zeros_like(surfels.sh[:, :1]).requires_grad_()  # 0.5, far from where colours are cut off
     painted = surfels._replace(sh=grey)
     for K, cam_from_world, width, height in views:
         sized = (K, cam_from_world, width, height)
-        seen = render(
-            painted, *sized, near_m=near_m, opacity_floor=opacity_floor, with_normal=False, with_distortion=False
-        )
+        seen = render(painted, *sized, near_m=near_m, with_normal=False, with_distortion=False)
         (gradient,) = torch.autograd.grad(seen.color[..., 0].sum(), grey)
         most = torch.maximum(most, gradient[:, 0, 0].double() / C0)
     return most

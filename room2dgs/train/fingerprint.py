@@ -14,11 +14,13 @@ from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.train.prior_maps import priors_digest
-from room2dgs.train.schedule import has_shares
+from room2dgs.train.schedule import at_iteration, has_shares
 
 # `train.iterations` is not among them, unless times are shares of it: a run may be prolonged.
 SECTIONS = ("scene", "sfm", "points", "seeds", "render", "loss", "strategy")
-TRAIN_KEYS = ("seed", "rates", "refine_poses", "exposure", "random_background", "resolutions", "coarsest_px")
+TRAIN_KEYS = (
+    "seed", "rates", "refine_poses", "exposure", "random_background", "resolutions", "coarsest_px", "opacity_floor",
+)  # fmt: skip
 FREE = ("scene.gt_mesh", "scene.split", "scene.test_every", "render.threads")
 VIEWS = "training views"
 PRIORS = "prior maps"
@@ -39,6 +41,8 @@ def fingerprint(config: Config, scene: Scene, priors: Mapping[str, ViewMaps] | N
         flat.pop("render.device")
     if not config.train.random_background:  # likewise
         flat.pop("train.random_background")
+    if at_iteration(config.train.opacity_floor.until, config.train.iterations) <= 0:  # likewise
+        flat.pop("train.opacity_floor.value"), flat.pop("train.opacity_floor.until")
     for key in FREE:
         flat.pop(key, None)
     flat[VIEWS] = _views_digest(scene)

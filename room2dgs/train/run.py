@@ -90,7 +90,6 @@ def train(
         "sh_degree": config.render.sh_degree,
         "background": list(config.render.background),
         "near_m": config.render.near_m,
-        "opacity_floor": config.render.opacity_floor,
         "seeds": model.seeds,
         "settings": digest(trainer.fingerprint),
     }

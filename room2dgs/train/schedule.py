@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from room2dgs.config import Config, NormalReweightingConfig, RatesConfig, RenderConfig, TermConfig, TrainConfig
+from room2dgs.splat.constants import OPACITY_FLOOR
 
 REST_SHARE = 1 / 20  # of the colour's rate, for SH above degree 0 (2DGS)
 CORRECTIONS_START = 0.1  # of the run
@@ -69,6 +70,12 @@ def image_fraction(iteration: int, train: TrainConfig, width: int) -> float:
     return next((max(level.fraction, min(1.0, train.coarsest_px / width)) for level in ahead), 1.0)
 
 
+def opacity_floor(iteration: int, train: TrainConfig) -> float:
+    """Below which hits are skipped: what other programs that draw surfels have, once `until` is reached."""
+    early = iteration < at_iteration(train.opacity_floor.until, train.iterations)
+    return train.opacity_floor.value if early else OPACITY_FLOOR
+
+
 def at_iteration(time: int | float, iterations: int) -> int:
     """What a schedule's setting means in a run of `iterations`: an int is an iteration, a float a share of them.
 
@@ -106,7 +113,7 @@ def has_shares(config: Config) -> bool:
     """Is a time that matters to this run a share of `train.iterations`? Reweighting and corrections use all of them."""
     terms = [term for term in vars(config.loss).values() if isinstance(term, TermConfig) and term.enabled]
     times = [time for term in terms for time in (term.start, term.end, term.ramp)]
-    times += [level.until for level in config.train.resolutions]
+    times += [level.until for level in (*config.train.resolutions, config.train.opacity_floor)]
     if config.strategy.name != "fixed" or config.strategy.thin > 0:
         times += [config.strategy.start, config.strategy.stop, config.strategy.reset_every]
     corrected = config.train.refine_poses or config.train.exposure

@@ -14,12 +14,13 @@ from torch import Tensor
 from room2dgs import splat
 from room2dgs.block_code import stays
 from room2dgs.config import Config, RenderConfig
+from room2dgs.splat.constants import OPACITY_FLOOR
 from room2dgs.splat.types import Rendering, Surfels
 from room2dgs.train.model import Model, set_rates
 from room2dgs.train.neighbour_views import Pair
 from room2dgs.train.objective import Term, loss_terms, needed_maps, total_loss
 from room2dgs.train.progress import StageClock
-from room2dgs.train.schedule import active_sh_degree, learning_rates
+from room2dgs.train.schedule import active_sh_degree, learning_rates, opacity_floor
 from room2dgs.train.views import View, Views
 
 BACKGROUND = 0x6267  # tells these draws from others of the same seed
@@ -77,7 +78,10 @@ def forward_backward(
         surfels = model.surfels(active_sh_degree(iteration, config.render))
         maps = needed_maps(view, config, iteration, pair)
         behind = background(iteration, config, view.K.device)
-        return surfels, render_view(surfels, view, config.render, background=behind, center_px=center_px, **maps)
+        floor = opacity_floor(iteration, config.train)
+        return surfels, render_view(
+            surfels, view, config.render, background=behind, opacity_floor=floor, center_px=center_px, **maps
+        )
 
     # a pose that wants a gradient gets that of the rendering; the terms themselves take it as it is
     compared = view._replace(cam_from_world=view.cam_from_world.detach())
@@ -117,6 +121,7 @@ def render_view(
     render: RenderConfig,
     *,
     background: Tensor | None = None,
+    opacity_floor: float = OPACITY_FLOOR,
     center_px: Tensor | None = None,
     with_normal: bool = False,
     with_distortion: bool = False,
@@ -130,7 +135,7 @@ def render_view(
         view.height,
         background=_background(tuple(render.background), view.K.device) if background is None else background,
         near_m=render.near_m,
-        opacity_floor=render.opacity_floor,
+        opacity_floor=opacity_floor,
         center_px=center_px,
         with_normal=with_normal,
         with_distortion=with_distortion,

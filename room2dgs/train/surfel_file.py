@@ -39,7 +39,7 @@ def load_surfels(path: Path) -> Surfels:
 
 
 def surfels_meta(path: Path) -> dict[str, Any]:
-    """Arguments of `save_surfels`: iteration, sh_degree, background, near_m, opacity_floor, seeds, settings.
+    """Arguments of `save_surfels`: iteration, sh_degree, background, near_m, seeds, settings.
 
     Raises:
         InputError: missing, damaged, or not a file of surfels.

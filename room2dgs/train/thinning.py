@@ -42,7 +42,7 @@ def _needed(trainer: Trainer, fraction: float) -> Tensor:
     views = (trainer.views.at(index, fraction, priors=False) for index in range(len(trainer.views)))
     sized = ((view.K, view.cam_from_world.detach(), view.width, view.height) for view in views)
     render = trainer.config.render
-    return contributions(current_surfels(trainer.model, render), sized, render.near_m, render.opacity_floor)
+    return contributions(current_surfels(trainer.model, render), sized, render.near_m)
 
 
 def _keep(model: Model, config: Config, needed: Tensor) -> None:

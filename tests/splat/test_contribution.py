@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.splat import Surfels, render
-from room2dgs.splat.constants import OPACITY_FLOOR
 from room2dgs.splat.contribution import contributions, least_needed
 
 SIZE = (24, 18)
@@ -35,7 +34,7 @@ def stack():
 
 def test_contributions_are_what_each_surfel_alone_would_paint_white_in_the_view_that_shows_most_of_it(stack):
     surfels, views = stack
-    found = contributions(surfels, views, 0.05, OPACITY_FLOOR)
+    found = contributions(surfels, views, 0.05)
     for one in range(len(found)):
         sh = torch.full_like(surfels.sh, -0.5 / C0)  # black
         sh[one] = 0.5 / C0  # white

@@ -78,6 +78,7 @@ def configure(capture):
                 "train.checkpoint_every=4",
                 "train.tensorboard=false",
                 "train.resolutions=[]",
+                "train.opacity_floor.until=0",
                 "loss.normal_consistency.start=3",
                 # their own tests turn them on
                 "loss.multiview_photometric.enabled=false",

@@ -4,8 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from room2dgs import splat
 from room2dgs.config import NormalReweightingConfig, RatesConfig, RenderConfig, ResolutionConfig, TermConfig
 from room2dgs.errors import InputError
+from room2dgs.train import train as train_run
 from room2dgs.train.schedule import (
     active_sh_degree,
     at_iteration,
@@ -13,6 +15,7 @@ from room2dgs.train.schedule import (
     has_shares,
     image_fraction,
     learning_rates,
+    opacity_floor,
     reweighting_deg,
     term_weight,
     view_index,
@@ -88,8 +91,23 @@ def test_resolution_changes_exactly_at_until(configure):
 
 
 def test_a_run_whose_photo_size_changes_at_a_share_of_it_depends_on_its_length(configure):
-    level = "train.resolutions=[{{fraction: 0.5, until: {}}}]"
-    assert has_shares(configure(level.format(0.5))) and not has_shares(configure(level.format(4)))
+    level, whole = "train.resolutions=[{{fraction: 0.5, until: {}}}]", "train.opacity_floor.until=4"
+    assert has_shares(configure(level.format(0.5), whole)) and not has_shares(configure(level.format(4), whole))
+    assert has_shares(configure(level.format(4), "train.opacity_floor.until=0.5"))
+
+
+def test_hits_are_skipped_by_training_s_floor_until_its_time_and_then_by_the_renderer_s(configure):
+    train = configure("train.iterations=40", "train.opacity_floor={value: 0.1, until: 0.5}").train
+    assert [opacity_floor(i, train) for i in (0, 19, 20, 39)] == [0.1, 0.1, 1 / 255, 1 / 255]
+
+
+def test_training_draws_with_the_floor_of_its_iteration(capture, configure, log, tmp_path, monkeypatch):
+    floors = []
+    render = splat.render
+    monkeypatch.setattr(splat, "render", lambda *a, **o: floors.append(o["opacity_floor"]) or render(*a, **o))
+    settings = ["train.iterations=4", "train.opacity_floor={value: 0.1, until: 2}", "train.test_every=0"]
+    train_run(*capture, configure(*settings), tmp_path / "run", log)
+    assert floors[:4] == [0.1, 0.1, 1 / 255, 1 / 255]
 
 
 @pytest.mark.parametrize("width, fraction", [(1280, 0.5), (640, 0.5), (480, 2 / 3), (320, 1.0), (160, 1.0)])

@@ -42,7 +42,7 @@ def test_what_is_left_is_what_held_the_rest_of_the_pictures(capture, configure, 
     whole, left = load_surfels(before.surfels_path), load_surfels(after.surfels_path)
     kept = torch.tensor([bool((whole.centers == centre).all(dim=1).any()) for centre in left.centers])
     assert kept.all()  # nothing has moved
-    needed = contributions(whole, views, 0.05, 1 / 64)
+    needed = contributions(whole, views, 0.05)
     gone = torch.tensor([not bool((left.centers == centre).all(dim=1).any()) for centre in whole.centers])
     assert 0.1 < float(needed[gone].sum() / needed.sum()) <= 0.2
     if "explicit" in decoder:

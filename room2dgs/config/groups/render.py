@@ -17,9 +17,6 @@ class RenderConfig:
     sh_degree: Int = Field(ge=0, le=3, description="0..3")
     sh_every: Int = Field(ge=1, description="iterations between two raises of the active degree")
     near_m: Float = Field(ge=1e-4, le=1, description="centres and hits nearer than this are not drawn")
-    opacity_floor: Float = Field(
-        ge=1e-6, le=0.5, description="hits fainter than this are skipped; other programs that draw surfels have 1/255"
-    )
     background: Annotated[list[Annotated[Float, Field(ge=0, le=1)]], Wants("three numbers from 0 to 1")] = Field(
         min_length=3, max_length=3, description="RGB in 0..1"
     )

@@ -46,6 +46,14 @@ class ResolutionConfig:
 
 
 @dataclass(config=GROUP)
+class FloorConfig:
+    """The opacity below which hits are skipped, until an iteration or a share of the run; then it is 1/255."""
+
+    value: Float = Field(ge=1e-6, le=0.5, description="the higher, the fewer pixels a surfel has, and the faster")
+    until: Time = Field()
+
+
+@dataclass(config=GROUP)
 class TrainConfig:
     """The optimisation."""
 
@@ -60,6 +68,7 @@ class TrainConfig:
     )
     resolutions: list[ResolutionConfig] = Field(description="coarse to fine; after the last: full size ([]: always)")
     coarsest_px: Int = Field(ge=1, description="resolutions leave the widest photo this width, and enlarge none")
+    opacity_floor: FloorConfig = Field()
     log_every: Int = Field(ge=1, description="iterations between two log lines")
     test_every: Int = Field(ge=0, description="iterations between two evaluations of the held-out views (0: none)")
     checkpoint_every: Int = Field(ge=1, description="iterations between two checkpoints")
