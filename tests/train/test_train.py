@@ -78,6 +78,7 @@ EVENTS = [
     "render.sh_every=3",
     "train.resolutions=[{fraction: 0.5, until: 5}]",
     "train.coarsest_px=1",
+    "train.opacity_floor={value: 0.05, until: 3}",
 ]
 
 
@@ -117,6 +118,7 @@ def test_resume_goes_back_past_a_damaged_checkpoint_to_the_same_bits(capture, co
         "train.rates.opacity=0.01",
         "train.resolutions=[{fraction: 0.5, until: 5}]",
         "train.coarsest_px=1",
+        "train.opacity_floor.until=5",
     ],
 )
 def test_resume_with_another_setting_names_it(capture, configure, log, tmp_path, change):
@@ -252,9 +254,7 @@ def test_settings_survive_json(capture, configure):
     read = json.loads(json.dumps(now))
     check_same(read, now, folder_of(capture[0].path))
     assert digest(read) == digest(now)
-    later = fingerprint(
-        configure(*EVENTS[:-2], "train.resolutions=[{fraction: 0.5, until: 6}]", *EVENTS[-1:]), capture[0]
-    )
+    later = fingerprint(configure(*EVENTS, "train.resolutions=[{fraction: 0.5, until: 6}]"), capture[0])
     assert digest(later) != digest(now)
     with pytest.raises(InputError, match=r"train\.resolutions=\[\{.*'until': 5.*'until': 6"):
         check_same(read, later, folder_of(capture[0].path))
