@@ -4,6 +4,7 @@ import pytest
 
 from room2dgs.config import load_config
 from room2dgs.seeds.spawn import first_opacity
+from room2dgs.train.schedule import opacity_floor
 
 
 def test_defaults_are_those_that_were_measured():
@@ -12,6 +13,7 @@ def test_defaults_are_those_that_were_measured():
     assert (mesh.voxel_m, mesh.truncation_voxels, mesh.min_weight) == (None, 2.0, 1.0)
     assert (mesh.smoothing_steps, mesh.max_error_m) == (5, 0.005)
     assert [(level.fraction, level.until) for level in train.resolutions] == [(0.5, 0.7)] and train.coarsest_px == 320
+    assert (train.opacity_floor.value, train.opacity_floor.until) == (1 / 32, 0.9)
     assert (config.strategy.name, config.strategy.thin, config.seeds.per_seed) == ("seeds", 0.03, 4)
     assert first_opacity(config) == 0.6
     depth = config.prior.depth
@@ -25,6 +27,7 @@ def test_what_is_compared_with_takes_none_of_ours():
     plain = load_config(["scene.path=room", "out=run", "experiment=plain_2dgs"])
     assert plain.strategy.thin == 0 and plain.train.resolutions == [] and plain.prior.depth.source == "none"
     assert first_opacity(plain) == 0.1  # 2DGS starts with it
+    assert opacity_floor(0, plain.train) == 1 / 255  # and skips what is fainter
 
 
 @pytest.mark.parametrize("setting", ["prior=none", "seeds.init=sfm", "experiment=no_depth", "experiment=no_seed"])

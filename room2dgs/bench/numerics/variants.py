@@ -109,6 +109,7 @@ VARIANTS = (
     Variant("exp", "cubic", _exp(_CUBIC)),
     Variant("exp", "the library's", _exp(_LIBRARY)),
     Variant("opacity floor", "1/1000", _floor(1000)),
+    Variant("opacity floor", "1/255", _floor(255)),
     Variant("opacity floor", "1/64", _floor(64)),
     Variant("early stop", "1e-6", _stop("1e-6")),
     Variant("early stop", "1e-3", _stop("1e-3")),
