@@ -93,9 +93,9 @@ void def_forward(nb::class_<Frame>& type, const char* about, Start start, Draw d
       "forward",
       [start, draw](Frame& f, const Input& centers, const Input& rotations, const Input& scales, const Input& opacities,
                     const Input& sh, const Input& cam_from_world, const Input& K, int64_t width, int64_t height,
-                    double near, double opacity_floor, const Input& background, const Output& color, const Output& alpha, const Output& depth,
-                    const Output& median, const OptionalOutput& normal, const OptionalOutput& distortion,
-                    More... more) -> int64_t {
+                    double near, double opacity_floor, const Input& background, const Output& color,
+                    const Output& alpha, const Output& depth, const Output& median, const OptionalOutput& normal,
+                    const OptionalOutput& distortion, More... more) -> int64_t {
         Claim claim(f);
         Arguments check = start(f, centers);
         require(width >= 1 && width <= kMaxSide && height >= 1 && height <= kMaxSide,
@@ -120,8 +120,9 @@ void def_forward(nb::class_<Frame>& type, const char* about, Start start, Draw d
         return static_cast<int64_t>(f.view = ++f.views);
       },
       as_is("centers"), as_is("rotations"), as_is("scales"), as_is("opacities"), as_is("sh"), as_is("cam_from_world"),
-      as_is("K"), nb::arg("width"), nb::arg("height"), nb::arg("near"), nb::arg("opacity_floor"), as_is("background"), as_is("color"),
-      as_is("alpha"), as_is("depth"), as_is("median"), or_none("normal"), or_none("distortion"), extra.named..., about);
+      as_is("K"), nb::arg("width"), nb::arg("height"), nb::arg("near"), nb::arg("opacity_floor"), as_is("background"),
+      as_is("color"), as_is("alpha"), as_is("depth"), as_is("median"), or_none("normal"), or_none("distortion"),
+      extra.named..., about);
 }
 
 // Binds `backward`, likewise: run(frame, BackwardArrays, extra...) without Python's lock. `size(frame)` is the view's

@@ -118,10 +118,9 @@ def opacities_at_the_limits() -> HardScene:
 
 
 def a_high_floor() -> HardScene:
-    """What training has, and opacities on both sides of it."""
-    return _scene(_some(6, opacities=torch.tensor([1.0, 0.3, 0.03, 1 / 64, 0.01]).repeat(COUNT // 5)))._replace(
-        opacity_floor=1 / 64
-    )
+    """What training has, and opacities on both sides of it and at it."""
+    opacities = torch.tensor([1.0, 0.3, 0.05, 1 / 32, 0.02])
+    return _scene(_some(6, opacities=opacities.repeat(COUNT // 5)))._replace(opacity_floor=1 / 32)
 
 
 def a_low_floor() -> HardScene:

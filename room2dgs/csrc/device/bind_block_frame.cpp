@@ -18,7 +18,8 @@ struct Frame : BlockFrame {
 
 bool draw(Frame& f, Arguments& check, const ViewArrays& view, const SurfelArrays& surfels, const Images& out,
           const OptionalInput& center_px, uint64_t queue) {
-  const ViewInput in{view.cam_from_world, view.K, view.background, view.near, view.opacity_floor, view.width, view.height};
+  const ViewInput in{view.cam_from_world, view.K, view.background, view.near, view.opacity_floor, view.width,
+                     view.height};
   const float* moved = check.input<float>("center_px", center_px, {surfels.count, 2});
   f.view = 0, f.device = view.device;
   nb::gil_scoped_release release;

@@ -50,15 +50,9 @@ def _render(surfels: Surfels, view: View) -> Rendering:
     # anything that traces or wraps needs the operator
     plain = not torch.compiler.is_compiling() and all(type(x) in (Tensor, torch.nn.Parameter) for x in tensors)
     *images, _ = (_Rasterize.apply if plain else rasterize)(
-        *tensors,
-        view.center_px,
-        view.width,
-        view.height,
-        view.near_m,
-        view.opacity_floor,
-        view.with_normal,
+        *tensors, view.center_px, view.width, view.height, view.near_m, view.opacity_floor, view.with_normal,
         view.with_distortion,
-    )
+    )  # fmt: skip
     return Rendering(*images)
 
 

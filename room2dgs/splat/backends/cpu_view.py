@@ -38,19 +38,9 @@ def empty_images(like: Tensor, width: int, height: int) -> list[Tensor]:
 
 
 def _draw(
-    frame,
-    parameters,
-    cam_from_world,
-    K,
-    background,
-    images,
-    width,
-    height,
-    near_m,
-    opacity_floor,
-    with_normal,
+    frame, parameters, cam_from_world, K, background, images, width, height, near_m, opacity_floor, with_normal,
     with_distortion,
-) -> int:
+) -> int:  # fmt: skip
     """Fill the images and the frame; gives the view's number there."""
     *others, normal, distortion = images
     number = call(

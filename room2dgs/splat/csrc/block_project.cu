@@ -21,7 +21,8 @@ struct ReadView {
         v.camera.t[row] = m[4 * row + 3];
       }
       v.camera.fx = k[0], v.camera.fy = k[4], v.camera.cx = k[2], v.camera.cy = k[5];
-      v.camera.near = in.near, v.camera.opacity_floor = in.opacity_floor, v.camera.width = in.width, v.camera.height = in.height;
+      v.camera.near = in.near, v.camera.opacity_floor = in.opacity_floor;
+      v.camera.width = in.width, v.camera.height = in.height;
       v.frustum = frustum_of(v.camera);
       for (int i = 0; i < 3; ++i) v.background[i] = in.background[i];
       *view = v;
