@@ -102,8 +102,8 @@ void def_forward(nb::class_<Frame>& type, const char* about, Start start, Draw d
                 "image size " + std::to_string(width) + " x " + std::to_string(height) + " is not in 1.." +
                     std::to_string(kMaxSide));
         require(std::isfinite(near) && near > 0, "near is " + std::to_string(near) + ", not a distance above 0");
-        require(opacity_floor >= 1e-6 && opacity_floor < 1,
-                "opacity_floor is " + std::to_string(opacity_floor) + ", not a share from 1e-6 to below 1");
+        require(opacity_floor >= 1.0 / 255 && opacity_floor < 1,
+                "opacity_floor is " + std::to_string(opacity_floor) + ", not a share from 1/255 to below 1");
         const ViewArrays view{check.input<double>("cam_from_world", cam_from_world, {4, 4}),
                               check.input<double>("K", K, {3, 3}),
                               check.input<float>("background", background, {3}),

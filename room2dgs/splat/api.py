@@ -39,7 +39,7 @@ def render(
         width, height: image size in pixels, 1..16384.
         background: (3,) RGB, black by default.
         near_m: surfels with centres nearer than this, and parts of discs that are, are not drawn; above 0.
-        opacity_floor: hits fainter than this are skipped, 1e-6 to below 1; the higher, the fewer pixels a disc has.
+        opacity_floor: hits fainter than this are skipped, 1/255 to below 1; the higher, the fewer pixels a disc has.
         center_px: (N, 2) zeros that require grad: their gradient is that of the projected centres, in 1/pixel.
         with_normal, with_distortion: leave out an output that is not wanted (it is zeros then).
         backend: a name in `splat.backends.BACKENDS`; by default the one of the tensors' device.

@@ -10,13 +10,12 @@ import math
 
 from torch import Tensor
 
-from room2dgs.splat.constants import SH_DEGREE_OF
+from room2dgs.splat.constants import OPACITY_FLOOR, SH_DEGREE_OF
 from room2dgs.splat.types import Surfels
 
 MAX_SIDE_PX = 16384
 SKEW_MAX_PX = 1e-6  # rounding of a product of matrices, not a skew
 RIGID_TOLERANCE = 1e-3  # of R R^T - I
-LEAST_FLOOR = 1e-6  # far above what the kernels' powers of 2 end at
 
 
 def check_shapes(
@@ -117,10 +116,11 @@ def check_floor(opacity_floor: float) -> None:
     """The opacity below which a hit is skipped.
 
     Raises:
-        ValueError: it is not a share of 1, or too small for float32's powers of 2.
+        ValueError: it is not a share of 1, or below 1/255: of what is so faint float32 cannot tell the expected depth's
+            gradient.
     """
-    if not LEAST_FLOOR <= opacity_floor < 1:
-        raise ValueError(f"opacity_floor is {opacity_floor}; it is from {LEAST_FLOOR:g} to below 1")
+    if not OPACITY_FLOOR <= opacity_floor < 1:
+        raise ValueError(f"opacity_floor is {opacity_floor}; it is from 1/255 to below 1")
 
 
 def _is_last_row(row: list[float]) -> bool:

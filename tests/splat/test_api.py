@@ -53,7 +53,7 @@ def test_a_near_plane_that_is_not_in_front_is_refused(scene, near_m, backend):
         splat.render(*scene, 8, 8, near_m=near_m, backend=backend)
 
 
-@pytest.mark.parametrize("floor", [0.0, -0.1, 1e-7, 1.0, float("nan")])
+@pytest.mark.parametrize("floor", [0.0, -0.1, 1 / 256, 1.0, float("nan")])
 @pytest.mark.parametrize("backend", [None, "reference", "blocks"])
 def test_a_floor_that_is_no_share_of_the_light_is_refused(scene, floor, backend):
     with pytest.raises(ValueError, match="opacity_floor"):

@@ -123,11 +123,6 @@ def a_high_floor() -> HardScene:
     return _scene(_some(6, opacities=opacities.repeat(COUNT // 5)))._replace(opacity_floor=1 / 32)
 
 
-def a_low_floor() -> HardScene:
-    """Discs of five deviations."""
-    return _scene(_some(28))._replace(opacity_floor=1e-6)
-
-
 def deep_stack() -> HardScene:
     return _scene(random_surfels(200, 4, (0.5, 1.5), 4.0, opacity=(0.05, 0.4)), size=(23, 18))
 
@@ -315,7 +310,7 @@ def off_screen() -> HardScene:
 
 ALL: tuple[Callable[[], HardScene], ...] = (
     ordinary, many_small, below_a_pixel, image_filling, opaque, faint, opacities_at_the_limits, a_high_floor,
-    a_low_floor, deep_stack, coincident_layers, equal_depths, depths_within_one_rounding, edge_on,
+    deep_stack, coincident_layers, equal_depths, depths_within_one_rounding, edge_on,
     floor_under_the_camera, around_the_camera, at_5_cm, at_100_m, from_5_cm_to_100_m, in_millimetres, in_kilometres,
     ten_km_from_the_origin, needles, quaternions_of_any_norm, quaternions_near_zero, nothing_in_view, no_surfel,
     one_pixel, prime_sized, wide_angle, principal_point_outside, principal_point_far_outside, off_screen,

@@ -49,7 +49,7 @@ class ResolutionConfig:
 class FloorConfig:
     """The opacity below which hits are skipped, until an iteration or a share of the run; then it is 1/255."""
 
-    value: Float = Field(ge=1e-6, le=0.5, description="the higher, the fewer pixels a surfel has, and the faster")
+    value: Float = Field(ge=1 / 255, le=0.5, description="the higher, the fewer pixels a surfel has, and the faster")
     until: Time = Field()
 
 
