@@ -14,7 +14,7 @@ from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.train.prior_maps import priors_digest
-from room2dgs.train.schedule import at_iteration, has_shares
+from room2dgs.train.schedule import has_shares
 
 # `train.iterations` is not among them, unless times are shares of it: a run may be prolonged.
 SECTIONS = ("scene", "sfm", "points", "seeds", "render", "loss", "strategy")
@@ -22,6 +22,8 @@ TRAIN_KEYS = (
     "seed", "rates", "refine_poses", "exposure", "random_background", "resolutions", "coarsest_px", "opacity_floor",
 )  # fmt: skip
 FREE = ("scene.gt_mesh", "scene.split", "scene.test_every", "render.threads")
+# What runs had from before there was the setting; left out where it is the same, so that they go on.
+ABSENT = {"render.device": "cpu", "train.random_background": False, "train.opacity_floor.until": 0}
 VIEWS = "training views"
 PRIORS = "prior maps"
 
@@ -37,12 +39,11 @@ def fingerprint(config: Config, scene: Scene, priors: Mapping[str, ViewMaps] | N
         _flatten(f"train.{key}", values["train"][key], flat)
     if has_shares(config):
         flat["train.iterations"] = config.train.iterations
-    if config.render.device == "cpu":  # as in runs from before there was another
-        flat.pop("render.device")
-    if not config.train.random_background:  # likewise
-        flat.pop("train.random_background")
-    if at_iteration(config.train.opacity_floor.until, config.train.iterations) <= 0:  # likewise
-        flat.pop("train.opacity_floor.value"), flat.pop("train.opacity_floor.until")
+    for key, value in ABSENT.items():
+        if flat[key] == value:
+            flat.pop(key)
+    if "train.opacity_floor.until" not in flat:
+        flat.pop("train.opacity_floor.value")
     for key in FREE:
         flat.pop(key, None)
     flat[VIEWS] = _views_digest(scene)
@@ -74,8 +75,8 @@ def check_same(before: dict[str, Any], now: dict[str, Any], where: Path) -> None
         if key == PRIORS:
             raise InputError(f"{where} was trained with other depth or normal priors; choose another out=DIR")
         raise InputError(
-            f"{where} was trained with {key}={before.get(key)}, so {key}={now.get(key)} cannot resume it; "
-            "give the old value or choose another out=DIR"
+            f"{where} was trained with {key}={before.get(key, ABSENT.get(key))}, so {key}="
+            f"{now.get(key, ABSENT.get(key))} cannot resume it; give the old value or choose another out=DIR"
         )
 
 

@@ -130,6 +130,16 @@ def test_resume_with_another_setting_names_it(capture, configure, log, tmp_path,
     assert checkpoint.on_disk(tmp_path) == kept
 
 
+def test_a_run_from_before_a_setting_goes_on_without_it_and_is_told_what_it_had(capture, configure):
+    from room2dgs.train.fingerprint import check_same, fingerprint
+
+    old = fingerprint(configure(), capture[0])
+    assert not any("opacity_floor" in key for key in old)
+    new = fingerprint(configure("train.opacity_floor.until=4"), capture[0])
+    with pytest.raises(InputError, match=r"trained with train\.opacity_floor\.until=0, so .*until=4 cannot resume"):
+        check_same(old, new, folder_of(capture[0].path))
+
+
 def test_resume_with_other_views_is_refused(capture, configure, log, tmp_path):
     scene, points = capture
     train(scene, points, configure(), tmp_path, log)
