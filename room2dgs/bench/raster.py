@@ -186,13 +186,10 @@ def main(argv: list[str] | None = None) -> int:
         photo, whole = (profile_iteration(case, args.repeats, surface) for surface in (False, True))
         report["iterations"].append(
             {
-                "width": case.width,
-                "height": case.height,
-                "surfels": case.count,
-                "stages_ms": whole,
+                "width": case.width, "height": case.height, "surfels": case.count, "stages_ms": whole,
                 "photo_alone_ms": photo,
             }
-        )
+        )  # fmt: skip
     chosen = next(c for c in cases if ((c.width, c.height), c.count) == REFERENCE)
     slow = chosen.reference_seconds()
     fast = chosen.seconds(args.repeats)

@@ -1,4 +1,7 @@
-"""Numbers that the reference and the compiled kernels must share (surfel.h and pixel.h have the same ones)."""
+"""Numbers that the reference and the compiled kernels must share.
+
+surfel.h and pixel.h have the same ones, frame_arguments.h the floor, which is the least that a caller may give.
+"""
 
 from __future__ import annotations
 

@@ -27,8 +27,8 @@ def contributions(surfels: Surfels, views: Iterable[tuple[Tensor, Tensor, int, i
     painted = surfels._replace(sh=grey)
     for K, cam_from_world, width, height in views:
         sized = (K, cam_from_world, width, height)
-        seen = render(painted, *sized, near_m=near_m, with_normal=False, with_distortion=False)
-        (gradient,) = torch.autograd.grad(seen.color[..., 0].sum(), grey)
+        color = render(painted, *sized, near_m=near_m, with_normal=False, with_distortion=False).color
+        (gradient,) = torch.autograd.grad(color[..., 0].sum(), grey)
         most = torch.maximum(most, gradient[:, 0, 0].double() / C0)
     return most
 

@@ -41,8 +41,7 @@ def _needed(trainer: Trainer, fraction: float) -> Tensor:
     """(N,) float64: what each surfel adds to the training view that shows most of it."""
     views = (trainer.views.at(index, fraction, priors=False) for index in range(len(trainer.views)))
     sized = ((view.K, view.cam_from_world.detach(), view.width, view.height) for view in views)
-    render = trainer.config.render
-    return contributions(current_surfels(trainer.model, render), sized, render.near_m)
+    return contributions(current_surfels(trainer.model, trainer.config.render), sized, trainer.config.render.near_m)
 
 
 def _keep(model: Model, config: Config, needed: Tensor) -> None:

@@ -2,6 +2,7 @@
 
 import pytest
 
+from room2dgs.bench import raster
 from room2dgs.config import load_config
 from room2dgs.seeds.spawn import first_opacity
 from room2dgs.train.schedule import opacity_floor
@@ -14,6 +15,7 @@ def test_defaults_are_those_that_were_measured():
     assert (mesh.smoothing_steps, mesh.max_error_m) == (5, 0.005)
     assert [(level.fraction, level.until) for level in train.resolutions] == [(0.5, 0.7)] and train.coarsest_px == 320
     assert (train.opacity_floor.value, train.opacity_floor.until) == (1 / 32, 0.9)
+    assert train.opacity_floor.value == raster.FLOOR  # what the benchmark draws with
     assert (config.strategy.name, config.strategy.thin, config.seeds.per_seed) == ("seeds", 0.03, 4)
     assert first_opacity(config) == 0.6
     depth = config.prior.depth

@@ -10,13 +10,7 @@ from torch import Tensor
 from room2dgs.bench.numerics.scenes import HardScene
 from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.splat import Surfels, reference
-from room2dgs.splat.constants import (
-    ALPHA_MAX,
-    DEN_MIN,
-    EDGE_ON,
-    FILTER_INVERSE_VARIANCE,
-    TRANSMITTANCE_MIN,
-)
+from room2dgs.splat.constants import ALPHA_MAX, DEN_MIN, EDGE_ON, FILTER_INVERSE_VARIANCE, TRANSMITTANCE_MIN
 
 NEAR = 1e-5  # relative distance from a jump at which rounding may take the other branch
 
