@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from room2dgs.texts import shown
+
 
 class InputError(ValueError):
     """Something that the user gave cannot be used.
 
     The message is one sentence that names the file (or the setting) and says what to do.
-    The command line prints it alone, without a traceback, and exits with 2.
+    The command line prints it alone, without a traceback, and exits with 2. Names in it may be anybody's: control
+    characters are shown escaped (`room2dgs.texts.shown`).
     """
+
+    def __init__(self, message: object) -> None:
+        super().__init__(shown(message))
 
 
 class RunFailed(Exception):

@@ -17,9 +17,11 @@ ROOT = Path(__file__).resolve().parents[1]
 # Each folder or top-level module imports only from those before it.
 FLOW = (
     *(
+        "texts",
         "errors",
         "logs",
         "files",
+        "regular_files",
         "json_files",
         "cores",
         "torch_threads",
@@ -52,7 +54,7 @@ FLOW = (
     ),
 )
 # `eval` is a library of its own: these alone.
-EVAL_NEEDS = {"errors", "files", "json_files", "config", "geometry", "captures", "mesh", "eval"}
+EVAL_NEEDS = {"errors", "files", "regular_files", "texts", "json_files", "config", "geometry", "captures", "mesh", "eval"}
 EXTENSION = "room2dgs._C"
 
 

@@ -1,0 +1,130 @@
+"""Files that others wrote, opened only if they are regular files: a pipe or a device would block or never end."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+import unicodedata
+from pathlib import Path
+from typing import BinaryIO
+
+from room2dgs.errors import InputError
+
+KINDS = (
+    (stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+)  # fmt: skip
+COPY_AGAIN = "copy the capture again"
+
+
+def open_regular(path: Path, mend: str = COPY_AGAIN) -> BinaryIO:
+    """A regular file, open for reading; links are followed.
+
+    Args:
+        mend: what to do about a file that is missing, without a point at its end.
+
+    Raises:
+        InputError: it is missing (or there in other letters), a link to nothing, a folder, a pipe, a device, or may not
+            be read: each has its own sentence.
+    """
+    path = Path(path)
+    try:
+        # a pipe that nobody writes to would block here without O_NONBLOCK
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | getattr(os, "O_CLOEXEC", 0))
+    except (OSError, ValueError) as error:
+        raise refusal(path, error, mend) from error
+    try:
+        kind = not_regular(os.fstat(handle).st_mode)
+        if kind:
+            raise InputError(f"{path} is {kind} where a file belongs; {mend}")
+        return os.fdopen(handle, "rb")
+    except BaseException:
+        os.close(handle)
+        raise
+
+
+def check_regular(path: Path, mend: str = COPY_AGAIN) -> int:
+    """A regular file's size in bytes, without opening it; for libraries that open by name.
+
+    Raises:
+        InputError: as `open_regular`.
+    """
+    path = Path(path)
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError) as error:
+        raise refusal(path, error, mend) from error
+    kind = not_regular(found.st_mode)
+    if kind:
+        raise InputError(f"{path} is {kind} where a file belongs; {mend}")
+    return found.st_size
+
+
+def read_regular(path: Path, longest: int, mend: str = COPY_AGAIN) -> bytes:
+    """The whole content of a regular file, whose size is looked at first.
+
+    Args:
+        longest: bytes that such a file may have.
+
+    Raises:
+        InputError: as `open_regular`; it is empty or larger than `longest`.
+    """
+    with open_regular(path, mend) as file:
+        size = os.fstat(file.fileno()).st_size
+        if not size:
+            raise InputError(f"{path} is empty (0 bytes); {mend}")
+        if size > longest:
+            raise InputError(f"{path} has {size >> 20} MiB, too large for what it should hold; replace the file")
+        try:
+            return file.read(longest + 1)
+        except OSError as error:
+            raise InputError(f"{path} cannot be read ({error.strerror}); check the file") from error
+
+
+def not_regular(mode: int) -> str | None:
+    """What a file is that is no regular one ("a folder"); None: it is one."""
+    if stat.S_ISREG(mode):
+        return None
+    return next((name for is_it, name in KINDS if is_it(mode)), "no regular file")
+
+
+def refusal(path: Path, error: OSError | ValueError, mend: str = COPY_AGAIN) -> InputError:
+    """The sentence for a file that cannot be opened."""
+    path = Path(path)
+    code = getattr(error, "errno", None)
+    if code is None:  # a zero byte in the name
+        return InputError(f"{path} cannot be the name of a file; {mend}")
+    if code == errno.ELOOP:
+        return InputError(f"{path} is a link that leads back to itself; copy the file itself")
+    if code not in (errno.ENOENT, errno.ENOTDIR):
+        return InputError(f"{path} cannot be read ({error.strerror}); check the file's rights")
+    if os.path.islink(path):
+        return InputError(f"{path} is a link to {os.readlink(path)}, which is not there; copy the file itself")
+    alike = written_otherwise(path)
+    if alike:
+        difference = how(path.name, alike)
+        return InputError(f"{path} is missing, but {alike} is there beside it, which {difference}; rename it")
+            f"{path} is missing, but {alike} is there beside it, which {how(path.name, alike)}; rename it"
+        )
+    return InputError(f"{path} is missing; {mend}")
+
+
+def written_otherwise(path: Path) -> str | None:
+    """A name in the same folder that differs in case or in its Unicode form alone."""
+    wanted = _plain(path.name)
+    try:
+        return next((name for name in sorted(os.listdir(path.parent)) if _plain(name) == wanted), None)
+    except (OSError, ValueError):
+        return None
+
+
+def how(wanted: str, found: str) -> str:
+    """How two names differ that `written_otherwise` takes for one."""
+    if unicodedata.normalize("NFC", wanted) == unicodedata.normalize("NFC", found):
+        return "has the same letters in another Unicode form"
+    return "differs in upper and lower case"
+
+
+def _plain(name: str) -> str:
+    return unicodedata.normalize("NFC", name).casefold()
