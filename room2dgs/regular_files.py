@@ -105,8 +105,6 @@ def refusal(path: Path, error: OSError | ValueError, mend: str = COPY_AGAIN) -> 
     if alike:
         difference = how(path.name, alike)
         return InputError(f"{path} is missing, but {alike} is there beside it, which {difference}; rename it")
-            f"{path} is missing, but {alike} is there beside it, which {how(path.name, alike)}; rename it"
-        )
     return InputError(f"{path} is missing; {mend}")
 
 
