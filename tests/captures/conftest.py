@@ -72,3 +72,9 @@ def settings(default_config):
 def ros_messages():
     """`ros_messages(ros1)` makes messages and bags."""
     return RosMessages
+
+
+@pytest.fixture
+def settings_of(settings, made):
+    """`settings_of(root, name)` gives what a person says of the made scene in a layout."""
+    return lambda root, name: settings(root, **LAYOUTS[name].settings(made))
