@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from room2dgs.captures.depth_at import depth_at
+from room2dgs.captures.image_files import color_size
 from room2dgs.captures.lens import Lens
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
@@ -26,6 +27,7 @@ class DepthMap:
         K: (3, 3) of the sensor at the map's own size, pixel centres at +0.5; None: the photo's, scaled to it.
         distorted: the map has the photo's distortion; False: it is a pinhole image.
         invalid: a number besides 0, and all that is not finite, that stands for no depth.
+        stored: (width, height) where it is known without reading the map.
     """
 
     label: str
@@ -34,6 +36,18 @@ class DepthMap:
     K: tuple[tuple[float, ...], ...] | None = None
     distorted: bool = True
     invalid: float | None = None
+    stored: tuple[int, int] | None = None
+
+    def size(self) -> tuple[int, int] | None:
+        """(width, height), by the header where there is one; None: it cannot be read, whoever reads it tells."""
+        if self.stored is not None:
+            return self.stored
+        try:
+            by_header = getattr(self.read, "size", None)
+            shape = self.read().shape if by_header is None else by_header()[::-1]
+        except InputError:
+            return None
+        return (int(shape[1]), int(shape[0])) if len(shape) == 2 else None
 
     def metres(self) -> np.ndarray:
         """(H, W) float32 z-depth as stored, 0 = invalid.
@@ -86,6 +100,9 @@ def depth_file(path: Path, unit_m: float = 0.001, **options) -> DepthMap:
 class _ImageFile:
     path: Path
 
+    def size(self) -> tuple[int, int]:
+        return color_size(self.path)
+
     def __call__(self) -> np.ndarray:
         try:
             depth = cv2.imread(str(self.path), cv2.IMREAD_UNCHANGED) if self.path.is_file() else None
@@ -100,11 +117,17 @@ class _ImageFile:
 class _NpyFile:
     path: Path
 
+    def size(self) -> tuple[int, ...]:
+        return tuple(length for length in self._mapped().shape if length != 1)[::-1]
+
     def __call__(self) -> np.ndarray:
+        return np.array(self._mapped().squeeze())
+
+    def _mapped(self) -> np.ndarray:
         try:
             depth = np.load(self.path, allow_pickle=False, mmap_mode="r")
             if not isinstance(depth, np.ndarray) or depth.dtype.kind not in "fui":
                 raise ValueError
-            return np.array(depth.squeeze())
+            return depth
         except (OSError, ValueError, EOFError) as error:
             raise InputError(f"{self.path} cannot be read as a depth map; replace it") from error

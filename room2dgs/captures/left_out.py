@@ -1,4 +1,4 @@
-"""Single bad items of many cost themselves and not the capture: they are left out by name and counted, up to a share."""
+"""A bad item of many costs itself and not the capture: it is left out by name and counted, up to a share."""
 
 from __future__ import annotations
 

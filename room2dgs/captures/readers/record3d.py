@@ -103,7 +103,7 @@ def _depth_map(
         if not all(0 < side < MAX_SIDE for side in size):
             raise InputError(f"{source} has depth of {size[0]}x{size[1]} pixels; export the capture again")
         label = f"rgbd/{stem}.depth"
-        return DepthMap(f"{archive.path}/{label}", partial(_packed_depth, archive, label, size), 1.0)
+        return DepthMap(f"{archive.path}/{label}", partial(_packed_depth, archive, label, size), 1.0, stored=size)
     if archive is None and f"{stem}.exr" in names:
         path = root / "depth" / f"{stem}.exr"
         return DepthMap(str(path), partial(_exr, path), 1.0)

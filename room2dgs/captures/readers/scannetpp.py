@@ -18,7 +18,7 @@ from room2dgs.captures.listing import Listing, inside, listed, natural
 from room2dgs.captures.photos import Photo, PhotoFile, Video, VideoFrame
 from room2dgs.captures.readers.colmap import mask_file, model_shots, photo_folder
 from room2dgs.captures.readers.nerfstudio import shots_of
-from room2dgs.captures.readers.scannetpp_depth import DepthStream
+from room2dgs.captures.readers.scannetpp_depth import HEIGHT, WIDTH, DepthStream
 from room2dgs.captures.text_files import read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -140,7 +140,7 @@ def _depth_reader(folder: Path):
         if f"{name}.png" in files:
             return depth_file(folder / "depth" / f"{name}.png")
         if stream is not None:
-            return DepthMap(f"{stream.path} (frame {index})", partial(stream.frame, index), 1.0)
+            return DepthMap(f"{stream.path} (frame {index})", partial(stream.frame, index), 1.0, stored=(WIDTH, HEIGHT))
         return None
 
     return depth
