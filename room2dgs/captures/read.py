@@ -11,6 +11,7 @@ from room2dgs.captures.cache import Cache
 from room2dgs.captures.listing import Listing
 from room2dgs.captures.readers.registry import reader_of
 from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.unmatched import tell_unmatched
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
@@ -49,7 +50,9 @@ def placed(config: SceneConfig) -> Scene:
     root = Path(config.path)
     if not root.exists():
         raise InputError(f"{root} is not there; give scene.path=DIR of a capture (docs/captures.md lists the layouts)")
-    return assembled(reader_of(config, Listing(root)).read(root, config), config)
+    capture = reader_of(config, Listing(root)).read(root, config)
+    tell_unmatched(capture)
+    return assembled(capture, config)
 
 
 def _checked(frame: Frame) -> None:

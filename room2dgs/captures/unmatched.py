@@ -1,0 +1,108 @@
+"""Folders of depth maps and masks that fit nothing, or in part: what lies in a capture unused is told."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from room2dgs.captures.capture import Capture, Shot
+from room2dgs.captures.left_out import some
+from room2dgs.captures.listing import listed, natural
+
+DEPTH, MASK = "depth map", "mask"
+FOLDERS = {DEPTH: re.compile(r"(^|[_-])depths?([_-]|$)"), MASK: re.compile(r"(^|[_-])masks?([_-]|$)")}
+# what such a folder may hold besides
+OTHER_FILES = (".txt", ".json", ".md", ".csv", ".yaml", ".yml", ".xml", ".ini", ".db", ".log", ".html", ".pdf")
+MOST_FOLDERS = 1000  # that are looked through below one
+
+
+def unmatched(folder: Path, used: Collection[str], of_what: str, instead: str = "") -> str | None:
+    """What to say of a folder's files that belong to no photo; None: there are none.
+
+    Args:
+        folder: of depth maps or masks; folders below it count too.
+        used: names of the files that are used, relative to the folder, with slashes.
+        of_what: what one of them is ("depth map").
+        instead: how they should be called, or where they should be named; a part of a sentence.
+    """
+    names = natural(_files(folder))
+    left = [name for name in names if name not in used]
+    if not left:
+        return None
+    mend = instead or f"a {of_what} is called as its photo"
+    if len(left) == len(names):
+        files = "one file, and it is" if len(names) == 1 else f"{len(names)} files, and none is"
+        return f"{folder} has {files} the {of_what} of a photo ({some(left)}), so nothing in it is used; {mend}"
+    return f"{folder} has {len(names)} files, {len(left)} of them are the {of_what} of no photo ({some(left)}); {mend}"
+
+
+def tell_unmatched(capture: Capture, instead: str = "") -> None:
+    """Add what `unmatched` says of the folders of depth maps and masks beside a capture's photos: a warning where none
+    of a folder's files is used, a note where some are, or where another such folder is used in its place.
+
+    Args:
+        instead: as for `unmatched`.
+    """
+    if not capture.root.is_dir():
+        return
+    used = {kind: _by_folder(capture, kind) for kind in FOLDERS}
+    for folder, kind in _beside(capture):
+        names = used[kind].get(str(folder), set())
+        said = unmatched(folder, names, kind, instead)
+        if said:
+            (capture.notes if names or used[kind] else capture.warnings).append(said)
+
+
+def _beside(capture: Capture) -> Iterator[tuple[Path, str]]:
+    """Folders whose names say depth or masks: in the capture, and where its photos lie."""
+    root = Path(os.path.abspath(capture.root))
+    places = {root: None}
+    folders = dict.fromkeys(os.path.dirname(os.path.abspath(shot.path)) for shot in capture.shots)
+    for photos in map(Path, list(folders)[:MOST_FOLDERS]):
+        for place in (photos, photos.parent):
+            if place.is_relative_to(root):
+                places[place] = None
+    seen = set(folders)
+    for place in places:
+        for name in natural(listed(place)):
+            kind = next((kind for kind, pattern in FOLDERS.items() if pattern.search(name.lower())), None)
+            folder = place / name
+            if kind and str(folder) not in seen and folder.is_dir():
+                seen.add(str(folder))
+                yield folder, kind
+
+
+def _by_folder(capture: Capture, kind: str) -> dict[str, set[str]]:
+    """Files that the shots use, by each folder above them within the capture."""
+    root = os.path.abspath(capture.root)
+    found: dict[str, set[str]] = {}
+    for shot in capture.shots:
+        file = _file(shot, kind)
+        path = os.path.abspath(file) if file else ""
+        folder = os.path.dirname(path)
+        while len(folder) > len(root) and folder.startswith(root):
+            found.setdefault(folder, set()).add(path[len(folder) + 1 :].replace(os.sep, "/"))
+            folder = os.path.dirname(folder)
+    return found
+
+
+def _file(shot: Shot, kind: str) -> str | None:
+    """Where a shot's depth or mask lies."""
+    if kind == DEPTH:
+        return None if shot.depth is None else str(getattr(shot.depth, "label", shot.depth))
+    path = getattr(shot.mask, "path", None)
+    return None if path is None else str(path)
+
+
+def _files(folder: Path) -> Iterator[str]:
+    """Names of the files below a folder that may be maps."""
+    for count, (place, folders, names) in enumerate(os.walk(folder)):
+        if count >= MOST_FOLDERS:
+            return
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        start = "" if place == str(folder) else Path(place).relative_to(folder).as_posix() + "/"
+        for name in names:
+            if not name.startswith(".") and not name.lower().endswith(OTHER_FILES):
+                yield start + name
