@@ -19,6 +19,7 @@ from room2dgs.captures.lens import Lens, pinhole_of
 from room2dgs.captures.matrix_files import rigid
 from room2dgs.captures.scene import Dropped, Frame, Scene
 from room2dgs.captures.selection import evenly_spaced, hold_out
+from room2dgs.captures.world_offset import AT_ORIGIN, in_scene, offset_note, origin_beside, points_in_scene
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
@@ -65,6 +66,10 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
             "add frames or lower scene.stride"
         )
     _check_scale(entries, capture, config.unit)
+    # of the first: other frames of the same capture do not move it
+    origin_m = origin_beside(entries[0].world_from_cam[:3, 3])
+    if origin_m != AT_ORIGIN:
+        entries = [replace(one, world_from_cam=in_scene(one.world_from_cam, origin_m)) for one in entries]
     entries = _with_lenses(capture, entries, config)
     _check_depths(entries)
     wide = any(entry.size[0] >= entry.size[1] for entry in entries)
@@ -84,6 +89,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
             {frame.name: lenses[name].shot.name for frame, name in zip(frames, lenses, strict=True)},
             config.unit,
         )
+        points = points if origin_m == AT_ORIGIN else partial(points_in_scene, points, origin_m)
     return Scene(
         root,
         tuple(train),
@@ -92,10 +98,11 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
         _gt_mesh(capture, config),
         layout=capture.layout,
         metric=capture.metric,
-        notes=(*capture.notes, *_notes(capture, config, entries)),
+        notes=(*capture.notes, *_notes(capture, config, entries), *offset_note(origin_m)),
         warnings=(*capture.warnings, *([doubt] if doubt else [])),
         given_points=points,
         matched_only=frozenset(frame.name for index, frame in enumerate(train) if index not in chosen),
+        origin_m=origin_m,
     )
 
 

@@ -16,6 +16,7 @@ from room2dgs.captures.image_files import resized, whole_at
 from room2dgs.captures.lens import Lens, pinhole_of
 from room2dgs.captures.photos import Photo, PhotoFile
 from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 
@@ -163,7 +164,7 @@ class Scene:
         path: the capture's folder.
         train, test: disjoint views.
         dropped: frames on disk that cannot be used, with reasons.
-        gt_mesh: ground-truth mesh in the same world frame, if there is one.
+        gt_mesh: ground-truth mesh in the capture's world, if there is one.
         cache: of all that is kept of the views.
         layout: of the capture on disk.
         metric: whether its lengths are metres.
@@ -172,6 +173,8 @@ class Scene:
         given_points: reads the points that the capture brings, as its training views see them; None: it brings none.
         matched_only: names of training views whose depth and normals are not asked for: the keyframes are matched with
             them, and their photos are trained on.
+        origin_m: where the origin of the poses and points stands in the capture's own world, metres: not (0, 0, 0) if
+            that is far away (`world_offset`). `gt_mesh` is a file in that world.
     """
 
     path: Path
@@ -186,6 +189,7 @@ class Scene:
     warnings: tuple[str, ...] = ()
     given_points: Callable[[], PointCloud] | None = field(default=None, repr=False, compare=False)
     matched_only: frozenset[str] = frozenset()
+    origin_m: Origin = AT_ORIGIN
 
     @property
     def frames(self) -> tuple[Frame, ...]:

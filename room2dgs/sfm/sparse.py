@@ -7,6 +7,7 @@ import json
 import tempfile
 from collections.abc import Sequence
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.point_files import load_points, read_ply, save_points
 from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.world_offset import points_in_scene
 from room2dgs.colmap import pycolmap
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
@@ -64,7 +66,7 @@ def sparse_points(
         InputError: too few points, photos that disagree with their poses, or an unusable file.
     """
     if config.source == "file":
-        points = read_ply(Path(config.file or ""))
+        points = points_in_scene(partial(read_ply, Path(config.file or "")), scene.origin_m)
         if len(points) < MIN_POINTS:
             raise InputError(
                 f"{config.file} holds {len(points)} points, at least {MIN_POINTS} are needed; give another file"
