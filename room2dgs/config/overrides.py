@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from room2dgs.config.keys import leaf_keys, path_keys
 from room2dgs.config.sentences import no_setting
 from room2dgs.errors import InputError
 
+DOLLAR = re.compile(r"(\\*)\$\{")
 # Keys of earlier versions, also as they stand in an earlier run's config.yaml -> what they are called now.
 RENAMED = {
     "prior.depth.square": "prior.depth.manhattan",
@@ -83,10 +85,24 @@ def new_name(key: str) -> str | None:
     return None
 
 
+def without_paths(overrides: Iterable[str]) -> tuple[list[str], list[str]]:
+    """The overrides for Hydra, and those of paths, which are no business of its grammar."""
+    parts: tuple[list[str], list[str]] = ([], [])
+    for text in overrides:
+        parts[text.partition("=")[0] in path_keys()].append(text)
+    return parts
+
+
+def path_of(value: str) -> str | None:
+    """The path that a value on the command line means; None for `null`."""
+    return None if value == "null" else unquoted(value)
+
+
 def quoted(value: str) -> str:
     """A path as Hydra reads it back unchanged; what is quoted already, empty or `null` stays."""
-    if value in ("", "null") or (value[0] in "'\"" and value[-1] == value[0] and len(value) > 1):
+    if value in ("", "null") or _is_quoted(value):
         return value
+    value = DOLLAR.sub(lambda found: "\\" * (2 * len(found[1]) + 1) + "${", value)  # else an interpolation
     # Hydra unescapes \' and the backslashes just before it or before the closing quote.
     escaped = []
     backslashes = 0
@@ -96,6 +112,19 @@ def quoted(value: str) -> str:
         escaped.append(char)
         backslashes = backslashes + 1 if char == "\\" else 0
     return "'" + "".join(escaped) + "\\" * backslashes + "'"
+
+
+def unquoted(value: str) -> str:
+    """The way back from `quoted`; text without quotes around it stays."""
+    if not _is_quoted(value):
+        return value
+    mark = value[0]
+    inside = re.sub(rf"(\\+)({mark}|$)", lambda found: found[1][: len(found[1]) // 2] + found[2], value[1:-1])
+    return DOLLAR.sub(lambda found: found[1][: len(found[1]) // 2] + "${", inside)
+
+
+def _is_quoted(value: str) -> bool:
+    return len(value) > 1 and value[0] in "'\"" and value[-1] == value[0]
 
 
 def _checked(override: str, groups: dict[str, list[str]]) -> str:

@@ -74,6 +74,7 @@ def multirun(overrides: Sequence[str], out: Path) -> None:
         InputError: settings that cannot be.
         RunFailed: the first job that failed; those that Hydra launched with it went on.
     """
+    _check_folder(out)
     ours = [text for text in overrides if not of_hydra(text)]
     if not any(text.startswith("hydra/sweeper=") for text in overrides):
         for combination in combinations(ours):
@@ -94,6 +95,7 @@ def launched(jobs: Sequence[Sequence[str]], hydra_settings: Sequence[str], out: 
     Raises:
         KeyboardInterrupt: a job was interrupted.
     """
+    _check_folder(out)
     settings = [*hydra_settings, "hydra/hydra_logging=none", f"out={quoted(str(out))}", "hydra.sweep.subdir=."]
     with _hydra() as hydra:
         config = hydra.compose_config("config", settings, RunMode.MULTIRUN, with_log_configuration=False)
@@ -147,6 +149,18 @@ def ended(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
                 process.kill()
             raise
     return subprocess.CompletedProcess(command, process.returncode, None, said)
+
+
+def _check_folder(out: Path) -> None:
+    """Hydra reads the folder of several runs twice, the second time as a pattern.
+
+    Raises:
+        InputError: it would read another folder.
+    """
+    if "${" in str(out):
+        raise InputError(
+            f"{out} cannot hold several runs: Hydra takes ${{ in their folder for a value; choose another out=DIR"
+        )
 
 
 def _checked(done: subprocess.CompletedProcess[str]) -> None:
