@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from room2dgs.runs.page.mesh_views import DrawnMesh
     from room2dgs.viewer.server import Viewer
 
-USAGE = "room2dgs view run=DIR [host=127.0.0.1] [port=8080] [fps=15]"
+USAGE = "room2dgs view run=DIR [host=127.0.0.1[,NAME,...]] [port=8080] [fps=15]"
 OWN = ("host", "port", "fps")
 PHOTO_WIDTH = 160  # pixels of the photos in the cameras' frames
 CAMERAS = 120  # at most, evenly spaced
@@ -37,7 +37,9 @@ def main(argv: list[str]) -> int:
 
     A run that trained nothing (mesh.source=depth, stereo or points) shows its mesh instead of surfels.
 
-    host= lets others look: without it nobody but this machine can. Needs viser: pip install 'room2dgs[view]'.
+    The address that is printed holds a token; who does not have it is not let in. host= lets others look: without it
+    nobody but this machine can; host=0.0.0.0,NAME names what browsers elsewhere call this machine. Needs viser: pip
+    install 'room2dgs[view]'.
     """
     if asked_for_help(argv):
         return show(USAGE, main.__doc__, ("render",))

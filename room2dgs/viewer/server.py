@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -10,21 +11,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from room2dgs.errors import InputError
+from room2dgs.errors import InputError, first_line
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.rotations import quaternions_from
 from room2dgs.logs import Log
 from room2dgs.splat.types import Surfels
+from room2dgs.viewer.door import EVERYWHERE, LOOPBACK, NAMES_OF_LOOPBACK, Door, in_url, names_of
+from room2dgs.viewer.listening import listening
+from room2dgs.viewer.messages import Fit, one_of, switch, whole
 from room2dgs.viewer.pace import Pace
 from room2dgs.viewer.picture import KINDS, camera_at, hit, picture
 
 if TYPE_CHECKING:
     from room2dgs.runs.page.mesh_views import DrawnMesh
 
-LOOPBACK = "127.0.0.1"
-NAMES_OF_LOOPBACK = (LOOPBACK, "localhost", "::1")
 STILL_S = 0.3  # so long after its last move a camera stands: then the picture is drawn at full size
 WIDEST = 1280  # pixels of a picture that stands
+HIGHEST = 2 * WIDEST
+FPS = 2, 30  # that a page may ask for
 MOVING_QUALITY, STILL_QUALITY = 70, 90  # of the JPEGs
 MESH, ERROR = "mesh", "error"
 BEHIND_M, FAR_M = 0.03, 1e4  # seeds on a surface are not hidden by it; nothing is hidden where there is none
@@ -40,6 +44,7 @@ class Eye:
         client: viser's handle.
         moved: when its camera moved last, `time.monotonic`.
         drawn: what was drawn last: (number of what is shown, kind, moved, still).
+        failed: a picture for it has failed, and was told.
     """
 
     client: Any
@@ -47,6 +52,7 @@ class Eye:
     moved: float = 0.0
     drawn: tuple = ()
     marks: list = field(default_factory=list)
+    failed: bool = False
 
 
 class Viewer:
@@ -56,11 +62,12 @@ class Viewer:
         shown: to begin with; `show` replaces it.
         up: (3,) unit, world.
         host, port: where it listens; another port if that one is taken. Another host than the loopback lets everyone
-            who reaches this machine look.
+            look who reaches this machine and knows `url`. Names by which browsers may know this machine follow the
+            host after commas.
         fps: wanted while a camera moves.
 
     Raises:
-        InputError: viser is missing, or the address cannot be used.
+        InputError: viser is missing, nobody can be kept out of its server, or the address cannot be used.
     """
 
     def __init__(
@@ -68,17 +75,16 @@ class Viewer:
     ) -> None:
         viser = found_viser()
         self._shown, self._number, self._fps = shown, 0, fps
-        try:
-            self._server = viser.ViserServer(host=host, port=port, label="room2dgs", verbose=False)
-        except OSError as error:
-            raise InputError(
-                f"{host}:{port} cannot be listened at ({error.strerror}); give another host= or port="
-            ) from error
+        self.host, names = names_of(host)
+        self.door = Door(names)
+        self._named = next((name for name in names if name not in EVERYWHERE), EVERYWHERE.get(self.host, LOOPBACK))
+        self._controllable: dict[str, Fit] = {}
+        self._server = listening(viser, self.host, port, self.door, self._controllable)
         # viser can open a tunnel to the outside when any browser asks for it: not from here
         self._server.request_share_url = lambda *_, **__: None
         self._server.gui.configure_theme(show_share_button=False, show_logo=False)
         self._server.scene.set_up_direction(tuple(float(x) for x in up))
-        self.host, self.port = host, self._server.get_port()
+        self.port = self._server.get_port()
         self._eyes: dict[int, Eye] = {}
         self._drawing = threading.Lock()
         self._wake, self._ended = threading.Event(), threading.Event()
@@ -91,8 +97,8 @@ class Viewer:
 
     @property
     def url(self) -> str:
-        """Where a browser finds it."""
-        return f"http://{self.host}:{self.port}"
+        """Where a browser finds it; who knows it may look."""
+        return f"http://{in_url(self._named)}:{self.port}/?token={self.door.token}"
 
     @property
     def watched(self) -> bool:
@@ -173,18 +179,33 @@ class Viewer:
         drawn = 0
         with self._drawing:
             for eye in list(self._eyes.values()):
-                drawn += self._draw(eye)
+                try:
+                    drawn += self._draw(eye)
+                except Exception as error:  # others go on, whatever one browser wants to see
+                    self._failed(eye, error)
         return drawn
+
+    def _failed(self, eye: Eye, error: Exception) -> None:
+        if not eye.failed:
+            eye.failed = True
+            print(f"a picture for a browser failed ({type(error).__name__}: {first_line(error)})", file=sys.stderr)
 
     def _controls(self) -> None:
         gui = self._server.gui
         self._kind = gui.add_dropdown("show", KINDS, initial_value=KINDS[0])
         self._kind.on_update(lambda _: self._chosen())
-        rate = gui.add_slider("pictures a second", 2, 30, 1, min(max(round(self._fps), 2), 30))
+        self._takes(self._kind, one_of(lambda: tuple(self._kind.options)))
+        rate = gui.add_slider("pictures a second", *FPS, 1, min(max(round(self._fps), FPS[0]), FPS[1]))
         rate.on_update(lambda _: self._paced(rate.value))
+        self._takes(rate, whole(*FPS))
         self._measure = gui.add_checkbox("measure: click two points", False)
         self._measure.on_update(lambda _: self._clear())
+        self._takes(self._measure, switch)
         self._said = gui.add_markdown("")
+
+    def _takes(self, control: Any, fit: Fit) -> None:
+        """What browsers may set a control to; others are deaf to them."""
+        self._controllable[control._impl.uuid] = fit
 
     def _switch(self, label: str, handles: Sequence[Any]) -> None:
         box = self._server.gui.add_checkbox(label, False)
@@ -196,6 +217,7 @@ class Viewer:
             self._again()
 
         box.on_update(switched)
+        self._takes(box, switch)
 
     def _chosen(self) -> None:
         for name, mesh in self._meshes.items():
@@ -245,7 +267,7 @@ class Viewer:
         camera = eye.client.camera
         widest = min(camera.image_width or WIDEST, WIDEST)
         aspect = max(float(camera.aspect), 0.1)
-        size = (widest, max(1, round(widest / aspect))) if still else eye.pace.size(aspect, widest)
+        size = size_that_stands(aspect, widest) if still else eye.pace.size(aspect, widest)
         start = time.perf_counter()
         seen = picture(self._shown, camera_at(camera.wxyz, camera.position, camera.fov, size), kind)
         eye.pace.took(size, time.perf_counter() - start)
@@ -298,6 +320,12 @@ def found_viser() -> Any:
     return viser
 
 
+def size_that_stands(aspect: float, widest: int) -> tuple[int, int]:
+    """(width, height) of a picture as wide as a window, if it does not become too high."""
+    height = max(1, round(widest / aspect))
+    return (widest, height) if height <= HIGHEST else (max(1, round(HIGHEST * aspect)), HIGHEST)
+
+
 def distance_in_words(one: np.ndarray, other: np.ndarray) -> str:
     """Between two points in metres, to the millimetre."""
     return f"{np.linalg.norm(np.asarray(other) - np.asarray(one)):.3f} m"
@@ -305,8 +333,12 @@ def distance_in_words(one: np.ndarray, other: np.ndarray) -> str:
 
 def warn_of_host(host: str, log: Log) -> None:
     """Says so where others can look."""
-    if host not in NAMES_OF_LOOPBACK:
-        log(f"WARNING: everyone who reaches this machine at {host} can look; leave host= out for this machine alone")
+    address, _ = names_of(host)
+    if address not in NAMES_OF_LOOPBACK:
+        log(
+            f"WARNING: everyone who reaches this machine at {address} and knows the token can look, and the connection "
+            "is not encrypted; leave host= out for this machine alone"
+        )
 
 
 def _go(client: Any, wxyz: np.ndarray, position: np.ndarray) -> None:

@@ -18,7 +18,7 @@ from room2dgs.eval.surface import Surface
 from room2dgs.mesh.io import write_mesh
 from room2dgs.train import save_surfels
 from room2dgs.viewer.picture import hit
-from room2dgs.viewer.server import Viewer, distance_in_words, found_viser, warn_of_host
+from room2dgs.viewer.server import Viewer, distance_in_words, found_viser, size_that_stands, warn_of_host
 
 pytest.importorskip("viser", reason="viser is missing (the extra `view`)")
 client_of = pytest.importorskip("websockets.sync.client")
@@ -39,7 +39,8 @@ def connected(viewer):
     import viser
 
     protocol = f"viser-v{viser.__version__}"
-    with client_of.connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[protocol], max_size=None) as socket_:
+    address = f"ws://127.0.0.1:{viewer.port}/{viewer.door.token}"
+    with client_of.connect(address, subprotocols=[protocol], max_size=None) as socket_:
         yield socket_
 
 
@@ -49,12 +50,18 @@ def send(socket_, message) -> None:
     socket_.send(msgspec.msgpack.encode(message.as_serializable_dict()))
 
 
-def moved_to(x: float):
+def moved_to(x: float, fov: float = 1.0):
     from viser import _messages
 
     return _messages.ViewerCameraMessage(
-        (1.0, 0, 0, 0), (x, 0.0, 0.0), 1.0, 0.01, 100.0, 120, 160, (x, 0.0, 1.0), (0.0, -1.0, 0.0)
+        (1.0, 0, 0, 0), (x, 0.0, 0.0), fov, 0.01, 100.0, 120, 160, (x, 0.0, 1.0), (0.0, -1.0, 0.0)
     )
+
+
+def set_to(control, value):
+    from viser import _messages
+
+    return _messages.GuiUpdateMessage(control._impl.uuid, {"value": value})
 
 
 def clicked_along(direction):
@@ -109,9 +116,63 @@ def test_nobody_can_open_a_tunnel_and_only_the_loopback_listens(wall_surfels):
                 socket.create_connection((address, viewer.port), timeout=1)
 
 
+def test_what_one_browser_says_never_ends_the_pictures_of_another(wall_surfels):
+    with serving(wall_surfels) as viewer, connected(viewer) as good, connected(viewer) as bad:
+        send(good, moved_to(0.0))
+        until(lambda: len(viewer._eyes) == 1)
+        (eye,) = viewer._eyes.values()
+        rate = next(one for one in viewer._server.gui._gui_input_handle_from_uuid.values() if one.value == 20)
+        for fov in (0.0, -1.0, 1e308, float("nan"), float("inf")):
+            send(bad, moved_to(0.0, fov))
+        send(bad, moved_to(1e308))
+        bad.send(b"\x93" * 1000)
+        bad.send("words")
+        send(bad, set_to(rate, 1e308))
+        until(lambda: rate.value == 30 and len(viewer._eyes) == 2)  # brought between its ends
+        send(bad, set_to(rate, "many"))
+        send(bad, set_to(viewer._kind, "no such picture"))
+        send(bad, set_to(viewer._measure, [1]))
+        send(bad, clicked_along((0.0, 0.0, 0.0)))
+        send(bad, moved_to(0.3))
+        for x in (0.1, 0.2):
+            before = eye.drawn
+            send(good, moved_to(x))
+            until(lambda before=before: eye.drawn != before and eye.drawn[-1])
+        assert rate.value == 30 and viewer._kind.value == "colour" and viewer._measure.value is False
+        with connected(viewer) as later:  # all that was said before is sent to those who come later
+            assert later.recv(timeout=10)
+            send(later, moved_to(0.0))
+            until(lambda: len(viewer._eyes) == 3)
+
+
+def test_a_picture_that_fails_costs_itself(wall_surfels, monkeypatch, capsys):
+    with serving(wall_surfels) as viewer, connected(viewer) as one, connected(viewer) as other:
+        draw = Viewer._draw
+
+        def failing(self, eye):
+            if eye.client.client_id == 0:
+                raise RuntimeError("nothing to see")
+            return draw(self, eye)
+
+        monkeypatch.setattr(Viewer, "_draw", failing)
+        send(one, moved_to(0.0))
+        send(other, moved_to(0.0))
+        until(lambda: 1 in viewer._eyes and viewer._eyes[1].drawn and viewer._eyes[1].drawn[-1])
+        send(other, moved_to(0.1))
+        before = viewer._eyes[1].drawn
+        until(lambda: viewer._eyes[1].drawn != before)
+        assert viewer._thread.is_alive()
+    assert capsys.readouterr().err.count("nothing to see") == 1  # told once, not with each picture
+
+
+@pytest.mark.parametrize(("aspect", "size"), [(2.0, (1280, 640)), (0.001, (3, 2560)), (1e5, (1280, 1))])
+def test_no_window_asks_for_a_picture_without_end(aspect, size):
+    assert size_that_stands(aspect, 1280) == size
+
+
 def test_another_host_is_warned_of():
     said = []
-    for host in ("127.0.0.1", "localhost", "0.0.0.0"):
+    for host in ("127.0.0.1", "localhost", "localhost,room.example", "0.0.0.0"):
         warn_of_host(host, said.append)
     assert len(said) == 1 and "0.0.0.0" in said[0]
 
