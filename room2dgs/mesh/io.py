@@ -9,16 +9,17 @@ import trimesh
 
 from room2dgs.errors import InputError, first_line
 from room2dgs.files import whole_file
+from room2dgs.mesh.ply_bytes import ply_bytes
 
 
 def write_mesh(path: Path, mesh: trimesh.Trimesh) -> None:
-    """Write a binary PLY (colours with it), whole or not at all.
+    """Write a binary PLY (colours with it), whole or not at all; far from the origin in double (`ply_bytes`).
 
     Raises:
         OSError: the disk refuses; an older file at `path` stays as it was.
     """
     with whole_file(Path(path)) as temporary:
-        temporary.write_bytes(mesh.export(file_type="ply"))
+        temporary.write_bytes(ply_bytes(mesh))
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:
