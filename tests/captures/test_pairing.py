@@ -1,0 +1,99 @@
+"""Photos are paired with poses and depth maps by name or number; by place only where nothing can be missing."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from room2dgs.captures.pairing import alike, numbers_of, places
+from room2dgs.errors import InputError
+
+SCHEMES = [
+    "frame{:06d}.jpg",
+    "img{}.png",
+    "{}.jpg",
+    "{:06d}_rgb.png",
+    "scene0000_00_{:04d}.jpg",
+    "cam2-{}.v1.png",
+]
+SUBSETS = st.sets(st.integers(0, 19), min_size=2)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@given(left=SUBSETS)
+def test_whatever_photos_are_gone_the_others_keep_their_poses(scheme, left):
+    photos = [scheme.format(i) for i in left]
+    assert places(photos, 20, "traj.txt") == {scheme.format(i): i for i in left}
+
+
+@given(photos=SUBSETS, maps=SUBSETS, lines=st.integers(0, 40))
+def test_a_list_of_poses_that_is_too_short_is_refused_or_whole(photos, maps, lines):
+    """Numbers from 0: whatever is missing of photos, maps and poses' ends, no photo gets another's pose."""
+    names, beside = [f"frame{i}.jpg" for i in photos], [f"depth{i}.png" for i in maps]
+    known = sorted(photos | maps)
+    try:
+        found = places(names, lines, "traj.txt", beside)
+    except InputError as error:
+        assert f"{lines} poses for {len(photos)} photos" in str(error)
+        assert known[-1] >= lines and len(known) != lines
+        return
+    if known[-1] < lines:
+        assert found == {f"frame{i}.jpg": i for i in photos}
+    else:
+        assert len(known) == lines and found == {f"frame{i}.jpg": known.index(i) for i in photos}
+
+
+@pytest.mark.parametrize("first", [1, 8, 1000])
+def test_photos_that_are_numbered_from_elsewhere_need_as_many_poses(first):
+    names = [f"img{i}.png" for i in range(first, first + 6)]
+    assert places(names, 6, "poses.txt") == {name: i for i, name in enumerate(names)}
+    assert places(names[::2], 6, "poses.txt", names) == {name: 2 * i for i, name in enumerate(names[::2])}
+    with pytest.raises(InputError, match=r"poses\.txt has 6 poses for 3 photos, numbered"):
+        places([names[1], names[3], names[5]], 6, "poses.txt")
+    with pytest.raises(InputError, match=r"poses\.txt has 5 poses for 6 photos"):
+        places(names, 5, "poses.txt")
+
+
+def test_photos_without_0_in_a_layout_that_may_begin_at_1_are_not_guessed():
+    names = [f"{i}.png" for i in range(1, 6)]
+    assert places(names, 6, "cameras") == {name: i + 1 for i, name in enumerate(names)}
+    with pytest.raises(InputError, match="6 poses for 5 photos"):
+        places(names, 6, "cameras", from_zero=False)
+    assert places(["0.png", *names], 6, "cameras", from_zero=False)["5.png"] == 5
+
+
+def test_names_without_numbers_need_as_many_poses():
+    assert places(["b.jpg", "a.jpg"], 2, "poses") == {"a.jpg": 0, "b.jpg": 1}
+    for names in (["a.jpg"], ["a.jpg", "b.jpg", "c.jpg"], ["a1.jpg", "b1.jpg", "c1.jpg"]):
+        with pytest.raises(InputError, match=f"2 poses for {len(names)} photos"):
+            places(names, 2, "poses")
+
+
+@given(photos=SUBSETS, maps=SUBSETS)
+def test_depth_by_number_whatever_is_gone(photos, maps):
+    found = alike([f"frame{i:06d}.jpg" for i in photos], [f"depth{i}.png" for i in maps])
+    assert found == {f"frame{i:06d}.jpg": f"depth{i}.png" for i in photos & maps}
+
+
+@given(photos=SUBSETS, maps=st.sets(st.integers(0, 19), min_size=1))
+def test_one_map_is_not_numbered_by_what_all_names_share(photos, maps):
+    found = alike([f"scene0_2_{i}.jpg" for i in photos], [f"scene0_2_{i:05d}.png" for i in maps])
+    assert found == {f"scene0_2_{i}.jpg": f"scene0_2_{i:05d}.png" for i in photos & maps}
+
+
+def test_the_same_name_comes_before_the_number():
+    assert alike(["5.jpg", "6.jpg"], ["005.png", "5.png", "6.png"]) == {"5.jpg": "5.png", "6.jpg": "6.png"}
+
+
+def test_maps_whose_names_tell_nothing_need_as_many_photos():
+    assert alike(["left.jpg", "right.jpg"], ["one.png", "two.png"]) == {"left.jpg": "one.png", "right.jpg": "two.png"}
+    assert alike(["left.jpg", "right.jpg"], ["one.png"]) == {}
+    assert alike(["1.jpg", "2.jpg"], ["7.png", "8.png"]) == {}
+
+
+def test_numbers_that_count_files_and_not_their_times():
+    names = [f"{i:07d}-{i * 33333:012d}.jpg" for i in range(1, 5)]
+    assert list(numbers_of(names)[0].values()) == [1, 2, 3, 4]
+    assert numbers_of(["a.jpg", "b1.jpg"]) == ({}, {})
+    assert numbers_of(["1" * 5000 + ".jpg"]) == ({}, {})
