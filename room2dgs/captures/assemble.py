@@ -15,6 +15,7 @@ from room2dgs.captures.exif import focal_doubt
 from room2dgs.captures.given_points import given_points
 from room2dgs.captures.image_files import depth_size
 from room2dgs.captures.keyframes import keyframes
+from room2dgs.captures.left_out import left_out
 from room2dgs.captures.lens import Lens, pinhole_of
 from room2dgs.captures.matrix_files import rigid
 from room2dgs.captures.scene import Dropped, Frame, Scene
@@ -107,13 +108,16 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
 
 
 def _posed(capture: Capture, config: SceneConfig) -> tuple[list[_Entry], list[Dropped]]:
-    entries, dropped = [], []
+    entries, dropped, damaged = [], [], {}
     poses = capture.poses if config.poses == "auto" else config.poses
-    for index, shot in list(enumerate(capture.shots))[:: config.stride]:
+    chosen = list(enumerate(capture.shots))[:: config.stride]
+    for index, shot in chosen:
         try:
             pose = world_from_cam(_disk_pose(shot), poses)
-        except Lost as reason:
+        except (Lost, InputError) as reason:
             dropped.append(Dropped(file_name(shot.name), str(reason)))
+            if isinstance(reason, InputError):
+                damaged[shot.name] = str(reason)
             continue
         if capture.world_from_disk is not None:
             pose = moved(pose, capture.world_from_disk)
@@ -121,6 +125,7 @@ def _posed(capture: Capture, config: SceneConfig) -> tuple[list[_Entry], list[Dr
             pose = pose.copy()
             pose[:3, 3] *= config.unit
         entries.append(_Entry(index, shot, pose))
+    left_out(damaged, len(chosen), "poses that cannot be used")
     return entries, dropped
 
 

@@ -24,6 +24,24 @@ class Lost(ValueError):
     """A frame has no pose; the text says why."""
 
 
+def lost(reason: str) -> Callable[[], np.ndarray]:
+    """What a shot without a pose has as one."""
+
+    def pose() -> np.ndarray:
+        raise Lost(reason)
+
+    return pose
+
+
+def damaged(error: InputError) -> Callable[[], np.ndarray]:
+    """What a shot has as a pose whose numbers, or whose camera's, are damaged."""
+
+    def pose() -> np.ndarray:
+        raise error
+
+    return pose
+
+
 @dataclass(frozen=True)
 class Shot:
     """One photo of a capture.
@@ -31,7 +49,8 @@ class Shot:
     Attributes:
         name: unique; the file's own.
         path: of the photo, or what it would be called as a file of its own.
-        pose: (4, 4) as on disk, or a function that reads a rigid one and may raise `Lost`; None: it has none.
+        pose: (4, 4) as on disk, or a function that reads a rigid one and may raise `Lost`, or InputError where it is
+            damaged; None: it has none. Either costs the shot, and damage of many the capture.
         lens: None: the capture brings none.
         photo: where it is no file of its own.
         depth: what a sensor measured.
