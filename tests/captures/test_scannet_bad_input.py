@@ -58,20 +58,38 @@ def test_a_missing_intrinsics_file(refused, capture):
     refused("intrinsic_color.txt is missing")
 
 
-def test_a_missing_pose(refused, capture):
+def dropped(scene_config) -> dict[str, str]:
+    return {one.name: one.reason for one in read_scene(scene_config()).dropped}
+
+
+def test_a_missing_pose_costs_its_photo(scene_config, capture):
     (capture / "pose" / "10.txt").unlink()
-    refused("10.txt is missing")
+    found = dropped(scene_config)
+    assert list(found) == ["000010"] and "pose/10.txt is missing" in found["000010"]
 
 
-def test_a_malformed_pose(refused, capture):
+def test_no_poses_at_all(refused, capture):
+    for path in (capture / "pose").iterdir():
+        path.unlink()
+    refused("0 usable views", "8 dropped", "pose/0.txt is missing")
+
+
+def test_a_malformed_pose_costs_its_photo_and_two_of_eight_the_capture(scene_config, refused, capture):
     (capture / "pose" / "10.txt").write_text("1 2 3")
-    refused("10.txt", "3 numbers")
+    found = dropped(scene_config)
+    assert list(found) == ["000010"] and "3 numbers" in found["000010"]
+    (capture / "pose" / "15.txt").write_text("")
+    refused("10.txt", "3 numbers", "first of 2")
 
 
-def test_a_pose_with_scale(refused, capture):
-    pose = np.loadtxt(capture / "pose" / "20.txt")
-    pose[:3, :3] *= 1000.0
-    np.savetxt(capture / "pose" / "20.txt", pose)
+def test_a_pose_with_scale_costs_its_photo_and_scaled_ones_the_capture(scene_config, refused, capture):
+    for i in (20, 25):
+        pose = np.loadtxt(capture / "pose" / f"{i}.txt")
+        pose[:3, :3] *= 1000.0
+        np.savetxt(capture / "pose" / f"{i}.txt", pose)
+        if i == 20:
+            found = dropped(scene_config)
+            assert list(found) == ["000020"] and "not a rigid pose" in found["000020"]
     refused("20.txt", "not a rigid pose")
 
 

@@ -1,6 +1,7 @@
 """Replica as iMAP and NICE-SLAM rendered it: traj.txt, results/frame<i>.jpg, results/depth<i>.png, cam_params.json.
 
-A line of traj.txt is a frame's camera-to-world: 16 numbers, OpenCV axes, metres. Pixel centres are integers.
+A line of traj.txt is a frame's camera-to-world: 16 numbers, OpenCV axes, metres; the number in a photo's name counts
+lines from 0, so photos may be missing. Pixel centres are integers.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ import numpy as np
 
 from room2dgs.captures.capture import Capture, Shot, pinhole_lens
 from room2dgs.captures.depth_maps import depth_file
-from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
+from room2dgs.captures.known_keys import check_no_distortion, unknown_keys
+from room2dgs.captures.listing import PHOTO_SUFFIXES, Listing, gt_mesh_in, listed, natural
+from room2dgs.captures.pairing import alike, note_on, places
 from room2dgs.captures.text_files import floats, lines_of, number, positive, read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -31,38 +34,43 @@ def read_replica(root: Path, config: SceneConfig) -> Capture:
     Raises:
         InputError: see `room2dgs.captures.read.read_scene`.
     """
-    params, source = _params(root)
+    params, source, unknown = _params(root)
     size = int(number(params, "w", source)), int(number(params, "h", source))
     values = [number(params, key, source) for key in ("fx", "fy", "cx", "cy")]
     unit = 1.0 / positive(params, "scale", source)
     lens = pinhole_lens(*values, size, source, config.pixel_centres == "half")
-    path = root / "traj.txt"
+    path, folder = root / "traj.txt", root / "results"
     poses = [np.array(floats(text, path, line, 16)).reshape(4, 4) for line, text in lines_of(path)]
-    names = listed(root / "results")
-    photos = natural(name for name in names if name.startswith("frame"))
-    if len(photos) > len(poses):
-        raise InputError(f"{path} has {len(poses)} poses for {len(photos)} photos; copy the scene again")
-    shots = []
-    for name, pose in zip(photos, poses, strict=False):
-        depth = f"depth{Path(name).stem.removeprefix('frame')}.png"
-        shots.append(
-            Shot(
-                name,
-                root / "results" / name,
-                pose,
-                lens,
-                depth=depth_file(root / "results" / depth, unit) if depth in names else None,
-            )
+    names = natural(listed(folder))
+    photos = [name for name in names if name.startswith("frame") and name.lower().endswith(PHOTO_SUFFIXES)]
+    maps = [name for name in names if name.startswith("depth") and name.endswith(".png")]
+    if not photos:
+        raise InputError(f"{folder} has no photos; they are called frame000000.jpg and so on")
+    place = places(photos, len(poses), path, maps)
+    depths = alike(photos, maps)
+    shots = [
+        Shot(
+            name,
+            folder / name,
+            poses[place[name]],
+            lens,
+            depth=depth_file(folder / depths[name], unit) if name in depths else None,
         )
+        for name in photos
+    ]
+    notes = [*note_on(len(photos), len(poses), path), *unknown]
     mesh = gt_mesh_in(root) or gt_mesh_in(root.parent, f"{root.name}_mesh.ply", own=False)
-    return Capture(root, "replica", shots, gt_mesh=mesh, why="Replica is rendered in metres")
+    return Capture(root, "replica", shots, gt_mesh=mesh, why="Replica is rendered in metres", notes=notes)
 
 
-def _params(root: Path) -> tuple[dict, Path]:
+def _params(root: Path) -> tuple[dict, Path, list[str]]:
+    """The camera, the file that says so, and notes."""
     for path in (root / "cam_params.json", root.parent / "cam_params.json"):
         if path.is_file():
             camera = read_json_object(path).get("camera")
             if not isinstance(camera, dict):
                 raise InputError(f"{path} has no object camera; copy it again")
-            return camera, path
-    return USUAL, root / "cam_params.json"
+            check_no_distortion(camera, path)
+            unknown = unknown_keys(camera, USUAL, path)
+            return camera, path, [unknown] if unknown else []
+    return USUAL, root / "cam_params.json", []

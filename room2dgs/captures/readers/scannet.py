@@ -6,6 +6,7 @@ photos, and optional. One set of intrinsics serves all photos; its cx, cy count 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,17 +14,28 @@ from pathlib import Path
 import numpy as np
 
 from room2dgs.captures.assemble import MAX_DEPTH_MISMATCH, check_principal_point
-from room2dgs.captures.capture import Capture, Shot, pinhole_lens
+from room2dgs.captures.capture import Capture, Shot, lost, pinhole_lens
 from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.image_files import color_size, depth_size
+from room2dgs.captures.known_keys import unknown_keys
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.matrix_files import read_intrinsics, read_world_from_cam
+from room2dgs.captures.pairing import alike
 from room2dgs.captures.text_files import key_values, number, numbers, positive
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
 FOLDERS = ("color", "pose", "intrinsic")
 LAYOUT = "color/<i>.jpg, pose/<i>.txt and intrinsic/intrinsic_color.txt"
+# keys of _info.txt; the extrinsics lead from a camera to itself
+INFO = frozenset(
+    f"m_{key}"
+    for key in (
+        *("versionNumber", "sensorName", "colorWidth", "colorHeight", "depthWidth", "depthHeight", "depthShift"),
+        *("calibrationColorIntrinsic", "calibrationColorExtrinsic", "calibrationDepthIntrinsic"),
+        *("calibrationDepthExtrinsic", "frames.size"),
+    )
+)
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png")
 
 
@@ -49,14 +61,16 @@ def read_scannet(root: Path, config: SceneConfig) -> Capture:
     K = read_intrinsics(path)
     lens = pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], None, path, config.pixel_centres == "half")
     photos = _photos(folder / "color")
-    has_depth = listed(folder / "depth")
+    names = [photo.name for _, photo in photos]
+    depths = alike(names, [name for name in listed(folder / "depth") if name.lower().endswith(".png")])
+    poses = alike(names, [name for name in listed(folder / "pose") if name.endswith(".txt")])
     shots = [
         Shot(
             f"{index:06d}",
             photo,
-            partial(read_world_from_cam, folder / "pose" / f"{photo.stem}.txt"),
+            _pose(folder / "pose", photo, poses),
             lens,
-            depth=folder / "depth" / f"{photo.stem}.png" if f"{photo.stem}.png" in has_depth else None,
+            depth=folder / "depth" / depths[photo.name] if photo.name in depths else None,
         )
         for index, photo in photos
     ]
@@ -64,6 +78,12 @@ def read_scannet(root: Path, config: SceneConfig) -> Capture:
     if first and (folder / "intrinsic" / "intrinsic_depth.txt").exists():
         _check_registered(folder / "intrinsic" / "intrinsic_depth.txt", K, first)
     return Capture(root, "scannet", shots, gt_mesh=scannet_mesh(root), why="ScanNet's poses are metres")
+
+
+def _pose(folder: Path, photo: Path, names: dict[str, str]) -> Callable[[], np.ndarray]:
+    if photo.name not in names:
+        return lost(f"{folder.name}/{photo.stem}.txt is missing")
+    return partial(read_world_from_cam, folder / names[photo.name])
 
 
 def scannet_mesh(root: Path) -> Path | None:
@@ -107,6 +127,7 @@ def read_flat(root: Path, config: SceneConfig) -> Capture:
     known = key_values(path)
     size = tuple(int(number(known, f"m_color{side}", path)) for side in ("Width", "Height"))
     K = numbers(known, "m_calibrationColorIntrinsic", 16, path).reshape(4, 4)
+    unknown = unknown_keys(known, INFO, path)
     shift = positive(known, "m_depthShift", path, 1000.0)
     lens = pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], size, path, config.pixel_centres == "half")
     names = listed(root)
@@ -114,15 +135,17 @@ def read_flat(root: Path, config: SceneConfig) -> Capture:
     for name in natural(name for name in names if ".color." in name):
         stem = name.partition(".color.")[0]
         depth = next((f"{stem}.depth{end}" for end in (".png", ".pgm") if f"{stem}.depth{end}" in names), None)
+        pose = f"{stem}.pose.txt"
         shots.append(
             Shot(
                 stem,
                 root / name,
-                partial(read_world_from_cam, root / f"{stem}.pose.txt"),
+                partial(read_world_from_cam, root / pose) if pose in names else lost(f"{pose} is missing"),
                 lens,
                 depth=depth_file(root / depth, 1.0 / shift) if depth else None,
             )
         )
     if not shots:
         raise InputError(f"{root} has no photos; a capture with _info.txt has frame-000000.color.jpg and so on")
-    return Capture(root, "scannet", shots, gt_mesh=scannet_mesh(root), why="ScanNet's poses are metres")
+    notes = [unknown] if unknown else []
+    return Capture(root, "scannet", shots, gt_mesh=scannet_mesh(root), why="ScanNet's poses are metres", notes=notes)
