@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import errno
 import importlib
+import shlex
 import sys
 import tempfile
 import traceback
@@ -11,13 +11,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 from room2dgs import __version__
+from room2dgs.blame import told
 from room2dgs.commands.examples import examples
 from room2dgs.commands.verbs import VERBS
 from room2dgs.errors import InputError, RunFailed
 from room2dgs.freed_memory import one_arena
 from room2dgs.interrupts import Terminated, reader_is_gone, signals_raise, unread
+from room2dgs.texts import shown
+from room2dgs.thread_limit import check_threads
 
 DONE, OUR_FAULT, BAD_INPUT = 0, 1, 2
+RESUMABLE = ("run", "train", "depth")
 INTERRUPTED, UNREAD, TERMINATED = 130, 141, 143  # 128 + SIGINT, SIGPIPE, SIGTERM, as shells have it
 
 
@@ -53,15 +57,18 @@ def _dispatched(verb: str, rest: list[str]) -> int:
     try:
         if verb not in VERBS:
             raise InputError(f"{verb!r} is no command; choose from {', '.join(VERBS)}")
+        check_threads()
         command = importlib.import_module(f"room2dgs.commands.{verb}").main
         return _helped(command, verb, rest) if {"-h", "--help"} & set(rest) else command(rest)
     except KeyboardInterrupt as stop:
-        print("\nroom2dgs: interrupted; what was finished is kept", file=sys.stderr)
+        again = _again(verb, rest)
+        on = f", go on with: {again}" if again else ""
+        print(f"\nroom2dgs: interrupted; what was finished is kept{on}", file=sys.stderr)
         return TERMINATED if isinstance(stop, Terminated) else INTERRUPTED
     except Exception as error:
         if isinstance(error, BrokenPipeError) and reader_is_gone():
             return UNREAD
-        said, code = _told(error)
+        said, code = _told(error, _again(verb, rest))
         print(said, file=sys.stderr)
         return code
 
@@ -75,15 +82,28 @@ def _helped(command: Callable[[list[str]], int], verb: str, rest: list[str]) -> 
             print(text)
 
 
-def _told(error: Exception) -> tuple[str, int]:
+def _told(error: Exception, again: str) -> tuple[str, int]:
     """What is said of an error, and the exit code."""
-    if isinstance(error, InputError):
-        return f"room2dgs: {error}", BAD_INPUT
     if isinstance(error, RunFailed):
         return f"room2dgs: a run failed: {error}", error.code
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return "room2dgs: the disk is full; make room, then go on with resume=true", BAD_INPUT
-    return _our_fault(error), OUR_FAULT
+    said = told(error, again)
+    return (_our_fault(error), OUR_FAULT) if said is None else (f"room2dgs: {shown(said)}", BAD_INPUT)
+
+
+def _again(verb: str, rest: list[str]) -> str:
+    """The command that goes on with the run that was begun; empty where there is none."""
+    from room2dgs.runs.folder import CONFIG, last_value
+
+    try:
+        out = last_value(rest, "out")
+        begun = verb in RESUMABLE and out and (Path(out).expanduser() / CONFIG).is_file()
+    except (InputError, OSError, ValueError):
+        return ""
+    if not begun:
+        return ""
+    # `depth` has an argument that is no setting, so that it is not saved
+    given = [text for text in rest if not text.startswith("resume=")] if verb == "depth" else [f"out={out}"]
+    return shlex.join(["room2dgs", verb, *given, "resume=true"])
 
 
 def overview() -> str:

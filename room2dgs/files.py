@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import platform
+import re
 import shutil
+import time
 import tokenize
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from room2dgs.errors import InputError
+from room2dgs.owner import LOCK, check_there
 
 # what numpy raises when a .npy or .npz is damaged: it parses the header as Python, and each parser fails its own way
 NUMPY_DAMAGE = (
     OSError, ValueError, TypeError, EOFError, KeyError, SyntaxError, OverflowError, MemoryError, RecursionError,
     tokenize.TokenError, zipfile.BadZipFile,
 )  # fmt: skip
+# .NAME.PROCESS-MACHINE.tmp and what SQLite puts beside it; .NAME.partial-PROCESS-MACHINE. Once there was no MACHINE.
+TEMPORARY = re.compile(
+    r"\.(?P<name>.+)\.(?P<kind>partial-|earlier-)?(?P<process>\d+)(-(?P<machine>[0-9a-f]{4}))?"
+    r"(?(kind)|\.tmp(-journal|-wal|-shm)?)|\.sfm-\w{8}",
+    re.DOTALL,
+)
+LONGEST_NAME = 255  # bytes
+OWN = (LOCK, "config.yaml", "work")  # one of them is in a folder that is more than a part of the one around it
+ABANDONED_S = 24 * 3600  # since the last change of what another machine may still write
 
 
 @contextmanager
@@ -27,16 +41,22 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Raises:
         OSError: the disk refuses.
+        FolderGone: the folder that this process works in is no longer there.
     """
+    check_there(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = path.with_name(f".{path.name}.{_mark()}.tmp")
+    if len(os.fsencode(temporary.name)) > LONGEST_NAME:
+        short = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]
+        temporary = path.with_name(f".{short}.{_mark()}.tmp")
     try:
         yield temporary
         _flush(temporary)
         os.replace(temporary, path)
         _flush(path.parent)  # the rename itself
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # a disk that refused to write may refuse this, too, and what it said first counts
+            temporary.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -49,9 +69,12 @@ def whole_folder(path: Path) -> Iterator[Path]:
         InputError: the disk refuses.
     """
     path = path.absolute()
-    partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
-    earlier = path.with_name(f".{path.name}.earlier-{os.getpid()}")
+    check_there(path)
+    partial = path.with_name(f".{path.name}.partial-{_mark()}")
+    earlier = path.with_name(f".{path.name}.earlier-{_mark()}")
     try:
+        for leftover in (earlier, partial):  # of a process that had our number
+            _put_away(leftover)
         partial.mkdir(parents=True)
         yield partial
         if path.exists():
@@ -59,7 +82,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
         os.replace(partial, path)
     except OSError as error:
         raise InputError(
-            f"{path} cannot be written ({error.strerror}); choose another folder or free some space"
+            f"{path} cannot be written ({error.strerror or error}); choose another folder or free some space"
         ) from error
     finally:
         if earlier.exists() and not path.exists():
@@ -68,10 +91,95 @@ def whole_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(earlier, ignore_errors=True)
 
 
-def remove_leftovers(folder: Path) -> None:
-    """Delete temporary files of a run that was killed in mid-write."""
-    for temporary in folder.glob(".*.tmp"):
-        temporary.unlink(missing_ok=True)
+@contextmanager
+def scratch_folder(parent: Path, what: str) -> Iterator[Path]:
+    """An empty folder in `parent` for the length of the block; what a kill leaves of it `remove_leftovers` finds."""
+    check_there(parent / what)
+    folder = parent / f".{what}.partial-{_mark()}"
+    _put_away(folder)
+    folder.mkdir(parents=True)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def is_temporary(name: str) -> bool:
+    """Is it what `whole_file`, `whole_folder` or `scratch_folder` call theirs until they end?"""
+    return TEMPORARY.fullmatch(name) is not None
+
+
+def remove_leftovers(folder: Path, owned: bool = False) -> None:
+    """Delete what writing left in a folder when its process was killed; a folder that was being replaced comes back.
+
+    Nothing is deleted that a living process may still write: unless the folder is owned, of this machine what belongs
+    to no process, and of others what nobody has touched for a day.
+
+    Args:
+        owned: this process alone writes there (`owner.owned`), and has not begun.
+    """
+    with suppress(OSError):
+        for path in sorted(folder.iterdir()):
+            found = TEMPORARY.fullmatch(path.name)
+            if found and (owned or _is_abandoned(path, found)):
+                _put_away(path)
+
+
+def remove_all_leftovers(folder: Path) -> None:
+    """`remove_leftovers` of a folder that this process owns, and of all folders in it but those that others may own.
+
+    No link is followed.
+    """
+    remove_leftovers(folder, owned=True)
+    with suppress(OSError):
+        for path in sorted(folder.iterdir()):
+            if path.is_dir() and not path.is_symlink() and not any((path / name).exists() for name in OWN):
+                remove_all_leftovers(path)
+
+
+def _mark() -> str:
+    return f"{os.getpid()}-{_machine()}"
+
+
+def _machine() -> str:
+    """Stands for where the number of a process means that process: the machine, and in it the container."""
+    try:
+        container = os.readlink("/proc/self/ns/pid")
+    except OSError:
+        container = ""
+    return hashlib.sha256(f"{platform.node()} {container}".encode()).hexdigest()[:4]
+
+
+def _is_abandoned(path: Path, found: re.Match[str]) -> bool:
+    if found["machine"] == _machine():
+        return int(found["process"]) != os.getpid() and not _lives(int(found["process"]))
+    with suppress(OSError):
+        inside = path.iterdir() if path.is_dir() and not path.is_symlink() else ()
+        latest = max(one.lstat().st_mtime for one in (path, *inside))
+        return time.time() - latest > ABANDONED_S
+    return False
+
+
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
+
+
+def _put_away(path: Path) -> None:
+    """Without a leftover; a folder that was being replaced is itself again where nothing has taken its place."""
+    found = TEMPORARY.fullmatch(path.name)
+    target = path.with_name(found["name"]) if found and found["name"] else None
+    if target and found["kind"] == "earlier-" and path.exists() and not target.exists():
+        os.replace(path, target)
+    elif path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _flush(path: Path) -> None:

@@ -19,11 +19,15 @@ FLOW = (
     *(
         "texts",
         "errors",
+        "links_out",
+        "regular_files",
+        "owner",
+        "blame",
         "logs",
         "files",
-        "regular_files",
         "json_files",
         "cores",
+        "thread_limit",
         "torch_threads",
         "system_libraries",
         "cuda_extension",
@@ -54,7 +58,7 @@ FLOW = (
     ),
 )
 # `eval` is a library of its own: these alone.
-EVAL_NEEDS = {"errors", "files", "regular_files", "texts", "json_files", "config", "geometry", "captures", "mesh", "eval"}
+EVAL_NEEDS = {"errors", "owner", "files", "regular_files", "texts", "json_files", "config", "geometry", "captures", "mesh", "eval"}
 EXTENSION = "room2dgs._C"
 
 

@@ -45,7 +45,8 @@ def test_sigterm_ends_a_run_as_ctrl_c_does_and_it_can_be_gone_on_with(wall: Path
         run.terminate()
         said = run.communicate(timeout=60)[1]
     assert run.returncode == cli.TERMINATED == 143
-    assert said.split("\n") == ["", "room2dgs: interrupted; what was finished is kept", ""]
+    on = f"go on with: room2dgs train out={out} resume=true"
+    assert said.split("\n") == ["", f"room2dgs: interrupted; what was finished is kept, {on}", ""]
     reached = max(int(path.stem.split("_")[1]) for path in out.glob("checkpoints/*.safetensors"))
     assert cli.main(["train", f"out={out}", "resume=true", f"train.iterations={reached + 1}"]) == 0
     assert (out / "surfels.safetensors").exists()

@@ -14,7 +14,7 @@ from room2dgs.commands.stages import points_may_lack, read, rendered, trained_su
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
-from room2dgs.runs.folder import EXPORTS, MESH, POINTS, SURFELS, earlier_run, last_value, required
+from room2dgs.runs.folder import EXPORTS, MESH, POINTS, SURFELS, at_work_beside, earlier_run, last_value, required
 from room2dgs.runs.metrics import record, timed
 
 if TYPE_CHECKING:
@@ -46,7 +46,8 @@ def main(argv: list[str]) -> int:
     out = Path(last_value(argv, "out") or Path(config.out) / EXPORTS).expanduser().absolute()
     _check_place(out, formats, config)
     use_threads(config)
-    write(source_of(config, print), formats, out, print)
+    with at_work_beside(config, out):
+        write(source_of(config, print), formats, out, print)
     return 0
 
 

@@ -13,7 +13,7 @@ from room2dgs.commands.stages import read, rendered, trained_surfels, use_thread
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log, run_log
-from room2dgs.runs.folder import MESH, TRUST, earlier_run, keep_settings
+from room2dgs.runs.folder import MESH, TRUST, at_work, earlier_run, keep_settings
 from room2dgs.runs.metrics import MESH_SCORES, record, stale, timed
 
 if TYPE_CHECKING:
@@ -32,28 +32,28 @@ def main(argv: list[str]) -> int:
     if not config.mesh.of_surfels:
         source = f"mesh.source={config.mesh.source}"
         raise InputError(f"{source} is a run of its own; type room2dgs run scene.path=DIR {source}")
-    out = Path(config.out)
-    surfels = trained_surfels(out)
-    scene = with_poses_of_run(read(config), out)
-    log = run_log(out)
-    mesh_scene(scene, surfels, config, out, log, {})
-    keep_settings(out, config, "mesh")
-    log(f"next: room2dgs eval out={out}")
+    with at_work(config) as out:
+        surfels = trained_surfels(out)
+        scene = with_poses_of_run(read(config), out)
+        log = run_log(out)
+        mesh_scene(scene, surfels, config, out, log, {})
+        keep_settings(out, config, "mesh")
+        log(f"next: room2dgs eval out={out}")
     return 0
 
 
 def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: Log, seconds: dict[str, float]) -> None:
     """mesh.ply from the depth of the training views, its figures into metrics.json."""
     from room2dgs.mesh.fuse import fuse
-    from room2dgs.mesh.io import write_mesh
     from room2dgs.mesh.voxel import with_voxel
+    from room2dgs.mesh.world import write_in_world
 
     use_threads(config)
     settings = with_voxel(config.mesh, [frame.camera for frame in scene.train])
     with timed(seconds, "mesh"):
         trust = _trust(scene, config, out, log)
         mesh = fuse(_Views(scene, surfels, config, trust), settings, log, config.render.device)
-        write_mesh(out / MESH, mesh)
+        write_in_world(out / MESH, mesh, scene.origin_m)
     # Scores of a mesh that is no longer there must not stand beside this one.
     faded = stale(out, MESH_SCORES)
     made = {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces), "mesh_voxel_m": settings.voxel_m}

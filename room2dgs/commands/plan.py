@@ -10,7 +10,7 @@ from room2dgs.commands.export import source_of
 from room2dgs.commands.settings_help import asked_for_help
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
-from room2dgs.runs.folder import MESH, earlier_run, last_value, required
+from room2dgs.runs.folder import MESH, at_work_beside, earlier_run, last_value, required
 
 USAGE = "room2dgs plan run=DIR [out=DIR] [up=auto|x|y|z|-x|-y|-z]"
 PLAN = "plan"
@@ -52,9 +52,10 @@ def main(argv: list[str]) -> int:
         "plan.dxf": dxf(plan),
     }
     try:
-        for name, text in texts.items():
-            with whole_file(out / name) as temporary:
-                temporary.write_text(text, encoding="utf-8")
+        with at_work_beside(config, out):
+            for name, text in texts.items():
+                with whole_file(out / name) as temporary:
+                    temporary.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"{out} cannot be written ({error.strerror}); choose another out=DIR") from error
     print(f"floor plan: {out / 'plan.svg'}, {out / 'plan.dxf'}, planes: {out / 'plan.json'}")

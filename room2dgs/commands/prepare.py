@@ -5,16 +5,19 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+from room2dgs.blame import by_the_machine
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.short_keys import written_out
 from room2dgs.config import Config, load_config
 from room2dgs.errors import InputError
+from room2dgs.files import is_temporary, remove_leftovers
 from room2dgs.logs import LOG_FILE, run_log
+from room2dgs.owner import LOCK, owned
 from room2dgs.runs.folder import CAPTURE, absolute, check_out, last_value
 
 USAGE = "room2dgs prepare video=FILE|images=DIR out=DIR [prepare.KEY=VALUE ...]"
 SHORT = {"video": "prepare.video", "images": "prepare.images"}
-WORK = "work"
+WORK, IMAGES = "work", "images"
 
 
 def main(argv: list[str]) -> int:
@@ -55,7 +58,8 @@ def with_capture(overrides: list[str]) -> list[str]:
     result = [*overrides, f"scene.path={Path(out).expanduser().absolute() / CAPTURE}"]
     config = absolute(load_config(result))
     check_out(Path(config.out), config.resume)
-    prepared(config, Path(config.scene.path))
+    with owned(Path(config.out)):
+        prepared(config, Path(config.scene.path))
     return result
 
 
@@ -71,21 +75,31 @@ def prepared(config: Config, out: Path) -> None:
         raise InputError(f"give video=FILE or images=DIR{both}")
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; choose another out=DIR")
-    if out.exists() and any(out.iterdir()) and not (out / WORK).is_dir():
-        raise InputError(f"{out} is not empty and holds no capture that was being prepared; choose another out=DIR")
+    _check_place(out)
     from room2dgs.prepare.prepare import prepare
 
-    existed = out.exists()
-    try:
-        (out / WORK).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out} cannot be written ({error.strerror}); choose another out=DIR") from error
-    try:
-        prepare(config, out, run_log(out))
-    except InputError:
-        if not any((out / WORK).iterdir()):  # nothing is finished that a second try could use
-            for path in (out / WORK, out):
-                (path / LOG_FILE).unlink(missing_ok=True)
-                if path != out or not existed:
-                    shutil.rmtree(path, ignore_errors=True)
-        raise
+    with owned(out):
+        _check_place(out)  # again: somebody may have been faster
+        there = {path.name for path in out.iterdir()}
+        try:
+            (out / WORK).mkdir(exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{out} cannot be written ({error.strerror}); choose another out=DIR") from error
+        for folder in (out, out / WORK):
+            remove_leftovers(folder, owned=True)
+        try:
+            prepare(config, out, run_log(out))
+        except InputError as error:
+            if not by_the_machine(error) and not any((out / WORK).iterdir()):  # nothing that a second try could use
+                for name in {WORK, IMAGES} - there:
+                    shutil.rmtree(out / name, ignore_errors=True)
+                if LOG_FILE not in there:
+                    (out / LOG_FILE).unlink(missing_ok=True)
+            raise
+
+
+def _check_place(out: Path) -> None:
+    if not out.exists() or (out / WORK).is_dir():
+        return
+    if any(path.name != LOCK and not is_temporary(path.name) for path in out.iterdir()):
+        raise InputError(f"{out} is not empty and holds no capture that was being prepared; choose another out=DIR")

@@ -15,7 +15,7 @@ from room2dgs.commands.stages import read, rendered, trained_surfels, use_thread
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log, run_log
-from room2dgs.runs.folder import RENDERS, earlier_run
+from room2dgs.runs.folder import RENDERS, at_work, earlier_run
 from room2dgs.runs.metrics import record, timed
 from room2dgs.runs.pictures import depth_picture, normal_picture, write_png
 
@@ -47,13 +47,13 @@ def main(argv: list[str]) -> int:
         raise InputError(f"views={views} is not known; choose from {', '.join(VIEWS)}")
     path = path_options(own)
     config = earlier_run(overrides)
-    out = Path(config.out)
-    surfels = trained_surfels(out)
-    scene = with_poses_of_run(read(config), out)
-    if path is not None:
-        render_path(path, scene, surfels, config, out, run_log(out))
-    else:
-        render_scene(scene, surfels, config, out, run_log(out), {}, views)
+    with at_work(config) as out:
+        surfels = trained_surfels(out)
+        scene = with_poses_of_run(read(config), out)
+        if path is not None:
+            render_path(path, scene, surfels, config, out, run_log(out))
+        else:
+            render_scene(scene, surfels, config, out, run_log(out), {}, views)
     return 0
 
 

@@ -11,7 +11,7 @@ from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
 from room2dgs.config import Config
 from room2dgs.logs import Log, run_log
-from room2dgs.runs.folder import MESH, earlier_run, required
+from room2dgs.runs.folder import MESH, at_work, earlier_run, required
 from room2dgs.runs.metrics import record, timed
 
 if TYPE_CHECKING:
@@ -27,9 +27,9 @@ def main(argv: list[str]) -> int:
     if asked_for_help(argv):
         return show(USAGE, main.__doc__, ("report",))
     config = earlier_run(argv)
-    out = Path(config.out)
-    surfels = trained_surfels(out) if config.mesh.of_surfels else None
-    report_scene(with_poses_of_run(read(config), out), surfels, config, out, run_log(out), {})
+    with at_work(config) as out:
+        surfels = trained_surfels(out) if config.mesh.of_surfels else None
+        report_scene(with_poses_of_run(read(config), out), surfels, config, out, run_log(out), {})
     return 0
 
 
@@ -45,7 +45,7 @@ def report_scene(
 
     use_threads(config)
     with timed(seconds, "report"):
-        draw = _of_mesh(config, out) if surfels is None else partial(rendered, surfels, config=config)
+        draw = _of_mesh(scene, config, out) if surfels is None else partial(rendered, surfels, config=config)
         path = write_report(scene, surfels, draw, config, out)
     size_mb = path.stat().st_size / 1e6
     record(out, {"report_mb": round(size_mb, 2)}, seconds)
@@ -53,8 +53,9 @@ def report_scene(
     log(f"report: {path} ({size_mb:.1f} MB{smaller})")
 
 
-def _of_mesh(config: Config, out: Path) -> Rendered:
-    from room2dgs.mesh.io import read_mesh
+def _of_mesh(scene: Scene, config: Config, out: Path) -> Rendered:
+    from room2dgs.mesh.world import read_in_scene
     from room2dgs.runs.page.mesh_views import mesh_rendered
 
-    return partial(mesh_rendered, read_mesh(required(out / MESH, "mesh")), background=tuple(config.render.background))
+    mesh = read_in_scene(required(out / MESH, "mesh"), scene.origin_m)
+    return partial(mesh_rendered, mesh, background=tuple(config.render.background))

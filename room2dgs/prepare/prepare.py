@@ -21,7 +21,7 @@ from room2dgs.captures.selection import evenly_spaced
 from room2dgs.colmap import pycolmap
 from room2dgs.config import Config, PrepareConfig
 from room2dgs.errors import InputError
-from room2dgs.files import remove_leftovers, whole_file, whole_folder
+from room2dgs.files import whole_file, whole_folder
 from room2dgs.json_files import plain
 from room2dgs.logs import Log
 from room2dgs.prepare.contradictions import contradictions
@@ -66,7 +66,6 @@ def prepare(config: Config, out: Path, log: Log) -> dict[str, Any]:
     settings, work = config.prepare, out / WORK
     stages, images, database = Stages(work), out / IMAGES, out / WORK / "database.db"
     photos, key = taken_photos(settings, images, stages, log)
-    remove_leftovers(work)
     (out / VERDICT).unlink(missing_ok=True)  # it is written last, and says that all is whole
     camera = settings.lens, config.scene.intrinsics, config.scene.pixel_centres
     key = key_of(key, *camera, settings.features, settings.peak_threshold, settings.feature_side)

@@ -4,21 +4,33 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import reduce
 from pathlib import Path
 
+from pydantic import TypeAdapter, ValidationError
+
+from room2dgs.blame import by_the_machine
 from room2dgs.config import Config, dump_config, load_config
 from room2dgs.config.keys import path_keys
+from room2dgs.config.overrides import unquoted
 from room2dgs.errors import InputError
-from room2dgs.files import whole_file
+from room2dgs.files import is_temporary, remove_all_leftovers, remove_leftovers, whole_file
+from room2dgs.links_out import refuse_links_out
+from room2dgs.logs import LOG_FILE
+from room2dgs.owner import LOCK, FolderGone, owned, refuse_if_owned
 
 CONFIG, MESH, METRICS = "config.yaml", "mesh.ply", "metrics.json"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
 PRIORS, PRIOR_MAPS, CACHE, POSES = "priors.csv", "priors", "cache", "poses.json"
 REPORT, TRUST, EXPORTS = "report.html", "trust.npz", "export"
 CAPTURE = "capture"  # what `run video=...` made of the video, before the run itself
+# What a run may have made before anything is finished; nothing else in its folder is ever removed.
+MADE = {
+    *(CONFIG, METRICS, CHECKPOINTS, POINTS, PRIORS, PRIOR_MAPS, CACHE, POSES, TRUST, LOG_FILE, "tensorboard"),
+    *("depth", "normal", "error", "agreeing", "filled", "filled_confidence", "dense.ply", "coverage.json"),
+}
 
 
 def new_run(overrides: list[str]) -> Config:
@@ -27,12 +39,31 @@ def new_run(overrides: list[str]) -> Config:
     Raises:
         InputError: settings that cannot be, or an `out` that is taken.
     """
-    out = last_value(overrides, "out")
+    out, resume = last_value(overrides, "out"), wants_to_resume(overrides)
     earlier = Path(out).expanduser() / CONFIG if out else None
-    resumes = (last_value(overrides, "resume") or "").lower() == "true" and earlier and earlier.is_file()
-    config = absolute(load_config(overrides, earlier if resumes else None))
+    if resume and earlier and not earlier.is_file() and not last_value(overrides, "scene.path"):
+        raise InputError(
+            f"{earlier.parent} holds no run to go on with ({CONFIG} is missing); to start one add scene.path=DIR"
+        )
+    config = absolute(load_config(overrides, earlier if resume and earlier and earlier.is_file() else None))
     check_out(Path(config.out), config.resume)
+    refuse_if_owned(Path(config.out))
     return config
+
+
+def wants_to_resume(overrides: list[str]) -> bool:
+    """Whether the last `resume=` is one of the words for true that settings take.
+
+    Raises:
+        InputError: it is neither true nor false.
+    """
+    given = last_value(overrides, "resume")
+    if given is None:
+        return False
+    try:
+        return TypeAdapter(bool).validate_python(given.strip())
+    except ValidationError:
+        raise InputError(f"resume={given} is neither true nor false; give resume=true or leave it out") from None
 
 
 def earlier_run(overrides: list[str]) -> Config:
@@ -53,30 +84,66 @@ def earlier_run(overrides: list[str]) -> Config:
 
 @contextmanager
 def claimed(config: Config) -> Iterator[Path]:
-    """The folder of a new or resumed run, with its config.yaml in it.
+    """The folder of a new or resumed run, with its config.yaml in it, and nobody else's meanwhile.
 
-    Bad input that shows only now leaves things as they were: a new run without a checkpoint goes away
-    again, a resumed one keeps its old config.yaml.
+    Bad input that shows only now leaves things as they were: a new run without a checkpoint goes away again, a resumed
+    one keeps its old config.yaml. What the machine fails of, such as a full disk, leaves what is finished, to go on.
 
     Raises:
-        InputError: the folder cannot be written.
+        InputError: the folder cannot be written, or another process works there.
     """
     out = Path(config.out)
-    there = {path.name for path in out.iterdir()} if out.is_dir() else None
-    before = (out / CONFIG).read_bytes() if (out / CONFIG).exists() else None
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        write_config(out, config)
-    except OSError as error:
-        raise InputError(f"{out} cannot be written ({error.strerror}); choose another out=DIR") from error
-    try:
+    refuse_links_out(out)
+    with owned(out):
+        check_out(out, config.resume)  # again: somebody may have been faster
+        remove_all_leftovers(out)
+        there = {path.name for path in out.iterdir()}
+        before = (out / CONFIG).read_bytes() if (out / CONFIG).exists() else None
+        try:
+            write_config(out, config)
+        except OSError as error:
+            raise InputError(f"{out} cannot be written ({error.strerror}); choose another out=DIR") from error
+        try:
+            yield out
+        except InputError as error:
+            if by_the_machine(error) or isinstance(error, FolderGone):
+                raise
+            if before is not None:
+                with whole_file(out / CONFIG) as temporary:
+                    temporary.write_bytes(before)
+            elif not (out / MESH).exists() and not any((out / CHECKPOINTS).glob("*")):
+                _clear(out, there)
+            raise
+
+
+@contextmanager
+def at_work(config: Config) -> Iterator[Path]:
+    """The folder of an earlier run for a command that writes into it, and nobody else's meanwhile.
+
+    Raises:
+        InputError: the folder cannot be written, or another process works there.
+    """
+    out = Path(config.out)
+    refuse_links_out(out)
+    with owned(out):
+        remove_all_leftovers(out)
         yield out
-    except InputError:
-        if before is not None:
-            (out / CONFIG).write_bytes(before)
-        elif not any((out / CHECKPOINTS).glob("*")):
-            _clear(out, there)
-        raise
+
+
+@contextmanager
+def at_work_beside(config: Config, out: Path) -> Iterator[None]:
+    """The folder of an earlier run, which is read, and `out`, in it or elsewhere, which is written to.
+
+    Raises:
+        InputError: `out` cannot be written, or another process works in one of them.
+    """
+    run = Path(config.out)
+    inside = out.is_relative_to(run)
+    if inside:
+        refuse_links_out(run)
+    with owned(run, writes=inside), nullcontext() if inside else owned(out):
+        remove_leftovers(out, owned=True)
+        yield
 
 
 def write_config(out: Path, config: Config) -> None:
@@ -104,8 +171,7 @@ def absolute(config: Config) -> Config:
 def last_value(overrides: list[str], key: str) -> str | None:
     """What the last of the overrides gives a path key, without quotes around it; None if none does."""
     value = next((text.partition("=")[2] for text in reversed(overrides) if text.startswith(key + "=")), None)
-    quoted = value and len(value) > 1 and value[0] in "'\"" and value[-1] == value[0]
-    return value[1:-1] if quoted else value
+    return value and unquoted(value)
 
 
 def required(path: Path, verb: str) -> Path:
@@ -125,19 +191,15 @@ def check_out(out: Path, resume: bool) -> None:
         if resume:
             return
         raise InputError(f"{out} holds another run; add resume=true to go on with it, or choose another out=DIR")
-    if any(path.name != CAPTURE for path in out.iterdir()):
+    if any(path.name not in (CAPTURE, LOCK) and not is_temporary(path.name) for path in out.iterdir()):
         raise InputError(f"{out} is not empty and is not a run's folder; choose another out=DIR")
 
 
-def _clear(out: Path, there: set[str] | None) -> None:
-    """Without what a run that came to nothing has made; `there` was in the folder before, None: it was not there."""
-    keep = {CAPTURE} | (there or set())
-    for path in out.iterdir():
-        if path.name in keep:
-            continue
+def _clear(out: Path, there: set[str]) -> None:
+    """Without what a run that came to nothing has made; `there` was in the folder before."""
+    for name in sorted(MADE - there):
+        path = out / name
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
         else:
             path.unlink(missing_ok=True)
-    if there is None and not any(out.iterdir()):
-        out.rmdir()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from room2dgs.captures.scene import Scene
 from room2dgs.captures.with_lens import with_lens
 from room2dgs.config import PointsConfig, SfmConfig
 from room2dgs.errors import InputError
+from room2dgs.files import remove_leftovers, scratch_folder
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.sfm.adjust import adjusted
@@ -116,9 +116,9 @@ def refined_poses(
             for line in _lines(PoseReport(**report)):
                 log(f"{line} ({path.name})")
             return known, report
-    cache.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".sfm-", dir=cache) as work:
-        refined, found = _refined(scene, config, points, Path(work), cache, log, extracted)
+    remove_leftovers(cache)
+    with scratch_folder(cache, "sfm") as work:
+        refined, found = _refined(scene, config, points, work, cache, log, extracted)
     for line in _lines(found):
         log(line)
     if found.left_out:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tempfile
 from collections.abc import Sequence
 from enum import Enum
 from functools import partial
@@ -20,6 +19,7 @@ from room2dgs.captures.world_offset import points_in_scene
 from room2dgs.colmap import pycolmap
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
+from room2dgs.files import remove_leftovers, scratch_folder
 from room2dgs.logs import Log
 from room2dgs.sfm.capture_points import MIN_POINTS, capture_points
 
@@ -84,14 +84,14 @@ def sparse_points(
         return points
     from room2dgs.sfm.triangulation import triangulate
 
-    cache.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".sfm-", dir=cache) as work:
-        points = triangulate(scene.train, config, Path(work), log)
+    remove_leftovers(cache)
+    with scratch_folder(cache, "sfm") as work:
+        points = triangulate(scene.train, config, work, log)
         if len(points) < MIN_POINTS:
             if may_lack is MayLack.NEVER or (may_lack is MayLack.IN_ONE_PLACE and not _in_one_place(scene)):
                 raise InputError(_too_few(scene, len(points), instead))
-            (Path(work) / "again").mkdir()
-            _stop_if_contradicted(scene, config, Path(work) / "again")
+            (work / "again").mkdir()
+            _stop_if_contradicted(scene, config, work / "again")
             log(f"WARNING: {_too_few_to_use(scene, len(points), may_lack)}")
             return _no_points(scene)
     log(f"points: {len(points)} triangulated, seen by {points.track_length.mean():.1f} views on average")

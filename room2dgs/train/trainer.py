@@ -112,7 +112,7 @@ class Hook:
         return {}
 
     def on_end(self, trainer: Trainer) -> None:
-        """After the last iteration, and after an exception; the last hook first."""
+        """After the last iteration, and after an exception, if `on_start` ended; the last hook first."""
 
 
 class Trainer:
@@ -155,7 +155,7 @@ class Trainer:
         self.stop_requested = False
         self._resumed_state: dict[str, Tensor] = {}
         self._extent_m = scene.extent  # goes over all cameras
-        remove_leftovers(checkpoint.folder_of(out))
+        remove_leftovers(checkpoint.folder_of(out), owned=True)
         resumed = checkpoint.latest(out, log) if config.resume else None
         if resumed:
             self._resume(resumed)
@@ -181,8 +181,8 @@ class Trainer:
         """
         with ExitStack() as ends:
             for hook in self.hooks:
-                ends.callback(hook.on_end, self)
                 hook.on_start(self)
+                ends.callback(hook.on_end, self)
                 prefix = f"{hook.name}/"
                 state = {k.removeprefix(prefix): v for k, v in self._resumed_state.items() if k.startswith(prefix)}
                 if state:

@@ -93,7 +93,7 @@ def test_a_kill_in_mid_write_leaves_the_last_one(tmp_path, monkeypatch):
             checkpoint.save(tmp_path, state(2))
     assert checkpoint.latest(tmp_path, ignore).iteration == 1
     assert len(list(checkpoint.folder_of(tmp_path).iterdir())) == 2
-    files.remove_leftovers(checkpoint.folder_of(tmp_path))
+    files.remove_leftovers(checkpoint.folder_of(tmp_path), owned=True)
     assert len(list(checkpoint.folder_of(tmp_path).iterdir())) == 1
 
 

@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from room2dgs.errors import InputError
 from room2dgs.train import Hook, checkpoint, load_surfels, train
 
 
@@ -70,6 +71,20 @@ def test_hooks_see_the_end_of_a_run_that_breaks_off(capture, configure, log, tmp
     with pytest.raises(KeyboardInterrupt):
         train(*capture, configure(), tmp_path, log, hooks=[failing, beside])
     assert failing.calls[-2:] == ["before 2", "end"]
+
+
+def test_a_hook_that_cannot_start_is_not_ended_and_its_error_is_what_is_told(capture, configure, log, tmp_path):
+    class Unready(Hook):
+        def on_start(self, trainer):
+            raise InputError("no port is free")
+
+        def on_end(self, trainer):
+            self.server.stop()  # which there is not
+
+    before, after = Recorder(), Countdown(5)
+    with pytest.raises(InputError, match="no port is free"):
+        train(*capture, configure(), tmp_path, log, hooks=[before, Unready(), after])
+    assert before.calls == ["start", "end"]
 
 
 def test_a_hook_can_end_a_run_which_leaves_a_checkpoint_and_a_result(capture, configure, log, tmp_path):
