@@ -78,7 +78,12 @@ def alike(photos: Sequence[str], others: Sequence[str]) -> dict[str, str]:
 
 
 def places(
-    photos: Sequence[str], count: int, label: object, beside: Iterable[str] = (), from_zero: bool = True
+    photos: Sequence[str],
+    count: int,
+    label: object,
+    beside: Iterable[str] = (),
+    from_zero: bool = True,
+    keyed: bool = False,
 ) -> dict[str, int]:
     """Which of a list of poses is each photo's.
 
@@ -90,10 +95,11 @@ def places(
         count: how many poses the list has.
         label: the list's file, for messages.
         beside: names of depth maps, numbered as the photos: they tell of photos that are missing.
-        from_zero: the layout numbers its photos from 0; False: some begin at 1, and none can be numbered 0 for sure.
+        from_zero: the layout numbers its photos from 0; False: some begin at 1.
+        keyed: the list says its poses' numbers itself, so there may be photos behind its last one.
 
     Returns:
-        name -> place in the list, from 0.
+        name -> place in the list, from 0; beyond its end where it is keyed.
 
     Raises:
         InputError: neither tells; both counts are named.
@@ -101,6 +107,8 @@ def places(
     numbers, other_numbers = numbers_of(photos, list(beside))
     known = sorted({*numbers.values(), *other_numbers.values()})
     if numbers and known[-1] < count and (from_zero or known[0] == 0):
+        return numbers
+    if numbers and keyed and known == list(range(len(known))):
         return numbers
     if numbers and len(known) == count:
         place = {number: index for index, number in enumerate(known)}

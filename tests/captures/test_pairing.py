@@ -63,6 +63,14 @@ def test_photos_without_0_in_a_layout_that_may_begin_at_1_are_not_guessed():
     assert places(["0.png", *names], 6, "cameras", from_zero=False)["5.png"] == 5
 
 
+def test_a_list_that_numbers_its_poses_itself_may_end_before_the_photos():
+    names = [f"{i}.png" for i in range(6)]
+    assert places(names, 4, "trajectory.log", keyed=True) == {name: i for i, name in enumerate(names)}
+    assert places(names[::5], 4, "trajectory.log", names, keyed=True) == {"0.png": 0, "5.png": 5}
+    with pytest.raises(InputError, match="4 poses for 3 photos"):
+        places(names[::2], 4, "trajectory.log", keyed=True)
+
+
 def test_names_without_numbers_need_as_many_poses():
     assert places(["b.jpg", "a.jpg"], 2, "poses") == {"a.jpg": 0, "b.jpg": 1}
     for names in (["a.jpg"], ["a.jpg", "b.jpg", "c.jpg"], ["a1.jpg", "b1.jpg", "c1.jpg"]):

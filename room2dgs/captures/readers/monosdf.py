@@ -1,6 +1,7 @@
 """MonoSDF's preprocessed scans: 000000_rgb.png, cameras.npz (world_mat_<i>, scale_mat_<i>).
 
-world_mat is K times world-to-camera, in metres; scale_mat, which leads to a unit sphere, is not applied.
+world_mat is K times world-to-camera, in metres, of the photo with the number <i>; scale_mat, which leads to a unit
+sphere, is not applied.
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from room2dgs.captures.capture import Capture, Shot, pinhole_lens
+from room2dgs.captures.capture import Capture, Shot, damaged, lost, pinhole_lens
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural, photos_in
 from room2dgs.captures.matrix_files import rigid
+from room2dgs.captures.pairing import note_on, places
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE
@@ -41,15 +43,31 @@ def read_monosdf(root: Path, config: SceneConfig) -> Capture:
             folder, photos = root / name, photos_in(root / name)
     if not photos:
         raise InputError(f"{root} has no photos; they are called 000000_rgb.png or lie in image/")
+    # photos in a folder may be called anyhow, 000000_rgb.png is world_mat_0's
+    place = places(photos, 1 + max(map(_number, matrices), default=-1), path, from_zero=folder == root, keyed=True)
     shots = []
-    for index, name in enumerate(photos):
-        if f"world_mat_{index}" not in matrices:
-            raise InputError(f"{path} has no world_mat_{index} for {name}; copy the scan again")
-        K, pose = decomposed(matrices[f"world_mat_{index}"], f"{path} (world_mat_{index})")
-        lens = pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], None, path, config.pixel_centres == "half")
+    for name in photos:
         stem = name.removesuffix("_rgb.png") if folder == root else name
+        key = f"world_mat_{place[name]}"
+        if key not in matrices:
+            shots.append(Shot(stem, folder / name, lost(f"{path.name} has no {key}"), None))
+            continue
+        try:
+            K, pose = decomposed(matrices[key], f"{path} ({key})")
+            lens = pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], None, path, config.pixel_centres == "half")
+        except InputError as error:
+            lens, pose = None, damaged(error)
         shots.append(Shot(stem, folder / name, pose, lens))
-    return Capture(root, "monosdf", shots, gt_mesh=gt_mesh_in(root, "*_mesh.ply"), why="world_mat is in metres")
+    notes = note_on(sum(f"world_mat_{place[name]}" in matrices for name in photos), len(matrices), path)
+    return Capture(
+        root, "monosdf", shots, gt_mesh=gt_mesh_in(root, "*_mesh.ply"), why="world_mat is in metres", notes=notes
+    )
+
+
+def _number(key: str) -> int:
+    """The <i> of world_mat_<i>; -1: it has none."""
+    text = key.removeprefix("world_mat_")
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 9 else -1
 
 
 def decomposed(world_mat: np.ndarray, label: str) -> tuple[np.ndarray, np.ndarray]:
