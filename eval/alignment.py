@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
+from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.errors import InputError
 from room2dgs.eval.alignment_search import guesses
 from room2dgs.geometry.camera import Camera
@@ -46,6 +47,14 @@ class Alignment(NamedTuple):
     def scale(self) -> float:
         """Metres of the truth that one metre of the prediction is."""
         return float(np.cbrt(np.linalg.det(self.truth_from_pred[:3, :3])))
+
+    def between_worlds(self, pred_origin_m: Origin, truth_origin_m: Origin) -> Alignment:
+        """The same in the worlds in which the scenes' origins stand there (`Scene.origin_m`)."""
+        if pred_origin_m == truth_origin_m == AT_ORIGIN:
+            return self
+        matrix = self.truth_from_pred.copy()
+        matrix[:3, 3] += truth_origin_m - matrix[:3, :3] @ pred_origin_m
+        return self._replace(truth_from_pred=matrix)
 
     def as_dict(self) -> dict[str, Any]:
         return {

@@ -9,13 +9,14 @@ import numpy as np
 import trimesh
 
 from room2dgs.captures.scene import Frame
+from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.eval.scoring import Evaluation
 from room2dgs.eval.shading import NOTHING, UNKNOWN, Rays, error_color, mesh_color, shade
 from room2dgs.eval.surface import Surface
 from room2dgs.eval.upright import up_axis
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
-from room2dgs.mesh.io import write_mesh
+from room2dgs.mesh.world import write_in_world
 
 INSIDE_VIEWS = 4  # evenly spaced in the capture
 TILE_WIDTH = 480  # pixels of one picture
@@ -25,16 +26,17 @@ FULL_THRESHOLDS = 2.0  # the colour scale ends at so many thresholds (10 cm for 
 COLUMNS = ("mesh", "error: mesh to truth", "missing: truth to mesh")
 
 
-def write_pictures(found: Evaluation, frames: Sequence[Frame], folder: Path) -> None:
+def write_pictures(found: Evaluation, frames: Sequence[Frame], folder: Path, origin_m: Origin = AT_ORIGIN) -> None:
     """error.ply (the prediction coloured by its distance to the ground truth), views.png and top.png.
 
     Args:
         frames: the scene's, with photos; some are shown.
+        origin_m: `Scene.origin_m`; error.ply lies in the capture's own world.
     """
     pred, gt, threshold = found.pred, found.gt, found.options.threshold_m
     cameras = [frame.camera for frame in frames]
     up = found.error_sites["up"] if found.error_sites else up_axis(cameras, gt.surface.face_normals)
-    write_mesh(folder / "error.ply", error_mesh(pred.mesh, gt.surface, threshold))
+    write_in_world(folder / "error.ply", error_mesh(pred.mesh, gt.surface, threshold), origin_m)
     rows = inside_rows(pred.mesh, pred.surface, gt.surface, frames, threshold)
     write_sheet(folder / "views.png", rows, ("photo", *COLUMNS), threshold)
     row = top_row(pred.mesh, pred.surface, gt.surface, gt.mesh, cameras, np.asarray(up), threshold)

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.eval.geometry_scores import Scores, downsample, nearest_vertices, scores
 from room2dgs.eval.surface import Surface
-from room2dgs.mesh.io import read_mesh
+from room2dgs.mesh.world import read_in_scene
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,11 @@ class Result:
         return {**self.scores.as_dict(), "constants": self.constants}
 
 
-def load(source: str | Path | trimesh.Trimesh | MeshFile) -> MeshFile:
+def load(source: str | Path | trimesh.Trimesh | MeshFile, origin_m: Origin = AT_ORIGIN) -> MeshFile:
     """Read a mesh and hash its file; a mesh stays as it is.
+
+    Args:
+        origin_m: of the scene whose cameras are to see the mesh (`Scene.origin_m`), in the world of the file.
 
     Raises:
         InputError: as `read_mesh`.
@@ -77,7 +81,7 @@ def load(source: str | Path | trimesh.Trimesh | MeshFile) -> MeshFile:
     if isinstance(source, trimesh.Trimesh):
         return MeshFile(source)
     path = Path(source)
-    mesh = read_mesh(path)
+    mesh = read_in_scene(path, origin_m)
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while chunk := file.read(1 << 20):

@@ -20,7 +20,7 @@ from room2dgs.errors import InputError
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
-from room2dgs.mesh.io import read_mesh
+from room2dgs.mesh.world import read_in_scene
 from room2dgs.priors import Priors, load_priors
 from room2dgs.priors.align.scale_shift import Fit
 from room2dgs.priors.completion.on_planes import on_planes
@@ -57,7 +57,7 @@ def calibrations(config: Config, log: Log) -> tuple[str, list[Calibration]]:
     frames = [frame for frame in scene.train if frame.depth_path]
     if not frames:
         raise InputError(f"{scene.path} has no depth to measure against; add a depth folder")
-    surface = Surface(read_mesh(scene.gt_mesh)) if scene.gt_mesh else None
+    surface = Surface(read_in_scene(scene.gt_mesh, scene.origin_m)) if scene.gt_mesh else None
     source = truth_source(frames, surface)
     set_threads(config.render.threads)
     parts: dict[tuple[str, str], list[Errors]] = {}

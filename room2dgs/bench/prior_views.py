@@ -18,7 +18,7 @@ from room2dgs.errors import InputError
 from room2dgs.eval.surface import Surface
 from room2dgs.files import NUMPY_DAMAGE
 from room2dgs.geometry.camera import Camera
-from room2dgs.mesh.io import read_mesh
+from room2dgs.mesh.world import read_in_scene
 
 RADIANCE = "radiance.npy"  # what a folder of made rooms has, and no capture
 ARRAYS = ("radiance", "depth", "normal", "focal")  # as `room2dgs.tools.make_prior_data` writes them
@@ -73,7 +73,7 @@ def _captured(path: Path, config: SceneConfig) -> Views:
     frames = [frame for frame in scene.frames if frame.depth_path]
     if not frames:
         raise InputError(f"{path / 'depth'} has no depth maps; a prior is measured against true depth")
-    surface = Surface(read_mesh(scene.gt_mesh)) if scene.gt_mesh else None
+    surface = Surface(read_in_scene(scene.gt_mesh, scene.origin_m)) if scene.gt_mesh else None
     source = truth_source(frames, surface)
     return Views(path.name, source, len(frames), _frames(frames, surface, source))
 

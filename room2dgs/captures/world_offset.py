@@ -11,6 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.poses import inverse_pose
 
 Origin = tuple[float, float, float]
 AT_ORIGIN: Origin = (0.0, 0.0, 0.0)
@@ -47,6 +49,20 @@ def in_world(scene_from_cam: np.ndarray, origin_m: Origin) -> np.ndarray:
     pose = np.array(scene_from_cam, np.float64)
     pose[:3, 3] += origin_m
     return pose
+
+
+def camera_in_scene(camera: Camera, origin_m: Origin) -> Camera:
+    """A camera of the capture's world."""
+    if origin_m == AT_ORIGIN:
+        return camera
+    return replace(camera, cam_from_world=inverse_pose(in_scene(camera.world_from_cam, origin_m)))
+
+
+def camera_in_world(camera: Camera, origin_m: Origin) -> Camera:
+    """The way back from `camera_in_scene`."""
+    if origin_m == AT_ORIGIN:
+        return camera
+    return replace(camera, cam_from_world=inverse_pose(in_world(camera.world_from_cam, origin_m)))
 
 
 def points_in_scene(read: Callable[[], PointCloud], origin_m: Origin) -> PointCloud:

@@ -69,7 +69,7 @@ def main(argv: list[str]) -> int:
         maps = priors.by_frame if priors else {}
         with timed(seconds, "write"):
             _write_maps(out, scene.keyframes, views, maps)
-            count = _write_cloud(out, scene.keyframes, cameras, views, config.stereo.cell_m)
+            count = _write_cloud(out, scene, cameras, views, config.stereo.cell_m)
         log(f"points: {out / CLOUD}, {count:,}")
         if share or any(one.depth is not None for one in maps.values()):
             depths = trusted_views(scene, priors, config) if priors else fused_views(scene.keyframes, cameras, views)
@@ -88,8 +88,8 @@ def main(argv: list[str]) -> int:
 def _write_mesh(views: Iterable[FusedView], scene: Scene, config: Config, out: Path, log: Log) -> None:
     """mesh.ply; a warning where the depth is too little for a surface, which maps, cloud and report still show."""
     from room2dgs.mesh.fuse import NoSurface, fuse
-    from room2dgs.mesh.io import write_mesh
     from room2dgs.mesh.voxel import with_voxel
+    from room2dgs.mesh.world import write_in_world
 
     settings = with_voxel(config.mesh, [frame.camera for frame in scene.keyframes])
     settings = replace(settings, source="depth")  # there are no surfels here, whatever a run would mesh
@@ -98,7 +98,7 @@ def _write_mesh(views: Iterable[FusedView], scene: Scene, config: Config, out: P
     except NoSurface as error:
         log(f"WARNING: no mesh: {error}")
         return
-    write_mesh(out / MESH, mesh)
+    write_in_world(out / MESH, mesh, scene.origin_m)
     log(f"mesh: {out / MESH}")
 
 
@@ -124,19 +124,17 @@ def _report(
         log(f"report: {write_depth_report(scene, views, maps, photos, config, out)}")
 
 
-def _write_cloud(
-    out: Path, frames: Sequence[Frame], cameras: Sequence[Camera], views: Sequence[DenseView], cell_m: float
-) -> int:
+def _write_cloud(out: Path, scene: Scene, cameras: Sequence[Camera], views: Sequence[DenseView], cell_m: float) -> int:
     """dense.ply; the number of its points."""
     from room2dgs.stereo.cloud import fused_cloud, ply_bytes
 
     pixels = (
         (camera, view.depth, view.normal, color)
-        for camera, view, color in zip(cameras, views, colors(frames, cameras), strict=True)
+        for camera, view, color in zip(cameras, views, colors(scene.keyframes, cameras), strict=True)
     )
     cloud = fused_cloud(pixels, cell_m)
     with whole_file(out / CLOUD) as temporary:
-        temporary.write_bytes(ply_bytes(cloud))
+        temporary.write_bytes(ply_bytes(cloud, scene.origin_m))
     return len(cloud.xyz)
 
 

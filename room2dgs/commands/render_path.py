@@ -124,8 +124,10 @@ def path_frames(options: PathOptions, scene: Scene) -> list[Frame]:
         named = [(f"{index:05d}", camera) for index, camera in enumerate(found)]
     else:
         from room2dgs.captures.camera_file import read_cameras
+        from room2dgs.captures.world_offset import camera_in_scene
 
         named = read_cameras(Path(options.path).expanduser().absolute())
+        named = [(name, camera_in_scene(camera, scene.origin_m)) for name, camera in named]
         if len({name for name, _ in named}) < len(named):
             named = [(f"{index:05d}", camera) for index, (_, camera) in enumerate(named)]
     return [Frame(name, _sized(camera, options.width), Path(name)) for name, camera in named]

@@ -32,7 +32,9 @@ def same_depth_part(scene: Scene, gt: Path, config: Config, depth_source: str, l
     from room2dgs.eval.protocol import load
     from room2dgs.eval.same_depth import SAME_M, distance_to_truth
 
-    distance = distance_to_truth(_views(frames[:: max(1, len(frames) // VIEWS)], config), load(gt), config.mesh)
+    distance = distance_to_truth(
+        _views(frames[:: max(1, len(frames) // VIEWS)], config), load(gt, scene.origin_m), config.mesh
+    )
     same = distance <= SAME_M
     if same:
         log(

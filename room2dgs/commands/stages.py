@@ -83,6 +83,7 @@ def told(scene: Scene, out: Path, log: Log) -> None:
     about = {
         "layout": scene.layout,
         "metric": scene.metric,
+        "origin_m": list(scene.origin_m),
         "warnings": list(scene.warnings),
         "left_out": {dropped.name: dropped.reason for dropped in scene.dropped},
     }

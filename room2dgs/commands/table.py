@@ -131,6 +131,7 @@ def _of_meshes(folder: Path, by_scene: dict[str, Config], protocol: str, out: Pa
 def _scored(path: Path, config: Config, protocol: str, kept: Path) -> dict[str, float]:
     from room2dgs.eval import evaluate
     from room2dgs.eval.geometry_scores import threshold_name
+    from room2dgs.eval.protocol import load
     from room2dgs.study.score_table import values_of
 
     if config.eval.align != "none":
@@ -150,7 +151,8 @@ def _scored(path: Path, config: Config, protocol: str, kept: Path) -> dict[str, 
         if earlier_scores.get("key") == key.hexdigest():
             return earlier_scores["values"]
     options = {"threshold_m": settings.threshold_m, "samples": settings.samples, "seed": settings.seed}
-    result = evaluate(path, gt, [frame.camera for frame in scene.frames], (protocol,), **options)
+    meshes = load(path, scene.origin_m), load(gt, scene.origin_m)
+    result = evaluate(*meshes, [frame.camera for frame in scene.frames], (protocol,), **options)
     values = values_of(result.as_dict(), protocol, threshold_name(settings.threshold_m))
     if values is None:
         raise InputError(f"{path} has no surface that a camera sees; check its frame and its units")

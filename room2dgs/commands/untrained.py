@@ -54,13 +54,13 @@ def untrained_mesh(
     Raises:
         InputError: as `make`.
     """
-    from room2dgs.mesh.io import write_mesh
     from room2dgs.mesh.voxel import with_voxel
+    from room2dgs.mesh.world import write_in_world
 
     settings = with_voxel(config.mesh, [frame.camera for frame in scene.train])
     with timed(seconds, "mesh"):
         mesh = make(settings)
-        write_mesh(out / MESH, mesh)
+        write_in_world(out / MESH, mesh, scene.origin_m)
     made = {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces), "mesh_voxel_m": settings.voxel_m}
     record(out, {**stale(out, MESH_SCORES), **made}, seconds)
     log(f"mesh: {out / MESH}, of {what} alone: nothing was trained")

@@ -71,14 +71,16 @@ def viewer_of(config: Config, host: str, port: int, fps: float) -> Viewer:
     from room2dgs.viewer.server import Viewer
 
     out = Path(config.out)
-    shown = trained_surfels(out) if config.mesh.of_surfels else _mesh_of(out)
+    surfels = trained_surfels(out) if config.mesh.of_surfels else None
+    mesh = required(out / MESH, "run") if surfels is None else out / MESH
     scene = with_poses_of_run(read(config), out)
+    shown = _drawn(mesh, scene) if surfels is None else surfels
     use_threads(config)
     up = up_axis([frame.camera for frame in scene.frames], np.zeros((0, 3)))
     viewer = Viewer(shown, up, host, port, fps)
     try:
         viewer.look_from(scene.frames[0].camera)
-        _add_meshes(viewer, out)
+        _add_meshes(viewer, mesh, scene)
         state = checkpoint.latest(out, print)
         if state is not None and "positions" in state.fixed:
             viewer.add_seeds(state.fixed["positions"].numpy(), SEED_M)
@@ -89,23 +91,23 @@ def viewer_of(config: Config, host: str, port: int, fps: float) -> Viewer:
     return viewer
 
 
-def _mesh_of(out: Path) -> DrawnMesh:
+def _drawn(mesh: Path, scene: Scene) -> DrawnMesh:
     """Of a run that trains nothing."""
-    from room2dgs.mesh.io import read_mesh
+    from room2dgs.mesh.world import read_in_scene
     from room2dgs.runs.page.mesh_views import DrawnMesh
 
-    return DrawnMesh(read_mesh(required(out / MESH, "run")))
+    return DrawnMesh(read_in_scene(mesh, scene.origin_m))
 
 
-def _add_meshes(viewer: Viewer, out: Path) -> None:
-    from room2dgs.mesh.io import read_mesh
+def _add_meshes(viewer: Viewer, mesh: Path, scene: Scene) -> None:
+    from room2dgs.mesh.world import read_in_scene
     from room2dgs.runs.page.solid import solid, with_error
     from room2dgs.viewer.server import ERROR
     from room2dgs.viewer.server import MESH as SHOWN_MESH
 
-    if not (out / MESH).is_file():
+    if not mesh.is_file():
         return
-    room = with_error(solid(read_mesh(out / MESH), FACES), out)
+    room = with_error(solid(read_in_scene(mesh, scene.origin_m), FACES), mesh.parent, scene.origin_m)
     for name, layer in ((SHOWN_MESH, "color"), (ERROR, "error")):
         if layer in room.layers:
             viewer.add_mesh(name, room.vertices, room.faces, room.layers[layer])

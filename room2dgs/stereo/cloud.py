@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from room2dgs.captures.world_offset import AT_ORIGIN, Origin, too_far_for_float32
 from room2dgs.geometry.camera import Camera
 
 
@@ -59,15 +60,21 @@ def _summed(cells: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return cells[first], np.add.reduceat(rows, first, axis=0)
 
 
-def ply_bytes(cloud: Cloud) -> bytes:
-    """Binary PLY with normals and colours."""
-    fields = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
+def ply_bytes(cloud: Cloud, origin_m: Origin = AT_ORIGIN) -> bytes:
+    """Binary PLY with normals and colours.
+
+    Args:
+        origin_m: `Scene.origin_m`; the file lies in the capture's own world, far from its origin in double.
+    """
+    xyz = cloud.xyz + origin_m
+    place = "<f8" if too_far_for_float32(xyz) else "<f4"
+    fields = [*((name, place) for name in ("x", "y", "z")), *((name, "<f4") for name in ("nx", "ny", "nz"))]
     fields += [(name, "u1") for name in ("red", "green", "blue")]
     table = np.empty(len(cloud.xyz), fields)
-    for names, values in (("x y z", cloud.xyz), ("nx ny nz", cloud.normal), ("red green blue", cloud.rgb)):
+    for names, values in (("x y z", xyz), ("nx ny nz", cloud.normal), ("red green blue", cloud.rgb)):
         for column, name in enumerate(names.split()):
             table[name] = values[:, column]
-    kinds = {"<f4": "float", "u1": "uchar"}
+    kinds = {"<f8": "double", "<f4": "float", "u1": "uchar"}
     lines = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
     lines += [f"property {kinds[kind]} {name}" for name, kind in fields]
     return ("\n".join([*lines, "end_header"]) + "\n").encode() + table.tobytes()

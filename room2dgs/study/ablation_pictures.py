@@ -12,7 +12,7 @@ from room2dgs.captures.scene import Scene
 from room2dgs.eval.pictures import COLUMNS, inside_rows, top_row, write_sheet
 from room2dgs.eval.surface import Surface
 from room2dgs.eval.upright import up_axis
-from room2dgs.mesh.io import read_mesh
+from room2dgs.mesh.world import read_in_scene
 from room2dgs.study.ablation import Study
 
 ERROR = 1  # index of the error's picture in COLUMNS
@@ -42,14 +42,14 @@ def mesh_views(meshes: Mapping[str, Path], gt: Path, scene: Scene, threshold_m: 
     Raises:
         InputError: a mesh cannot be read.
     """
-    gt_mesh = read_mesh(gt)
+    gt_mesh = read_in_scene(gt, scene.origin_m)
     truth = Surface(gt_mesh)
     cameras = [frame.camera for frame in scene.frames]
     up = up_axis(cameras, truth.face_normals)
     inside: list[MeshView] = []
     above = MeshView("from above")
     for name, path in meshes.items():
-        mesh = read_mesh(path)
+        mesh = read_in_scene(path, scene.origin_m)
         surface = Surface(mesh)
         for number, (photo, *tiles) in enumerate(inside_rows(mesh, surface, truth, scene.frames, threshold_m)):
             if number == len(inside):

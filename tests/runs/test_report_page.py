@@ -175,5 +175,5 @@ def test_the_error_of_an_aligned_mesh_is_where_it_belongs(tmp_path):
     (tmp_path / "eval").mkdir()
     write_mesh(tmp_path / "eval/error.ply", scored)
     update_json(tmp_path / "metrics.json", {"protocol": "area", "align": {"truth_from_pred": turn.tolist()}})
-    layer = with_error(solid(box, 10**6), tmp_path).layers["error"]
+    layer = with_error(solid(box, 10**6), tmp_path, (0.0, 0.0, 0.0)).layers["error"]
     np.testing.assert_array_equal(layer[:, 0] > 200, wrong)

@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
+from room2dgs.captures.world_offset import Origin
 from room2dgs.eval.alignment import moved
 from room2dgs.eval.shading import CLAY
 from room2dgs.mesh.io import read_mesh
@@ -74,7 +75,7 @@ def _joined(mesh: trimesh.Trimesh, side_m: float) -> trimesh.Trimesh:
     return trimesh.Trimesh(np.asarray(made.vertices), np.asarray(made.triangles), vertex_colors=colors, process=False)
 
 
-def with_error(one: Solid, out: Path) -> Solid:
+def with_error(one: Solid, out: Path, origin_m: Origin) -> Solid:
     """With the layer "error", if the run's mesh was scored: colours of eval/error.ply, each vertex its nearest."""
     error_file = out / "eval" / "error.ply"
     # meshing anew takes the scores out of metrics.json; the picture of the earlier mesh's error stays on the disk
@@ -82,7 +83,8 @@ def with_error(one: Solid, out: Path) -> Solid:
         return one
     scored, align = read_mesh(error_file), earlier(out).get("align")
     # a mesh that was aligned is scored, and coloured, in the truth's frame
-    vertices = moved(one.vertices, np.array(align["truth_from_pred"])) if isinstance(align, dict) else one.vertices
+    vertices = one.vertices + origin_m
+    vertices = moved(vertices, np.array(align["truth_from_pred"])) if isinstance(align, dict) else vertices
     nearest = cKDTree(np.asarray(scored.vertices)).query(vertices)[1]
     colors = np.asarray(scored.visual.vertex_colors)[nearest, :3].astype(np.uint8)
     return one._replace(layers={**one.layers, "error": colors})

@@ -18,7 +18,7 @@ from room2dgs.eval.upright import up_axis
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import logged
-from room2dgs.mesh.io import read_mesh
+from room2dgs.mesh.world import read_in_scene
 from room2dgs.report.page import page
 from room2dgs.runs.folder import MESH, REPORT, TRUST
 from room2dgs.runs.metrics import earlier
@@ -90,10 +90,10 @@ def write_report(scene: Scene, surfels: Surfels | None, rendered: Rendered, conf
 def _room(scene: Scene, config: Config, out: Path) -> tuple[Solid | None, Coverage | None, list[Spot]]:
     if not (out / MESH).is_file():
         return None, None, []
-    room = solid(read_mesh(out / MESH), config.report.faces)
+    room = solid(read_in_scene(out / MESH, scene.origin_m), config.report.faces)
     if not len(room.faces):
         return None, None, []
-    room = with_error(room, out)
+    room = with_error(room, out, scene.origin_m)
     seen = coverage(room, [frame.camera for frame in scene.train])
     return with_photos(room, seen.photos), seen, spots(room, seen, scene.frames)
 
