@@ -14,11 +14,13 @@ from room2dgs.commands.stages import read, rendered, trained_surfels, use_thread
 from room2dgs.config import Config, EvalConfig, load_config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log, run_log
+from room2dgs.owner import owned
 from room2dgs.runs.folder import (
     CONFIG,
     MESH,
     METRICS,
     absolute,
+    at_work,
     earlier_run,
     last_value,
     required,
@@ -43,9 +45,10 @@ def main(argv: list[str]) -> int:
     if out and (Path(out).expanduser() / CONFIG).is_file():
         config = earlier_run(overrides)
         ground_truth(config)
-        scene = with_poses_of_run(read(config), Path(config.out))
-        surfels = trained_surfels(Path(config.out)) if config.mesh.of_surfels else None
-        score_run(scene, surfels, config, Path(config.out), {})
+        with at_work(config) as folder:
+            scene = with_poses_of_run(read(config), folder)
+            surfels = trained_surfels(folder) if config.mesh.of_surfels else None
+            score_run(scene, surfels, config, folder, {})
     else:
         score_mesh(overrides, out)
     return 0
@@ -73,9 +76,10 @@ def score_mesh(overrides: list[str], out: str | None) -> None:
         raise InputError(f"{config.scene.path} has no gt_mesh.ply; give gt=MESH")
     folder = Path(config.out)
     seconds: dict[str, float] = {}
-    with timed(seconds, "eval"):
-        part = stale(folder, MESH_SCORES) | _mesh_part(Path(config.eval.pred), gt, scene, config.eval, folder, print)
-    record(folder, part, seconds)
+    with owned(folder):
+        with timed(seconds, "eval"):
+            part = _mesh_part(Path(config.eval.pred), gt, scene, config.eval, folder, print)
+        record(folder, stale(folder, MESH_SCORES) | part, seconds)
     print(f"scores: {folder / METRICS}, pictures: {folder / 'eval'}")
 
 
@@ -117,33 +121,46 @@ def _mesh_part(pred: Path, gt: Path, scene: Scene, settings: EvalConfig, out: Pa
     from room2dgs.eval import evaluate, write_pictures
     from room2dgs.eval.protocol import load
 
-    meshes, frames, part = (load(pred), load(gt)), scene.frames, {"align": "none"}
+    truth = _true_scene(settings)
+    origin_m = scene.origin_m if truth is None else truth.origin_m
+    meshes = load(pred, scene.origin_m), load(gt, origin_m)
+    frames, part = scene.frames, {"align": "none"}
     if settings.align != "none":
-        found = alignment(meshes, scene, settings)
+        found = alignment(meshes, scene, truth, settings)
         log(found.line())
         meshes, frames = _in_truth_frame(meshes, frames, found)
-        part = {"align": found.as_dict()}
+        part = {"align": found.between_worlds(scene.origin_m, origin_m).as_dict()}
     options = {"threshold_m": settings.threshold_m, "samples": settings.samples, "seed": settings.seed}
     found = evaluate(*meshes, [frame.camera for frame in frames], settings.protocols, **options)
-    write_pictures(found, frames, out / "eval")
+    write_pictures(found, frames, out / "eval", origin_m)
     for line in found.lines():
         log(line)
     return part | found.as_dict()
 
 
-def alignment(meshes: tuple[MeshFile, MeshFile], scene: Scene, settings: EvalConfig) -> Alignment:
-    """What brings the mesh and the scene's cameras to the ground truth.
+def _true_scene(settings: EvalConfig) -> Scene | None:
+    """The capture with the true poses, if the mesh is to be aligned by it."""
+    from room2dgs.captures.read import placed
+
+    if settings.align == "none" or not settings.align_scene:
+        return None
+    return placed(load_config([f"scene.path={settings.align_scene}", "out=unused", "scene.test_every=0"]).scene)
+
+
+def alignment(meshes: tuple[MeshFile, MeshFile], scene: Scene, truth: Scene | None, settings: EvalConfig) -> Alignment:
+    """What brings the mesh and the scene's cameras to the ground truth, all in their scenes' frames.
+
+    Args:
+        truth: the capture with the true poses.
 
     Raises:
         InputError: as `by_cameras` and `by_surfaces`, or a capture is needed and not given.
     """
-    from room2dgs.captures.read import placed
     from room2dgs.eval.alignment import by_cameras, by_surfaces
 
     by = None
-    if settings.align_scene:
+    if truth is not None:
         centres = {frame.name: frame.camera.centre for frame in scene.frames}
-        truth = placed(load_config([f"scene.path={settings.align_scene}", "out=unused", "scene.test_every=0"]).scene)
         by = by_cameras(centres, {frame.name: frame.camera.centre for frame in truth.frames}, settings.align_scale)
     if settings.align == "cameras":
         if by is None:
