@@ -6,7 +6,9 @@ Formats: COLMAP's documentation (format.html) and its binary layout: little endi
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from array import array
+from collections import Counter
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -14,9 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from room2dgs.captures.capture import RawPoints
+from room2dgs.captures.left_out import left_out
 from room2dgs.captures.lens import MODELS, Lens
 from room2dgs.captures.text_files import floats, quaternion_pose, text_of
 from room2dgs.errors import InputError
+from room2dgs.regular_files import check_regular
+from room2dgs.texts import shown_name
 
 # by their numbers in binary files; those that are not read have a name and a number of parameters too
 BINARY_MODELS = (
@@ -24,6 +29,20 @@ BINARY_MODELS = (
     "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION",
     "DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM", "EQUIRECTANGULAR",
 )  # fmt: skip
+# of those that are not read: so that they can be passed over
+OTHER_MODELS = {
+    "RAD_TAN_THIN_PRISM_FISHEYE": 16,
+    "SIMPLE_DIVISION": 4,
+    "DIVISION": 5,
+    "SIMPLE_FISHEYE": 3,
+    "FISHEYE": 4,
+    "EUCM": 6,
+    "EQUIRECTANGULAR": 2,
+}
+CAMERA = struct.Struct("<IiQQ")  # id, model, width, height
+LENGTH = struct.Struct("<Q")
+POINT = np.dtype([("id", "<u8"), ("xyz", "<f8", 3), ("rgb", "u1", 3), ("error", "<f8")])  # the track's length follows
+POINTS_AT_ONCE = 1 << 16
 NO_POINT = np.uint64(2**64 - 1)
 OBSERVATION = np.dtype([("x", "<f8"), ("y", "<f8"), ("point", "<u8")])
 MAX_NAME = 4096
@@ -48,11 +67,19 @@ class ModelImage(NamedTuple):
 
 @dataclass
 class Model:
-    """A sparse model: cameras by id, images by id in rising order; points are read when they are asked for."""
+    """A sparse model; points are read when they are asked for.
+
+    Attributes:
+        folder: where it lies.
+        cameras: by id, those that an image has.
+        images: by id in rising order; one whose rotation cannot be read has a pose of NaN.
+        warnings: sentences on such images.
+    """
 
     folder: Path
     cameras: dict[int, Lens] = field(default_factory=dict)
     images: list[ModelImage] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
     def points(self) -> RawPoints:
         """The model's points with their tracks.
@@ -100,17 +127,49 @@ def read_model(folder: Path) -> Model:
     Raises:
         InputError: a file is missing, damaged or of a kind that is not read.
     """
-    binary = (folder / "images.bin").is_file() and (folder / "cameras.bin").is_file()
-    cameras = _binary_cameras(folder / "cameras.bin") if binary else _text_cameras(folder / "cameras.txt")
-    images = _binary_images(folder / "images.bin") if binary else _text_images(folder / "images.txt")
+    bad: dict[str, str] = {}
+    if is_binary(folder):
+        images = list(_binary_images(folder / "images.bin", bad))
+        cameras = _binary_cameras(folder / "cameras.bin", {image.camera for image in images})
+    else:
+        images = list(_text_images(folder / "images.txt", bad))
+        cameras = _text_cameras(folder / "cameras.txt", {image.camera for image in images})
     found = sorted(images, key=lambda image: image.id)
     for image in found:
         if not image.name.isprintable():
             raise InputError(f"{folder} names the image {image.name!r}, which cannot be; export it again")
         if image.camera not in cameras:
             raise InputError(f"{folder} has no camera {image.camera} for its image {image.name}; export it again")
-        cameras[image.camera].check()
-    return Model(folder, cameras, found)
+    for lens in cameras.values():
+        lens.check()
+    twice = [name for name, count in Counter(image.name for image in found).items() if count > 1]
+    if twice:
+        raise InputError(f"{folder} has the image {shown_name(twice[0])} twice; export the model again")
+    said = left_out(bad, len(found), "images whose rotation is none")
+    return Model(folder, cameras, found, [f"{folder}: {said}"] if said else [])
+
+
+def is_binary(folder: Path) -> bool:
+    """Whether it is the binary model that is read."""
+    return (folder / "images.bin").is_file() and (folder / "cameras.bin").is_file()
+
+
+def count_in_text(folder: Path) -> int | None:
+    """Number of images of the text model; None: there is none.
+
+    Raises:
+        InputError: it is no text.
+    """
+    path = folder / "images.txt"
+    if not (path.is_file() and (folder / "cameras.txt").is_file()):
+        return None
+    lines = [text for _, text in _lines(path)]
+    count = place = 0
+    while place < len(lines):
+        image = bool(lines[place].strip())
+        count += image
+        place += 2 if image else 1
+    return count
 
 
 class _Bytes:
@@ -119,7 +178,7 @@ class _Bytes:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            self.data = np.memmap(path, np.uint8, mode="r") if path.stat().st_size else np.zeros(0, np.uint8)
+            self.data = np.memmap(path, np.uint8, mode="r") if check_regular(path) else np.zeros(0, np.uint8)
         except OSError as error:
             raise InputError(f"{path} cannot be read ({error.strerror}); check the file") from error
         self.place = 0
@@ -158,22 +217,30 @@ class _Bytes:
         return InputError(f"{self.path} is damaged: {why}; export the model again")
 
 
-def _binary_cameras(path: Path) -> dict[int, Lens]:
+def _binary_cameras(path: Path, wanted: Collection[int]) -> dict[int, Lens]:
+    """The cameras that images have; the others are passed over, millions of them in a second."""
     file = _Bytes(path)
+    count = file.count(CAMERA.size)
+    data, place, end = memoryview(file.data), file.place, len(file.data)
+    lengths = [8 * (MODELS.get(name) or OTHER_MODELS[name]) for name in BINARY_MODELS]
     cameras = {}
-    for _ in range(file.count(24)):
-        number, model, width, height = file.values("IiQQ")
+    for _ in range(count):
+        if place + CAMERA.size > end:
+            raise file.damaged("it ends too early")
+        number, model, width, height = CAMERA.unpack_from(data, place)
         if not 0 <= model < len(BINARY_MODELS):
             raise file.damaged(f"it has a camera of model {model}")
-        name = BINARY_MODELS[model]
-        if name not in MODELS:
-            Lens(name, (), None, str(path)).check()
-        params = file.values(f"{MODELS[name]}d")
-        cameras[number] = Lens(name, params, _size(width, height, path), str(path))
+        place += CAMERA.size + lengths[model]
+        if place > end:
+            raise file.damaged("it ends too early")
+        if number in wanted:
+            name = BINARY_MODELS[model]
+            params = struct.unpack_from(f"<{lengths[model] // 8}d", data, place - lengths[model])
+            cameras[number] = Lens(name, params, _size(width, height, path), str(path))
     return cameras
 
 
-def _binary_images(path: Path) -> Iterator[ModelImage]:
+def _binary_images(path: Path, bad: dict[str, str]) -> Iterator[ModelImage]:
     file = _Bytes(path)
     for _ in range(file.count(73)):
         number, w, x, y, z, *t, camera = file.values("I7dI")
@@ -182,28 +249,55 @@ def _binary_images(path: Path) -> Iterator[ModelImage]:
         seen = file.view(count * OBSERVATION.itemsize).view(OBSERVATION)
         seen = seen[seen["point"] != NO_POINT]
         pixel = np.stack([seen["x"], seen["y"]], axis=1)
-        pose = quaternion_pose(x, y, z, w, t, f"{path} (image {name})")
+        pose = _pose((w, x, y, z), t, f"{path} (image {shown_name(name)})", name, bad)
         yield ModelImage(number, name, camera, pose, pixel, seen["point"].astype(np.uint64))
+
+
+def _pose(wxyz: tuple[float, ...], t: list[float], label: str, name: str, bad: dict[str, str]) -> np.ndarray:
+    """(4, 4); NaN, and a sentence in `bad`, where the quaternion is no rotation."""
+    w, x, y, z = wxyz
+    try:
+        return quaternion_pose(x, y, z, w, t, label)
+    except InputError as error:
+        bad[name] = str(error)
+        return np.full((4, 4), np.nan)
 
 
 def _binary_points(path: Path) -> tuple[np.ndarray, ...]:
     file = _Bytes(path)
-    count = file.count(51)
-    ids, error = np.zeros(count, np.uint64), np.zeros(count)
-    xyz, rgb = np.zeros((count, 3)), np.zeros((count, 3), np.uint8)
-    for index in range(count):
-        ids[index], *values = file.values("Q3d3Bd")
-        xyz[index], rgb[index], error[index] = values[:3], values[3:6], values[6]
-        file.view(8 * file.count(8))
+    places = _point_places(file, file.count(POINT.itemsize + LENGTH.size))
+    ids, error = np.zeros(len(places), np.uint64), np.zeros(len(places))
+    xyz, rgb = np.zeros((len(places), 3)), np.zeros((len(places), 3), np.uint8)
+    offset = np.arange(POINT.itemsize)
+    for start in range(0, len(places), POINTS_AT_ONCE):
+        part = slice(start, start + POINTS_AT_ONCE)
+        rows = np.ascontiguousarray(file.data[places[part, None] + offset]).view(POINT)[:, 0]
+        ids[part], xyz[part], rgb[part], error[part] = (rows[key] for key in POINT.names)
     return ids, xyz, rgb, error
 
 
-def _text_cameras(path: Path) -> dict[int, Lens]:
+def _point_places(file: _Bytes, count: int) -> np.ndarray:
+    """(count,) int64 where each point begins: behind the track of the one before."""
+    data, place, last = memoryview(file.data), file.place, len(file.data) - POINT.itemsize - LENGTH.size
+    places = array("q")
+    for _ in range(count):
+        if place > last:
+            raise file.damaged("it ends too early")
+        places.append(place)
+        place += POINT.itemsize + LENGTH.size + 8 * LENGTH.unpack_from(data, place + POINT.itemsize)[0]
+    if place > len(data):
+        raise file.damaged("it ends too early")
+    return np.frombuffer(places, np.int64) if places else np.zeros(0, np.int64)
+
+
+def _text_cameras(path: Path, wanted: Collection[int]) -> dict[int, Lens]:
+    ids = {str(number) for number in wanted}
     cameras = {}
     for line, text in _lines(path):
-        words = text.split()
-        if not words:
+        first = text.split(maxsplit=1)
+        if not first or (first[0].isdecimal() and first[0].lstrip("0") not in ids and first[0] not in ids):
             continue
+        words = text.split()
         try:
             number, model, width, height = int(words[0]), words[1], int(words[2]), int(words[3])
         except (ValueError, IndexError) as error:
@@ -213,7 +307,7 @@ def _text_cameras(path: Path) -> dict[int, Lens]:
     return cameras
 
 
-def _text_images(path: Path) -> Iterator[ModelImage]:
+def _text_images(path: Path, bad: dict[str, str]) -> Iterator[ModelImage]:
     """Two lines an image; the second, its features, may be empty."""
     lines = _lines(path)
     for line, text in lines:
@@ -228,10 +322,11 @@ def _text_images(path: Path) -> Iterator[ModelImage]:
         except ValueError as error:
             raise InputError(f"{path} line {line} is no image; export the model again") from error
         w, x, y, z, *t = values
-        pose = quaternion_pose(x, y, z, w, t, f"{path} line {line}")
+        name = words[9].strip()
+        pose = _pose((w, x, y, z), t, f"{path} line {line}", name, bad)
         below, features = next(lines, (line + 1, ""))
         pixel, point = _text_features(features, path, below)
-        yield ModelImage(number, words[9].strip(), camera, pose, pixel, point)
+        yield ModelImage(number, name, camera, pose, pixel, point)
 
 
 def _text_features(text: str, path: Path, line: int) -> tuple[np.ndarray, np.ndarray]:
@@ -244,15 +339,18 @@ def _text_features(text: str, path: Path, line: int) -> tuple[np.ndarray, np.nda
 
 
 def _text_points(path: Path) -> tuple[np.ndarray, ...]:
-    rows = []
+    """The first eight words of each line; what follows, the track, is known from the images."""
+    values = array("d")
     for line, text in _lines(path):
-        words = text.split(maxsplit=8)
-        if words:
-            row = floats(" ".join(words[:8]), path, line, 8)
-            if not (0 <= row[0] < 2**53):
-                raise InputError(f"{path} line {line} has no id of a point; export the model again")
-            rows.append(row)
-    table = np.array(rows, np.float64).reshape(-1, 8)
+        words = text.split(maxsplit=8)[:8]
+        try:
+            values.extend(map(float, words))
+            usable = not words or (len(words) == 8 and 0 <= values[-8] < 2**53)
+        except ValueError:
+            usable = False
+        if not usable:
+            raise InputError(f"{path} line {line} is no point (id, x, y, z, r, g, b, error); export the model again")
+    table = np.frombuffer(values, np.float64).reshape(-1, 8) if values else np.zeros((0, 8))
     rgb = np.nan_to_num(table[:, 4:7]).clip(0, 255).astype(np.uint8)
     return table[:, 0].astype(np.uint64), table[:, 1:4], rgb, table[:, 7]
 

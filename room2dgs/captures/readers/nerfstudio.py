@@ -6,29 +6,45 @@ undone, and it is neither re-oriented nor centred nor scaled, as nerfstudio does
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from room2dgs.captures.capture import C2W_OPENGL, Capture, RawPoints, Shot
-from room2dgs.captures.depth_maps import depth_file
-from room2dgs.captures.lens import Lens
-from room2dgs.captures.listing import Listing, gt_mesh_in, inside, natural
+from room2dgs.captures.capture import C2W_OPENGL, Capture, Lost, RawPoints, Shot
+from room2dgs.captures.depth_maps import DepthMap, depth_file
+from room2dgs.captures.hidden_where import HiddenWhere
+from room2dgs.captures.left_out import absence, left_out, some
+from room2dgs.captures.listing import Listing, gt_mesh_in, inside, listed, natural
 from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.point_files import read_ply
+from room2dgs.captures.readers.transforms_keys import keys_told
+from room2dgs.captures.readers.transforms_lens import contradictions, lens_of
 from room2dgs.captures.text_files import number, numbers, positive, read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
 LAYOUT = "transforms.json (nerfstudio, instant-ngp)"
 NAMES = ("transforms.json", "transforms_train.json")
-PERSPECTIVE = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "PERSPECTIVE")
-FISHEYE = ("OPENCV_FISHEYE",)
-SPLITS = ("train_filenames", "val_filenames", "test_filenames")
+HELD_OUT = ("transforms_test.json", "transforms_val.json")  # the first that is there; the other is named
+SPLITS = ("test_filenames", "val_filenames")
+ENDINGS = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG", ".webp", ".tif", ".tiff", ".bmp")
+MOST_MASKS_GONE = 0.5  # of the masks that frames name
+
+
+@dataclass
+class Told:
+    """What a person should know of some frames, gathered while they are read.
+
+    Attributes:
+        notes, warnings: as `Capture` has them.
+    """
+
+    notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
 
 def is_nerfstudio(files: Listing) -> bool:
@@ -42,32 +58,46 @@ def read_nerfstudio(root: Path, config: SceneConfig) -> Capture:
     Raises:
         InputError: see `room2dgs.captures.read.read_scene`.
     """
-    path, held_out = _files(root)
+    told = Told()
+    path, held_out = _files(root, told)
     meta = read_json_object(path)
-    frames = _frames(meta, path)
-    test = _split(meta, frames, path)
-    for other in held_out:  # Blender's form: a file for each part
+    shots = _shots(meta, path, config, told)
+    test = _split(meta)
+    for other in held_out:  # Blender's form: a file for each part, with intrinsics of its own
         more = read_json_object(other)
-        extra = _frames(more, other)
-        intrinsics = {key: value for key, value in more.items() if key not in ("frames",)}
-        extra = [{**intrinsics, **frame} for frame in extra]
-        test = (test or frozenset()) | {_name(frame, other) for frame in extra}
-        frames = frames + extra
-    shots = shots_of(meta, frames, path, lambda name: photo_at(path.parent, name, path))
-    points = _points(meta, path)
+        _check_same_world(meta, path, more, other)
+        extra = _shots(more, other, config, told)
+        twice = {shot.name for shot in shots} & {shot.name for shot in extra}
+        if twice:
+            raise InputError(f"{path} and {other.name} both have the photo {min(twice)}; delete one of the frames")
+        test = (test or frozenset()) | {shot.name for shot in extra}
+        shots = shots + extra
+    named = {shot.name: shot for shot in shots}
     return Capture(
         root,
         "nerfstudio",
-        shots,
+        [named[name] for name in natural(named)],
         C2W_OPENGL,
         metric=False,
         why="transforms.json does not tell",
         world_from_disk=capture_world(meta, path),
         test=test,
-        points=points,
+        points=_points(meta, path, told),
         gt_mesh=gt_mesh_in(path.parent),
-        notes=[],
+        notes=told.notes,
+        warnings=told.warnings,
     )
+
+
+def _shots(meta: dict[str, Any], path: Path, config: SceneConfig, told: Told) -> list[Shot]:
+    """The frames of one file, with depth and masks that are files of their own."""
+    frames = _frames(meta, path)
+    notes, warnings = keys_told(meta, frames, path)
+    told.notes += notes
+    told.warnings += [*warnings, *contradictions(meta, frames, path)]
+    depth = _depth_of(meta, frames, path, config.unit, told)
+    shots = shots_of(meta, frames, path, partial(photo_at, path.parent, path=path), depth=depth, told=told)
+    return _with_masks_of_ngp(_with_maps(shots, path, told), told)
 
 
 def shots_of(
@@ -76,41 +106,74 @@ def shots_of(
     path: Path,
     photo: Callable[[str], Path],
     mask: Callable[[str], Path] | None = None,
+    depth: Callable[[Mapping[str, Any]], DepthMap | None] | None = None,
+    told: Told | None = None,
 ) -> list[Shot]:
     """The frames of a transforms.json, in natural order of their names.
 
+    A frame without a usable pose has none; one that cannot be told apart is left out.
+
     Args:
         photo, mask: where a file is that a frame names.
+        depth: of a frame; None: what nerfstudio names.
+        told: takes what a person should know.
+
+    Raises:
+        InputError: intrinsics that are no camera, a path out of the capture, a photo twice, or too many bad frames.
     """
-    lenses: dict[str, Lens] = {}
-    shots = {}
-    for frame in frames:
-        name = _name(frame, path)
+    told = told or Told()
+    lenses: dict[str, Any] = {}
+    shots: dict[str, Shot] = {}
+    bad: dict[str, str] = {}
+    seen: dict[str, dict[str, Any]] = {}
+    again = 0
+    for index, frame in enumerate(frames):
+        try:
+            name = _name(frame, path)
+        except InputError as error:
+            bad[f"frame {index}"] = str(error)
+            continue
         if name in shots:
-            raise InputError(f"{path} has the photo {name} twice; delete one of the two frames")
+            if frame != seen[name]:
+                raise InputError(f"{path} has the photo {name} twice; delete one of the two frames")
+            again += 1
+            continue
+        seen[name] = frame
         file = photo(name)
-        lens = _lens(meta, frame, path, file, lenses)
-        depth = frame.get("depth_file_path")
+        try:
+            pose: Any = _pose(frame, path, name)
+        except InputError as error:
+            bad[name] = str(error)
+            pose = partial(_lost, str(error))
+        gone = absence(file) is not None
+        lens = None if gone and not _says_size(meta, frame) else lens_of(meta, frame, path, file, lenses)
         hidden = frame.get("mask_path")
         shots[name] = Shot(
             name,
             file,
-            _pose(frame, path, name),
+            pose,
             lens,
-            depth=_depth(meta, path, depth) if isinstance(depth, str) and depth else None,
+            depth=depth(frame) if depth else _depth(meta, path, frame.get("depth_file_path")),
             mask=PhotoFile((mask or partial(inside, path.parent, source=path))(hidden))
             if isinstance(hidden, str) and hidden
             else None,
         )
+    said = left_out(bad, len(frames), "frames without a usable name or pose")
+    told.warnings += [f"{path}: {said}"] if said else []
+    told.notes += [f"{path}: {again} frames are there twice, and one of each is taken"] if again else []
     return [shots[name] for name in natural(shots)]
+
+
+def _lost(reason: str) -> np.ndarray:
+    raise Lost(reason)
 
 
 def photo_at(folder: Path, name: str, path: Path) -> Path:
     """A photo by its name, which instant-ngp and Blender write without its suffix."""
     file = inside(folder, name, path)
-    if file.suffix and (file.is_file() or file.suffix.lower() in (".jpg", ".jpeg", ".png")):
+    if file.suffix and (file.is_file() or file.suffix.lower() in ENDINGS):
         return file
-    return next((found for end in (".png", ".jpg", ".jpeg", ".JPG") if (found := Path(f"{file}{end}")).is_file()), file)
+    return next((found for end in ENDINGS if (found := Path(f"{file}{end}")).is_file()), file)
 
 
 def capture_world(meta: Mapping[str, Any], path: Path) -> np.ndarray | None:
@@ -131,26 +194,42 @@ def capture_world(meta: Mapping[str, Any], path: Path) -> np.ndarray | None:
     return np.linalg.inv(applied)
 
 
-def _files(root: Path) -> tuple[Path, list[Path]]:
-    """The file to read, and those of held-out photos beside it."""
+def _check_same_world(meta: Mapping[str, Any], path: Path, more: Mapping[str, Any], other: Path) -> None:
+    """A part that says nothing is in the world of the first."""
+    worlds = [capture_world(meta, path), capture_world(more, other)]
+    both = [np.eye(4) if world is None else world for world in worlds]
+    if worlds[1] is not None and not np.allclose(*both, rtol=1e-6, atol=1e-9):
+        raise InputError(
+            f"{path} and {other.name} have different applied_transform or applied_scale; save both in one world"
+        )
+
+
+def _files(root: Path, told: Told) -> tuple[Path, list[Path]]:
+    """The file to read, and the one of held-out photos beside it."""
     if root.is_file():
         return root, []
-    for name in NAMES:
-        if (root / name).is_file():
-            others = [root / "transforms_test.json"] if name == NAMES[1] else []
-            return root / name, [other for other in others if other.is_file()]
     found = Listing(root).matching("transforms*.json")
-    if len(found) != 1:
-        named = f" ({', '.join(found)})" if found else ""
-        raise InputError(f"{root} has {len(found)} files transforms*.json{named}; give scene.path=FILE of one")
-    return root / found[0], []
+    name = next((name for name in NAMES if name in found), None)
+    if name is None:
+        if len(found) != 1:
+            named = f" ({', '.join(found)})" if found else ""
+            raise InputError(f"{root} has {len(found)} files transforms*.json{named}; give scene.path=FILE of one")
+        return root / found[0], []
+    others = [other for other in HELD_OUT if other in found][:1] if name == NAMES[1] else []
+    unread = [other for other in found if other not in (name, *others)]
+    if unread:
+        told.notes.append(
+            f"{root / name} is read, {', '.join(unread)} beside it not; give scene.path=FILE to read that"
+        )
+    return root / name, [root / other for other in others]
 
 
 def _frames(meta: Mapping[str, Any], path: Path) -> list[dict[str, Any]]:
+    """What is no object becomes an empty one, so that it is counted as a frame without a name."""
     frames = meta.get("frames")
-    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
+    if not isinstance(frames, list) or not any(isinstance(frame, dict) for frame in frames):
         raise InputError(f"{path} has no list of frames; write the file again")
-    return frames
+    return [frame if isinstance(frame, dict) else {} for frame in frames]
 
 
 def _name(frame: Mapping[str, Any], path: Path) -> str:
@@ -172,91 +251,106 @@ def _count(matrix: Any) -> int:
     return 12 if isinstance(matrix, list) and len(matrix) in (3, 12) else 16
 
 
-def _lens(
-    meta: Mapping[str, Any], frame: Mapping[str, Any], path: Path, photo: Path, known: dict[str, Lens]
-) -> Lens | None:
-    """A key at the top wins over a frame's."""
-    values = {**frame, **{key: value for key, value in meta.items() if key != "frames"}}
-    keys = ("fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k2", "k3", "k4", "p1", "p2", "camera_model", "is_fisheye")
-    keys += ("distortion_params", "camera_angle_x", "camera_angle_y", "x_fov", "y_fov")
-    short = repr([values.get(key) for key in keys])
-    if short not in known or "w" not in values:
-        known[short] = _new_lens(values, path, photo)
-    return known[short]
+def _says_size(meta: Mapping[str, Any], frame: Mapping[str, Any]) -> bool:
+    return all(meta.get(key) is not None or frame.get(key) is not None for key in ("w", "h"))
 
 
-def _new_lens(values: Mapping[str, Any], path: Path, photo: Path) -> Lens | None:
-    if "w" in values and "h" in values:
-        size = int(number(values, "w", path)), int(number(values, "h", path))
-    else:
-        size = PhotoFile(photo).size()
-    if min(size) < 1:
-        raise InputError(f"{path} has photos of {size[0]}x{size[1]} pixels; correct w and h")
-    fx = _focal(values, "x", size[0], path)
-    fy = _focal(values, "y", size[1], path)
-    if fx is None and fy is None:
+def _depth(meta: Mapping[str, Any], path: Path, name: object) -> DepthMap | None:
+    """nerfstudio's depth: millimetres, if nothing else is said."""
+    if not isinstance(name, str) or not name:
         return None
-    fx, fy = fx or fy, fy or fx
-    cx, cy = number(values, "cx", path, size[0] / 2), number(values, "cy", path, size[1] / 2)
-    model = str(values.get("camera_model", "OPENCV")).upper()
-    if values.get("is_fisheye") is True:
-        model = "OPENCV_FISHEYE"
-    k, p = _distortion(values, path)
-    if model in FISHEYE:
-        lens = Lens("OPENCV_FISHEYE", (fx, fy, cx, cy, *k), size, str(path))
-    elif model not in PERSPECTIVE:
-        raise InputError(f"{path} has camera_model {model[:40]!r}, which is not read; undistort the photos to PINHOLE")
-    elif k[3]:
-        raise InputError(f"{path} has a perspective camera with k4, which is not read; undistort the photos")
-    elif k[2]:
-        lens = Lens("FULL_OPENCV", (fx, fy, cx, cy, k[0], k[1], *p, k[2], 0.0, 0.0, 0.0), size, str(path))
-    elif any(k) or any(p):
-        lens = Lens("OPENCV", (fx, fy, cx, cy, k[0], k[1], *p), size, str(path))
-    else:
-        lens = Lens("PINHOLE", (fx, fy, cx, cy), size, str(path))
-    lens.check()
-    return lens
-
-
-def _focal(values: Mapping[str, Any], axis: str, side: int, path: Path) -> float | None:
-    if f"fl_{axis}" in values:
-        return number(values, f"fl_{axis}", path)
-    for key, unit in ((f"camera_angle_{axis}", 1.0), (f"{axis}_fov", math.pi / 180)):
-        if key in values:
-            half = 0.5 * unit * number(values, key, path)
-            if not 0 < half < math.pi / 2:
-                raise InputError(f"{path} has {key}={values[key]}, which is no field of view; correct it")
-            return side / 2 / math.tan(half)
-    return None
-
-
-def _distortion(values: Mapping[str, Any], path: Path) -> tuple[list[float], list[float]]:
-    """(k1 k2 k3 k4), (p1 p2)."""
-    if "distortion_params" in values and values["distortion_params"] is not None:
-        found = numbers(values, "distortion_params", 6, path)
-        return list(found[:4]), list(found[4:])
-    found = {key: number(values, key, path, 0.0) for key in ("k1", "k2", "k3", "k4", "p1", "p2")}
-    return [found[f"k{i}"] for i in (1, 2, 3, 4)], [found["p1"], found["p2"]]
-
-
-def _depth(meta: Mapping[str, Any], path: Path, name: str):
     return depth_file(inside(path.parent, name, path), positive(meta, "depth_unit_scale_factor", path, 0.001))
 
 
-def _split(meta: Mapping[str, Any], frames: list[dict[str, Any]], path: Path) -> frozenset[str] | None:
+def _depth_of(
+    meta: Mapping[str, Any], frames: list[dict[str, Any]], path: Path, unit: float | None, told: Told
+) -> Callable[[Mapping[str, Any]], DepthMap | None]:
+    """nerfstudio's depth_file_path, or instant-ngp's depth_path in units of the poses."""
+    ngp = [frame for frame in frames if frame.get("depth_path") and not frame.get("depth_file_path")]
+    why = ""
+    if meta.get("enable_depth_loading") is False:
+        why = "enable_depth_loading is false"
+    elif "integer_depth_scale" not in meta and "depth_unit_scale_factor" not in meta:
+        why = "it has no integer_depth_scale, which tells its unit"
+    if ngp and why:
+        told.warnings.append(f"{path} names depth_path in {len(ngp)} frames, which is not read: {why}")
+
+    def depth(frame: Mapping[str, Any]) -> DepthMap | None:
+        if frame.get("depth_file_path"):
+            return _depth(meta, path, frame["depth_file_path"])
+        name = frame.get("depth_path")
+        if why or not isinstance(name, str) or not name:
+            return None
+        if "integer_depth_scale" not in meta:
+            return _depth(meta, path, name)
+        return depth_file(
+            inside(path.parent, name, path),
+            positive(meta, "integer_depth_scale", path) * (1.0 if unit is None else unit),
+        )
+
+    return depth
+
+
+def _with_maps(shots: list[Shot], path: Path, told: Told) -> list[Shot]:
+    """Without depth maps and masks that are named and not there.
+
+    Raises:
+        InputError: more than half of the masks are not there.
+    """
+    depths = {shot.name: shot.depth.label for shot in shots if isinstance(shot.depth, DepthMap)}
+    masks = {shot.name: shot.mask.path for shot in shots if isinstance(shot.mask, PhotoFile)}
+    no_depth = {name: file for name, file in depths.items() if absence(Path(file)) is not None}
+    no_mask = {name: f"{file} is missing" for name, file in masks.items() if absence(file) is not None}
+    if no_depth:
+        told.warnings.append(
+            f"{path} names {len(depths)} depth maps, {len(no_depth)} of which are not there "
+            f"({some(list(no_depth.values()))}); their photos are used without"
+        )
+    said = left_out(no_mask, len(masks), "masks that are named and not there", MOST_MASKS_GONE)
+    if said:
+        told.warnings.append(f"{path}: {said}; their photos are used whole")
+    return [
+        replace(
+            shot,
+            depth=None if shot.name in no_depth else shot.depth,
+            mask=None if shot.name in no_mask else shot.mask,
+        )
+        for shot in shots
+    ]
+
+
+def _with_masks_of_ngp(shots: list[Shot], told: Told) -> list[Shot]:
+    """instant-ngp's masks of what moves, dynamic_mask_<photo>.png beside it, which hide where they are not black."""
+    folders = {folder: listed(folder) for folder in {shot.path.parent for shot in shots}}
+    rays = [name for names in folders.values() for name in names if name.startswith("rays_") and name.endswith(".dat")]
+    if rays:
+        told.warnings.append(f"{some(natural(rays))}: a ray for each pixel, as instant-ngp has them, is not read")
+    names = [f"dynamic_mask_{shot.path.stem}.png" for shot in shots]
+    return [
+        replace(shot, mask=HiddenWhere(shot.path.parent / name))
+        if shot.mask is None and name in folders[shot.path.parent]
+        else shot
+        for shot, name in zip(shots, names, strict=True)
+    ]
+
+
+def _split(meta: Mapping[str, Any]) -> frozenset[str] | None:
     """Names of held-out photos: those of test, and where there is none, of val."""
-    lists = {key: meta[key] for key in SPLITS if isinstance(meta.get(key), list)}
-    for key in ("test_filenames", "val_filenames"):
-        if lists.get(key):
-            return frozenset(str(name).removeprefix("./") for name in lists[key])
+    for key in SPLITS:
+        if isinstance(meta.get(key), list) and meta[key]:
+            return frozenset(str(name).removeprefix("./") for name in meta[key])
     return None
 
 
-def _points(meta: Mapping[str, Any], path: Path) -> Callable[[], RawPoints] | None:
+def _points(meta: Mapping[str, Any], path: Path, told: Told) -> Callable[[], RawPoints] | None:
     name = meta.get("ply_file_path")
     if not isinstance(name, str) or not name:
         return None
-    return partial(ply_points, inside(path.parent, name, path))
+    file = inside(path.parent, name, path)
+    if absence(file) is not None:
+        told.notes.append(f"{path} names {name} as ply_file_path, which is not there; photos are matched for points")
+        return None
+    return partial(ply_points, file)
 
 
 def ply_points(path: Path) -> RawPoints:

@@ -1,0 +1,26 @@
+"""Files that are called after photos: by a frame's name, which is unique; by a photo's stem only where that is too."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path, PurePath
+
+
+def shared_stems(photos: Iterable[str | PurePath]) -> frozenset[str]:
+    """File names without their ending that more than one of some photos has: left/0000.jpg and right/0000.jpg."""
+    counts = Counter(PurePath(photo).stem for photo in dict.fromkeys(map(str, photos)))
+    return frozenset(stem for stem, count in counts.items() if count > 1)
+
+
+def in_folder(folder: Path, most_folders: int = 1000) -> list[str]:
+    """Names of the files in a folder and below it, relative to it, with slashes."""
+    found, left = [], [""]
+    for _ in range(most_folders):
+        if not left:
+            break
+        start = left.pop()
+        for path in sorted((folder / start).iterdir()):
+            if not path.name.startswith("."):
+                (left if path.is_dir() else found).append(f"{start}/{path.name}" if start else path.name)
+    return found
