@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from room2dgs.captures.capture import C2W_OPENGL, W2C_OPENCV, Lost, Poses, file_name, moved, world_from_cam
+from room2dgs.captures.capture import C2W_OPENGL, W2C_OPENCV, Poses, file_name, moved, world_from_cam
 from room2dgs.captures.colmap_model import is_model, read_model
 from room2dgs.captures.lens import Lens, pinhole_of
 from room2dgs.captures.matrix_files import rigid
@@ -53,19 +52,9 @@ def _of_transforms(path: Path) -> list[tuple[str, Camera]]:
     for shot in shots_of(meta, frames, path, lambda name: path.parent / name):
         if shot.lens is None:
             raise InputError(f"{path} says no focal length of {shot.name}; add fl_x, fl_y or camera_angle_x")
-        pose = rigid(_known(shot.pose, path), f"{path} (frame {shot.name})")
+        pose = rigid(shot.pose() if callable(shot.pose) else shot.pose, f"{path} (frame {shot.name})")
         found.append((shot.name, _camera(pose, C2W_OPENGL, shot.lens, world)))
     return [(file_name(name), camera) for name, camera in found]
-
-
-def _known(pose: np.ndarray | Callable[[], np.ndarray], path: Path) -> np.ndarray:
-    """Here each camera was asked for, so none is left out."""
-    if not callable(pose):
-        return pose
-    try:
-        return pose()
-    except Lost as reason:
-        raise InputError(str(reason)) from reason
 
 
 def _of_model(path: Path) -> list[tuple[str, Camera]]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from room2dgs.captures.capture import C2W_OPENGL, Capture, Lost, RawPoints, Shot
+from room2dgs.captures.capture import C2W_OPENGL, Capture, RawPoints, Shot
 from room2dgs.captures.depth_maps import DepthMap, depth_file
 from room2dgs.captures.hidden_where import HiddenWhere
 from room2dgs.captures.left_out import absence, left_out, some
@@ -111,7 +111,7 @@ def shots_of(
 ) -> list[Shot]:
     """The frames of a transforms.json, in natural order of their names.
 
-    A frame without a usable pose has none; one that cannot be told apart is left out.
+    One whose pose cannot be used has a function for it that says so; one without a name is left out.
 
     Args:
         photo, mask: where a file is that a frame names.
@@ -143,8 +143,7 @@ def shots_of(
         try:
             pose: Any = _pose(frame, path, name)
         except InputError as error:
-            bad[name] = str(error)
-            pose = partial(_lost, str(error))
+            pose = partial(_refused, str(error))
         gone = absence(file) is not None
         lens = None if gone and not _says_size(meta, frame) else lens_of(meta, frame, path, file, lenses)
         hidden = frame.get("mask_path")
@@ -158,14 +157,15 @@ def shots_of(
             if isinstance(hidden, str) and hidden
             else None,
         )
-    said = left_out(bad, len(frames), "frames without a usable name or pose")
+    said = left_out(bad, len(frames), "frames without a usable name")
     told.warnings += [f"{path}: {said}"] if said else []
     told.notes += [f"{path}: {again} frames are there twice, and one of each is taken"] if again else []
     return [shots[name] for name in natural(shots)]
 
 
-def _lost(reason: str) -> np.ndarray:
-    raise Lost(reason)
+def _refused(reason: str) -> np.ndarray:
+    """A pose that cannot be used, which costs its frame alone if there are few of them."""
+    raise InputError(reason)
 
 
 def photo_at(folder: Path, name: str, path: Path) -> Path:
