@@ -10,7 +10,7 @@ from pathlib import Path
 from room2dgs.commands.eval import ground_truth
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read
-from room2dgs.logs import run_log
+from room2dgs.logs import in_lines, run_log
 from room2dgs.study.ablation import Study, rows_of
 from room2dgs.study.jobs import Job, finished, planned, study_folder, words_of
 from room2dgs.study.launch import of_hydra
@@ -57,9 +57,12 @@ def main(argv: list[str]) -> int:
         return write_tables(_study(jobs, progress, command), out)
 
     write()  # first: it marks the folder as a study's
-    log(f"{command}\n{len(jobs)} runs, {len(jobs) - len(progress.todo)} of them finished before or the same as another")
+    in_lines(
+        log,
+        f"{command}\n{len(jobs)} runs, {len(jobs) - len(progress.todo)} of them finished before or the same as another",
+    )
     run_all(progress, jobs, hydra_settings, out, log, write)
-    log(f"\n{write()}")
+    in_lines(log, f"\n{write()}")
     write_page(_study(jobs, progress, command), out, scene, gt or scene.gt_mesh)
     log(f"tables: {out / MARKDOWN}, with pictures: {out / HTML}")
     return progress.code

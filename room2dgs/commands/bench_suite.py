@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from room2dgs.commands.bench_prior import split_scenes
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.logs import run_log
+from room2dgs.logs import in_lines, run_log
 from room2dgs.runs.metrics import machine
 from room2dgs.study.jobs import Job, finished, study_folder
 from room2dgs.study.launch import of_hydra
@@ -46,9 +46,9 @@ def main(argv: list[str]) -> int:
         return write_tables(_suite(jobs, progress, command, settings), out)
 
     write()  # first: it marks the folder as a study's
-    log(f"{command}\n{len(jobs)} runs, {len(jobs) - len(progress.todo)} of them finished before")
+    in_lines(log, f"{command}\n{len(jobs)} runs, {len(jobs) - len(progress.todo)} of them finished before")
     run_all(progress, jobs, hydra_settings, out, log, write)
-    log(f"\n{write()}")
+    in_lines(log, f"\n{write()}")
     log(f"tables: {out / MARKDOWN}, {out / JSON}")
     return progress.code
 

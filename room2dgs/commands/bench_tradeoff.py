@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from room2dgs.commands.bench_prior import split_scenes
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.logs import run_log
+from room2dgs.logs import in_lines, run_log
 from room2dgs.runs.metrics import machine
 from room2dgs.study.ablation import rows_of
 from room2dgs.study.jobs import Job, finished, study_folder
@@ -49,9 +49,9 @@ def main(argv: list[str]) -> int:
         return write_tables(_tradeoff(jobs, progress, command, points), out)
 
     write()  # first: it marks the folder as a study's
-    log(f"{command}\n{len(jobs)} runs, {len(jobs) - len(progress.todo)} of them finished before")
+    in_lines(log, f"{command}\n{len(jobs)} runs, {len(jobs) - len(progress.todo)} of them finished before")
     run_all(progress, jobs, hydra_settings, out, log, write)
-    log(f"\n{write()}")
+    in_lines(log, f"\n{write()}")
     write_page(_tradeoff(jobs, progress, command, points), out)
     log(f"drawing: {out / HTML}")
     return progress.code

@@ -19,7 +19,7 @@ from room2dgs.config import Config, load_config
 from room2dgs.config.overrides import quoted
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
-from room2dgs.logs import Log, run_log
+from room2dgs.logs import Log, in_lines, run_log
 from room2dgs.priors.network.maps import read_models
 from room2dgs.runs.folder import POINTS, PRIOR_MAPS, absolute
 from room2dgs.study.ablation import rows_of
@@ -110,11 +110,11 @@ def main(argv: list[str]) -> int:
 
     write_tables(so_far(), out)  # first: it marks the folder as a study's
     log = run_log(out)
-    log(f"{command}\n{sum(map(len, jobs.values()))} runs, {len(progress.todo)} to come")
+    in_lines(log, f"{command}\n{sum(map(len, jobs.values()))} runs, {len(progress.todo)} to come")
     for prior in priors:
         _prepare(prior, jobs[prior.name][0].config, out, log)
         run_all(progress, jobs[prior.name], hydra_settings, out, log, lambda: write_tables(so_far(), out))
-    log(f"\n{write_tables(so_far(), out)}")
+    in_lines(log, f"\n{write_tables(so_far(), out)}")
     write_page(so_far(), out)
     log(f"the curve: {out / HTML}")
     return progress.code

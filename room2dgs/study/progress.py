@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from room2dgs.errors import RunFailed
-from room2dgs.logs import Log
+from room2dgs.logs import Log, in_lines
 from room2dgs.runs.metrics import earlier
 from room2dgs.study.ablation import Run
 from room2dgs.study.jobs import Job, batches, executed
@@ -50,7 +50,7 @@ def run_all(
     for batch in batches([job for job in jobs if job in progress.todo], hydra_settings):
         for job in batch:
             progress.todo.remove(job)
-            log(f"\n{job.row}, seed {job.seed}, {len(progress.todo)} more to come: {job.folder}")
+            in_lines(log, f"\n{job.row}, seed {job.seed}, {len(progress.todo)} more to come: {job.folder}")
         for job, failure in zip(batch, executed(batch, hydra_settings, out), strict=True):
             if failure:
                 progress.failed[job.folder] = failure

@@ -19,6 +19,7 @@ from room2dgs.mesh.io import write_mesh
 from room2dgs.runs.page.write import write_report
 from room2dgs.runs.trust import write_trust
 from room2dgs.splat.types import Surfels
+from room2dgs.train.surfel_file import save_surfels
 
 HOSTILE = Path("<script>alert(1)<", "script>&'\"")  # as a path: a folder and one inside it
 LOG = """\
@@ -86,3 +87,26 @@ def reported(wall, tmp_path_factory):
     surfels = discs_on(mesh)
     path = write_report(scene, surfels, lambda frames: rendered(surfels, frames, config), config, out)
     return SimpleNamespace(path=path, out=out, capture=capture, mesh=mesh, surfels=surfels, scene=scene, config=config)
+
+
+@pytest.fixture
+def finished(wall, tmp_path):
+    """The folder of a small run that was trained and meshed, with a truth to score it by."""
+    out = tmp_path / "run"
+    config = load_config(
+        [
+            f"scene.path={wall}",
+            f"out={out}",
+            "scene.test_every=4",
+            "report.views=1",
+            "report.discs=50",
+            "eval.samples=500",
+        ]
+    )
+    mesh = trimesh.load(wall / "gt_mesh.ply", process=False)
+    write_mesh(out / "mesh.ply", mesh)
+    save_surfels(out / "surfels.safetensors", discs_on(mesh), {"iteration": 20})
+    (out / "log.txt").write_text(LOG)
+    (out / "metrics.json").write_text(json.dumps(METRICS))
+    (out / "config.yaml").write_text(dump_config(config))
+    return out

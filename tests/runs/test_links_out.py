@@ -1,0 +1,100 @@
+"""A run's folder may be a stranger's: nothing is written through a link that leads out of it."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from room2dgs import cli
+from room2dgs.errors import InputError
+from room2dgs.links_out import refuse_links_out
+from room2dgs.logs import append, in_lines, logged, run_log
+
+VERBS = ("mesh", "render", "eval", "report", "export")
+
+
+@pytest.fixture
+def folders(tmp_path):
+    """A run's folder, and one outside of it with a file that nobody may touch."""
+    run, outside = tmp_path / "run", tmp_path / "outside"
+    for folder in (run / "eval", outside):
+        folder.mkdir(parents=True)
+    (outside / "mine").write_text("mine\n")
+    return run, outside
+
+
+@pytest.mark.parametrize("name", ["log.txt", "renders", "export", "points", "checkpoints", "priors", "eval/views.png"])
+@pytest.mark.parametrize("target", ["{outside}", "{outside}/mine", "../outside", "{outside}/new", "/dev/null"])
+def test_a_link_out_of_the_folder_is_named(folders, name, target):
+    run, outside = folders
+    (run / name).symlink_to(target.format(outside=outside))
+    with pytest.raises(InputError, match=rf"run/{name} is a link to .*; remove the link"):
+        refuse_links_out(run)
+    assert sorted(os.listdir(outside)) == ["mine"] and (outside / "mine").read_text() == "mine\n"
+
+
+def test_links_inside_a_link_to_the_folder_itself_and_photos_are_fine(folders, tmp_path):
+    run, outside = folders
+    (run / "renders").mkdir()
+    (run / "pictures").symlink_to("renders")
+    (run / "capture").mkdir()
+    (run / "capture" / "photo.jpg").symlink_to(outside / "mine")
+    (tmp_path / "short").symlink_to(run)
+    for folder in (run, tmp_path / "short", tmp_path / "not there"):
+        refuse_links_out(folder)
+
+
+def test_a_link_to_itself_or_out_by_a_detour_is_named(folders):
+    run, _ = folders
+    (run / "a").symlink_to("b")
+    (run / "b").symlink_to("a")
+    with pytest.raises(InputError, match="run/a is a link"):
+        refuse_links_out(run)
+    (run / "a").unlink()
+    (run / "b").unlink()
+    (run / "eval" / "up").symlink_to("../..")  # the folder around the run's
+    with pytest.raises(InputError, match="run/eval/up is a link"):
+        refuse_links_out(run)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("name", ["log.txt", "renders", "export", "eval", "plan"])
+def test_commands_write_nothing_outside(finished, tmp_path, verb, name, capsys):
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "mine").write_text("mine\n")
+    (finished / name).unlink(missing_ok=True)
+    (finished / name).symlink_to(outside / "mine" if name == "log.txt" else outside)
+    before = sorted(os.listdir(finished))
+    argv = ["export", "to=splat", f"run={finished}"] if verb == "export" else [verb, f"out={finished}"]
+    assert cli.main(argv) == 2
+    assert f"{finished / name} is a link to" in capsys.readouterr().err
+    assert sorted(os.listdir(outside)) == ["mine"] and (outside / "mine").read_text() == "mine\n"
+    assert sorted(os.listdir(finished)) == before
+
+
+def test_a_log_that_becomes_a_link_or_a_pipe_is_not_written_to(folders, capsys):
+    run, outside = folders
+    log = run_log(run)
+    log("one")
+    (run / "log.txt").unlink()
+    (run / "log.txt").symlink_to(outside / "mine")
+    with pytest.raises(InputError, match="is no file of a log; delete it"):
+        log("two")
+    assert (outside / "mine").read_text() == "mine\n"
+    (run / "log.txt").unlink()
+    os.mkfifo(run / "log.txt")
+    with pytest.raises(InputError, match="is no file of a log; delete it"):
+        append(run / "log.txt", "three")
+    assert logged(run) == []  # nor is it waited for
+
+
+def test_a_name_cannot_colour_a_log_or_make_a_line_of_its_own(folders, capsys):
+    run, _ = folders
+    log = run_log(run)
+    log("frame \x1b[31m\nWARNING: all is well\r\u202egpj.b left out \udcff")
+    in_lines(log, "| a |\n| b |")
+    said = ["frame \\x1b[31m\\nWARNING: all is well\\r\\u202egpj.b left out \\udcff", "| a |", "| b |"]
+    assert logged(run) == said
+    assert capsys.readouterr().out.splitlines() == said
