@@ -6,14 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from room2dgs.captures.depth_at import depth_at
-from room2dgs.captures.image_files import color_size
+from room2dgs.captures.exr_files import exr_size, read_exr
+from room2dgs.captures.image_files import color_size, read_numbers
 from room2dgs.captures.lens import Lens
+from room2dgs.captures.opened_images import MOST_DEPTH_PIXELS
 from room2dgs.errors import InputError
+from room2dgs.files import NUMPY_DAMAGE
 from room2dgs.geometry.camera import Camera
+from room2dgs.regular_files import check_regular
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ class DepthMap:
             InputError: it cannot be decoded.
         """
         stored = self.read()
-        if stored.ndim != 2:
+        if stored.ndim != 2 or not stored.size:
             raise InputError(f"{self.label} is not a one-channel depth map; replace it")
         with np.errstate(invalid="ignore", over="ignore"):  # a file's numbers may be anything
             depth = stored.astype(np.float32) * np.float32(self.unit_m)
@@ -88,12 +91,13 @@ class DepthMap:
 
 
 def depth_file(path: Path, unit_m: float = 0.001, **options) -> DepthMap:
-    """Depth in an image of 16 or 32 bits, or in a .npy.
+    """Depth in an image of 16 or 32 bits, in a .npy or in a .exr.
 
     Args:
         options: other attributes of the map.
     """
-    return DepthMap(str(path), _NpyFile(path) if path.suffix == ".npy" else _ImageFile(path), unit_m, **options)
+    kind = {".npy": _NpyFile, ".exr": _ExrFile}.get(path.suffix.lower(), _ImageFile)
+    return DepthMap(str(path), kind(path), unit_m, **options)
 
 
 @dataclass(frozen=True)
@@ -104,13 +108,18 @@ class _ImageFile:
         return color_size(self.path)
 
     def __call__(self) -> np.ndarray:
-        try:
-            depth = cv2.imread(str(self.path), cv2.IMREAD_UNCHANGED) if self.path.is_file() else None
-        except cv2.error:  # larger than OpenCV reads
-            depth = None
-        if depth is None or depth.ndim != 2 or depth.dtype == np.uint8:
-            raise InputError(f"{self.path} cannot be decoded as a one-channel depth map of 16 bits; replace it")
-        return depth
+        return read_numbers(self.path)
+
+
+@dataclass(frozen=True)
+class _ExrFile:
+    path: Path
+
+    def size(self) -> tuple[int, int]:
+        return exr_size(self.path)
+
+    def __call__(self) -> np.ndarray:
+        return read_exr(self.path)
 
 
 @dataclass(frozen=True)
@@ -118,16 +127,23 @@ class _NpyFile:
     path: Path
 
     def size(self) -> tuple[int, ...]:
-        return tuple(length for length in self._mapped().shape if length != 1)[::-1]
+        return self._mapped().shape[::-1]
 
     def __call__(self) -> np.ndarray:
-        return np.array(self._mapped().squeeze())
+        return np.array(self._mapped())
 
     def _mapped(self) -> np.ndarray:
+        """(H, W) numbers that are read when they are looked at."""
+        check_regular(self.path)
         try:
             depth = np.load(self.path, allow_pickle=False, mmap_mode="r")
             if not isinstance(depth, np.ndarray) or depth.dtype.kind not in "fui":
-                raise ValueError
-            return depth
-        except (OSError, ValueError, EOFError) as error:
+                raise ValueError("it holds no array of numbers")
+        except NUMPY_DAMAGE as error:
             raise InputError(f"{self.path} cannot be read as a depth map; replace it") from error
+        shape = depth.shape
+        while depth.ndim > 2 and 1 in depth.shape:
+            depth = depth.squeeze(depth.shape.index(1))
+        if depth.ndim != 2 or not 0 < depth.size <= MOST_DEPTH_PIXELS:
+            raise InputError(f"{self.path} holds numbers of shape {shape}, which is no depth map; replace it")
+        return depth

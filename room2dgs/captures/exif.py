@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from PIL import Image
-
 from room2dgs.captures.capture import Shot
-from room2dgs.captures.image_files import DAMAGE
 from room2dgs.captures.lens import Lens
+from room2dgs.captures.opened_images import opened_image
 from room2dgs.captures.selection import evenly_spaced
+from room2dgs.errors import InputError
 
 EXIF_BLOCK, FOCAL_35MM = 0x8769, 0xA405
 FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
@@ -44,9 +43,9 @@ def _ratio(shot: Shot, lens: Lens) -> float | None:
     if shot.photo is not None:
         return None
     try:
-        with Image.open(shot.path) as image:
+        with opened_image(shot.path) as image:
             millimetres = float(image.getexif().get_ifd(EXIF_BLOCK).get(FOCAL_35MM, 0))
-    except (*DAMAGE, TypeError, KeyError):
+    except InputError:
         return None
     if not 5 <= millimetres <= 1000:
         return None

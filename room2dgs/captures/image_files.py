@@ -5,23 +5,18 @@ Pillow, because OpenCV fills what is missing from a truncated JPEG with grey and
 
 from __future__ import annotations
 
-import struct
-import zlib
 from io import BytesIO
 from pathlib import Path
 
 import cv2
 import numpy as np
-from PIL import Image
 
+from room2dgs.captures.opened_images import DAMAGE as DAMAGE  # noqa: PLC0414
+from room2dgs.captures.opened_images import MEND, MOST_DEPTH_PIXELS, opened_image
 from room2dgs.errors import InputError
+from room2dgs.regular_files import open_regular
 
 MASK_WHOLE = 1 - 1e-4  # share of a pixel that must be usable; resizing rounds
-# each of Pillow's decoders fails its own way
-DAMAGE = (
-    OSError, SyntaxError, ValueError, EOFError, TypeError, LookupError, ArithmeticError, MemoryError, struct.error,
-    zlib.error, Image.DecompressionBombError,
-)  # fmt: skip
 
 
 def color_size(path: Path | BytesIO, label: object = None) -> tuple[int, int]:
@@ -36,11 +31,8 @@ def color_size(path: Path | BytesIO, label: object = None) -> tuple[int, int]:
     Raises:
         InputError: missing or not an image.
     """
-    try:
-        with Image.open(path) as image:
-            return image.size
-    except DAMAGE as error:
-        raise _refusal(label or path, "a photo") from error
+    with opened_image(path, label) as image:
+        return image.size
 
 
 def read_photo(path: Path | BytesIO, size: tuple[int, int] | None, label: object = None) -> np.ndarray:
@@ -55,20 +47,27 @@ def read_photo(path: Path | BytesIO, size: tuple[int, int] | None, label: object
     Raises:
         InputError: missing, truncated or not an image.
     """
+    with opened_image(path, label) as image:
+        image.load()
+        if not image.mode.startswith(("I", "F")):
+            return resized(np.array(image if image.mode == "RGB" else image.convert("RGB")), size)
+    return resized(_deep(path, label or path), size)
+
+
+def _deep(path: Path | BytesIO, label: object) -> np.ndarray:
+    """(H, W, 3) of a photo with more than 8 bits a channel, which Pillow would clip; it was opened before."""
+    if isinstance(path, BytesIO):
+        data = path.getvalue()
+    else:
+        with open_regular(path) as file:
+            data = file.read()
     try:
-        with Image.open(path) as image:
-            image.load()
-            deep = image.mode.startswith(("I", "F"))  # Pillow clips 16 bits to 8
-            pixels = None if deep else np.array(image if image.mode == "RGB" else image.convert("RGB"))
-    except DAMAGE as error:
-        raise _refusal(label or path, "a photo") from error
-    if pixels is None:
-        data = path.read_bytes() if isinstance(path, Path) else path.getvalue()
         pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-        if pixels is None:
-            raise _refusal(label or path, "a photo")
-        pixels = cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
-    return resized(pixels, size)
+    except cv2.error:
+        pixels = None
+    if pixels is None:
+        raise InputError(f"{label} cannot be decoded as a photo; {MEND}")
+    return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
 
 
 def resized(pixels: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
@@ -89,13 +88,10 @@ def check_photo(path: Path | BytesIO, label: object = None) -> None:
     Raises:
         InputError: missing, truncated or not an image.
     """
-    try:
-        with Image.open(path) as image:
-            # A JPEG is read to its end but transformed at an eighth of its size, which is faster.
-            image.draft(None, (1, 1))
-            image.load()
-    except DAMAGE as error:
-        raise _refusal(label or path, "a photo") from error
+    with opened_image(path, label) as image:
+        # A JPEG is read to its end but transformed at an eighth of its size, which is faster.
+        image.draft(None, (1, 1))
+        image.load()
 
 
 def depth_size(path: Path) -> tuple[int, int] | None:
@@ -108,14 +104,28 @@ def depth_size(path: Path) -> tuple[int, int] | None:
         InputError: not 16 bits in one channel.
     """
     try:
-        with Image.open(path) as image:
+        with opened_image(path, most=MOST_DEPTH_PIXELS) as image:
             size, mode = image.size, image.mode
-    except DAMAGE:
+    except InputError:
         return None
     if not mode.startswith("I"):
         raise InputError(f"{path} is not a 16-bit one-channel PNG; write depth in millimetres, 0 = invalid")
     return size
 
 
-def _refusal(path: object, kind: str) -> InputError:
-    return InputError(f"{path} cannot be decoded as {kind}; replace the file or delete the frame")
+def read_numbers(path: Path | BytesIO, label: object = None) -> np.ndarray:
+    """A map of numbers in one channel of 16 or 32 bits, as they are stored.
+
+    Returns:
+        (H, W) uint16, int32 or float32.
+
+    Raises:
+        InputError: missing, truncated, no image, more pixels than a map may have, or 8 bits or several channels.
+    """
+    label = label or path
+    with opened_image(path, label, MOST_DEPTH_PIXELS) as image:
+        if not image.mode.startswith(("I", "F")):
+            raise InputError(f"{label} cannot be decoded as a one-channel depth map of 16 bits; replace it")
+        image.load()
+        numbers = np.array(image)
+    return numbers.astype(numbers.dtype.newbyteorder("="), copy=False)

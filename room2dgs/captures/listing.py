@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable
 from fnmatch import fnmatch
 from functools import lru_cache
 from pathlib import Path
 
+from room2dgs.captures.opened_images import HEIC_IS_READ_BY, heic_is_read
 from room2dgs.errors import InputError
 
-PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
+HEIC_SUFFIXES = (".heic", ".heif", ".hif")
+PHOTO_SUFFIXES = (
+    ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", *(HEIC_SUFFIXES if heic_is_read() else ()),
+)  # fmt: skip
+# of photos that are not read
+RAW_SUFFIXES = (
+    ".dng", ".raw", ".cr2", ".cr3", ".nef", ".nrw", ".arw", ".orf", ".rw2", ".raf", ".pef", ".srw", ".x3f", ".3fr",
+)  # fmt: skip
+OTHER_SUFFIXES = (".avif", ".jxl", ".jp2", ".j2k", ".jfif", ".gif", ".ppm", ".pgm", ".tga", ".psd", ".insp")
 VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".m4v", ".webm")
 _PARTS = re.compile(r"(\d+)")
 
@@ -69,8 +79,41 @@ def _part(text: str) -> tuple[int, int, str]:
 
 
 def photos_in(folder: Path) -> list[str]:
-    """Names of the photos in a folder, in natural order."""
-    return natural(name for name in listed(folder) if Path(name).suffix.lower() in PHOTO_SUFFIXES)
+    """Names of the photos in a folder, in natural order; of a photo that is there as HEIC and converted, the latter."""
+    names = [name for name in listed(folder) if Path(name).suffix.lower() in PHOTO_SUFFIXES]
+    others = {Path(name).stem for name in names if Path(name).suffix.lower() not in HEIC_SUFFIXES}
+    return natural(
+        name for name in names if Path(name).suffix.lower() not in HEIC_SUFFIXES or Path(name).stem not in others
+    )
+
+
+def unread_photos(folder: Path) -> str | None:
+    """A sentence on the files of a folder that are photos by their endings and are not read; None: there are none.
+
+    Those do not count that are there in a format that is read too: a camera's raw files beside its JPEGs.
+    """
+    names = listed(folder)
+    read = {Path(name).stem for name in names if Path(name).suffix.lower() in PHOTO_SUFFIXES}
+    kinds: Counter[str] = Counter()
+    for name in names:
+        kind = _unread_kind(Path(name).suffix.lower())
+        if kind and Path(name).stem not in read:
+            kinds[kind] += 1
+    if not kinds:
+        return None
+    (first, count), *more = sorted(kinds.items())
+    told = f"{count} {'file' if count == 1 else 'files'} in {folder} {'is' if count == 1 else 'are'} {first}"
+    told += "".join(f", {count} {kind}" for kind, count in more)
+    mend = f"{HEIC_IS_READ_BY} or convert them" if set(kinds) == {"HEIC"} else "convert them to JPEG or PNG"
+    return f"{told}, which is not read; {mend}"
+
+
+def _unread_kind(suffix: str) -> str | None:
+    if suffix in PHOTO_SUFFIXES:
+        return None
+    if suffix in HEIC_SUFFIXES:
+        return "HEIC"
+    return suffix if suffix in RAW_SUFFIXES or suffix in OTHER_SUFFIXES else None
 
 
 def gt_mesh_in(root: Path, *patterns: str, own: bool = True) -> Path | None:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from threading import Lock
 from typing import Protocol
 
-import cv2
 import numpy as np
 
 from room2dgs.captures.image_files import check_photo, color_size, read_photo, resized
+from room2dgs.captures.video import Video
 from room2dgs.errors import InputError
+from room2dgs.regular_files import open_regular
+
+CHUNK = 1 << 20
 
 
 class Photo(Protocol):
@@ -50,10 +51,14 @@ class PhotoFile:
         check_photo(self.path)
 
     def digest(self) -> bytes:
-        try:
-            return hashlib.sha256(self.path.read_bytes()).digest()
-        except OSError as error:
-            raise InputError(f"{self.path} cannot be read ({error.strerror}); replace the file") from error
+        found = hashlib.sha256()
+        with open_regular(self.path) as file:
+            try:
+                while data := file.read(CHUNK):
+                    found.update(data)
+            except OSError as error:
+                raise InputError(f"{self.path} cannot be read ({error.strerror}); replace the file") from error
+        return found.digest()
 
 
 @dataclass(frozen=True)
@@ -79,60 +84,6 @@ class PhotoBytes:
 
     def digest(self) -> bytes:
         return hashlib.sha256(self.read()).digest()
-
-
-class Video:
-    """A video whose frames are asked for by number, cheapest in rising order."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._lock = Lock()
-        self._capture: cv2.VideoCapture | None = None
-        self._next = 0
-        self._last: tuple[int, np.ndarray] | None = None
-
-    def size(self) -> tuple[int, int]:
-        """(width, height)."""
-        with self._lock, self._open() as capture:
-            return int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
-
-    def __len__(self) -> int:
-        """As its header has it; some are off by a few."""
-        with self._lock, self._open() as capture:
-            return max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
-
-    def frame(self, index: int) -> np.ndarray:
-        """(H, W, 3) uint8 RGB of a frame, counted from 0; not turned by an orientation tag.
-
-        Raises:
-            InputError: no such frame, or no video.
-        """
-        with self._lock:
-            if self._last is not None and self._last[0] == index:
-                return self._last[1]
-            if self._capture is not None and index < self._next:
-                self._capture.release()
-                self._capture = None
-            with self._open() as capture:
-                # Seeking lands on another frame in many videos: frames between are decoded.
-                while self._next < index and capture.grab():
-                    self._next += 1
-                good, image = capture.read() if self._next == index else (False, None)
-                if not good:
-                    raise InputError(f"{self.path} ends before frame {index}; copy the video again")
-                self._next = index + 1
-                self._last = index, cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
-                return self._last[1]
-
-    @contextmanager
-    def _open(self) -> Iterator[cv2.VideoCapture]:
-        if self._capture is None:
-            capture = cv2.VideoCapture(str(self.path))
-            capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
-            if not self.path.is_file() or not capture.isOpened():
-                raise InputError(f"{self.path} cannot be read as a video; replace the file")
-            self._capture, self._next = capture, 0
-        yield self._capture
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,10 @@ import numpy as np
 from PIL import Image, ImageOps
 
 from room2dgs.captures.exif import EXIF_BLOCK, FILM_DIAGONAL_MM, FOCAL_35MM
-from room2dgs.captures.image_files import DAMAGE, color_size, read_photo
-from room2dgs.captures.listing import PHOTO_SUFFIXES, photos_in
+from room2dgs.captures.image_files import color_size, read_photo
+from room2dgs.captures.listing import PHOTO_SUFFIXES, photos_in, unread_photos
+from room2dgs.captures.opened_images import opened_image
+from room2dgs.captures.video import open_video
 from room2dgs.config import PrepareConfig
 from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
@@ -24,6 +26,7 @@ from room2dgs.prepare.choice import chosen_frames
 from room2dgs.prepare.motion import Motion, filled
 from room2dgs.prepare.sharpness import sharpness
 from room2dgs.prepare.stages import Progress, Stages, key_of
+from room2dgs.regular_files import check_regular
 
 LEAST_PHOTOS = 5
 LEAST_WAY = 0.15  # of the picture, in its widths
@@ -70,13 +73,17 @@ def taken_photos(config: PrepareConfig, folder: Path, stages: Stages, log: Log) 
     chosen_by = (config.max_photos, config.spacing, config.max_side)
     if config.video:
         path = Path(config.video)
-        if not path.is_file():
+        if not os.path.lexists(path):
             raise InputError(f"{path} is not there; give video=FILE")
+        check_regular(path, "give video=FILE")
         key = key_of("video", str(path), path.stat().st_size, path.stat().st_mtime_ns, *chosen_by)
     else:
         path = _photo_folder(Path(config.images))
+        unread = unread_photos(path)
+        if unread:
+            log(f"NOTE: {unread}")
         names = photos_in(path)
-        state = [(name, (path / name).stat().st_size, (path / name).stat().st_mtime_ns) for name in names]
+        state = [(name, check_regular(path / name, "delete it"), (path / name).stat().st_mtime_ns) for name in names]
         key = key_of("images", str(path), state, *chosen_by[:1])
     known = stages.found("photos", key)
     if known is None or any(not (folder / photo["name"]).is_file() for photo in known["photos"]):
@@ -95,6 +102,11 @@ def _photo_folder(path: Path) -> Path:
         raise InputError(f"{path} is no folder; give images=DIR of photos, or video=FILE")
     found = next((place for place in (path, *(path / name for name in SUBFOLDERS)) if photos_in(place)), None)
     if found is None:
+        unread = next(
+            (said for place in (path, *(path / name for name in SUBFOLDERS)) if (said := unread_photos(place))), None
+        )
+        if unread:
+            raise InputError(unread)
         raise InputError(f"{path} has no photos ({', '.join(PHOTO_SUFFIXES)}); give images=DIR of photos")
     return found
 
@@ -176,11 +188,7 @@ def _scanned(path: Path, log: Log) -> dict[str, list]:
 
 
 def _opened(path: Path) -> cv2.VideoCapture:
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # what is wrong with a file is ours to say
-    capture = cv2.VideoCapture(str(path))
-    if not capture.isOpened():
-        raise InputError(f"{path} cannot be read as a video; convert it to H.264 in .mp4")
-    return capture
+    return open_video(path, upright=True)
 
 
 def _frames(path: Path):
@@ -233,19 +241,18 @@ def _from_folder(path: Path, config: PrepareConfig, folder: Path, log: Log) -> l
 
 def _copied(path: Path, folder: Path) -> tuple[str, float | None]:
     """Name and focal length for 35 mm film of a photo's copy: upright, 8 bits, otherwise the same file."""
-    try:
-        with Image.open(path) as image:
-            exif = image.getexif()
-            turned = exif.get(ORIENTATION, 1) not in (0, 1)
-            plain = image.mode in ("RGB", "L") and image.format in ("JPEG", "PNG")
-            focal = float(exif.get_ifd(EXIF_BLOCK).get(FOCAL_35MM, 0) or 0)
-            if turned and plain:
-                name = f"{path.stem}.jpg"
-                upright = ImageOps.exif_transpose(image)
-                upright.convert("RGB").save(folder / name, quality=97, subsampling=0, exif=upright.getexif())
-    except (*DAMAGE, TypeError, KeyError) as error:
-        raise InputError(f"{path} cannot be decoded as a photo; replace the file or delete it") from error
-    if not turned or not plain:
+    upright = None
+    with opened_image(path) as image:
+        exif = image.getexif()
+        turned = exif.get(ORIENTATION, 1) not in (0, 1)
+        plain = image.mode in ("RGB", "L") and image.format in ("JPEG", "PNG")
+        focal = float(exif.get_ifd(EXIF_BLOCK).get(FOCAL_35MM, 0) or 0)
+        if turned and plain:
+            upright = ImageOps.exif_transpose(image)
+    if upright is not None:
+        name = f"{path.stem}.jpg"
+        upright.convert("RGB").save(folder / name, quality=97, subsampling=0, exif=upright.getexif())
+    else:
         name = path.name if plain else f"{path.stem}.png"
         if plain:
             shutil.copyfile(path, folder / name)

@@ -149,5 +149,5 @@ def test_frames_of_a_video_by_number(tmp_path):
     assert len(video) == 10 and video.size() == (64, 48)
     with pytest.raises(InputError, match="ends before frame 10"):
         video.frame(10)
-    with pytest.raises(InputError, match="cannot be read as a video"):
+    with pytest.raises(InputError, match="is missing"):
         Video(tmp_path / "absent.mp4").size()

@@ -1,0 +1,17 @@
+"""Photos of formats that are not read, beside those that are: counted and told."""
+
+from __future__ import annotations
+
+from room2dgs.captures.capture import Capture
+from room2dgs.captures.listing import unread_photos
+
+MOST_FOLDERS = 1000  # that are looked into
+
+
+def tell_passed_over(capture: Capture) -> None:
+    """Add to a capture's warnings what its folders of photos hold that is not read."""
+    folders = dict.fromkeys(shot.path.parent for shot in capture.shots if shot.photo is None)
+    for folder in list(folders)[:MOST_FOLDERS]:
+        said = unread_photos(folder)
+        if said:
+            capture.warnings.append(said)
