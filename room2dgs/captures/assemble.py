@@ -3,49 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from room2dgs.captures.capture import Capture, Lost, Shot, file_name, moved, pinhole_lens, world_from_cam
+from room2dgs.captures.capture import Capture, Lost, Shot, file_name, moved, world_from_cam
+from room2dgs.captures.capture_points import CapturePoints
+from room2dgs.captures.entry import Entry
 from room2dgs.captures.exif import focal_doubt
-from room2dgs.captures.given_points import given_points
-from room2dgs.captures.image_files import depth_size
+from room2dgs.captures.fitted import fitted
 from room2dgs.captures.keyframes import keyframes
-from room2dgs.captures.left_out import left_out
-from room2dgs.captures.lens import Lens, pinhole_of
+from room2dgs.captures.left_out import MOST_MISSING, left_out, missing_photos
+from room2dgs.captures.lens import pinhole_of
+from room2dgs.captures.links import links_out
+from room2dgs.captures.mask_images import Masks
 from room2dgs.captures.matrix_files import rigid
 from room2dgs.captures.scene import Dropped, Frame, Scene
 from room2dgs.captures.selection import evenly_spaced, hold_out
-from room2dgs.captures.world_offset import AT_ORIGIN, in_scene, offset_note, origin_beside, points_in_scene
+from room2dgs.captures.world_offset import AT_ORIGIN, in_scene, offset_note, origin_beside
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.poses import inverse_pose
 
 MIN_VIEWS = 3
-# The principal point of a whole photo lies near its middle; further off, the intrinsics are another size's.
-MAX_OFF_CENTRE = 0.15
-# Depth and colour cameras of one registered pair: relative difference of aspect ratio and of K.
-MAX_DEPTH_MISMATCH = 0.05
 # A room's path of cameras is shorter; lengths in millimetres are a thousand times as long.
 LONGEST_PATH_M = 300.0
 USUAL_PATH_M = 2.5
 SMALL_UNITS = {"millimetres": 0.001, "centimetres": 0.01}
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """A chosen shot with its pose, camera-to-world in metres, and its lens at the photo's size."""
-
-    index: int
-    shot: Shot
-    world_from_cam: np.ndarray
-    lens: Lens | None = None
-    size: tuple[int, int] = (0, 0)
 
 
 def assembled(capture: Capture, config: SceneConfig) -> Scene:
@@ -58,39 +44,29 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
         InputError: see `room2dgs.captures.read.read_scene`.
     """
     root = capture.root
-    entries, dropped = _posed(capture, config)
+    entries, dropped, said = _posed(capture, config)
     entries = evenly_spaced(entries, config.frames)
-    if len(entries) < MIN_VIEWS:
-        lost = f" ({len(dropped)} dropped: {dropped[0].reason})" if dropped else ""
-        raise InputError(
-            f"{root} has {len(entries)} usable views{lost}, at least {MIN_VIEWS} are needed; "
-            "add frames or lower scene.stride"
-        )
+    _check_enough(entries, dropped, root)
     _check_scale(entries, capture, config.unit)
     # of the first: other frames of the same capture do not move it
     origin_m = origin_beside(entries[0].world_from_cam[:3, 3])
     if origin_m != AT_ORIGIN:
         entries = [replace(one, world_from_cam=in_scene(one.world_from_cam, origin_m)) for one in entries]
-    entries = _with_lenses(capture, entries, config)
-    _check_depths(entries)
+    entries, unreadable, notes, doubts = fitted(capture, entries, config)
+    dropped += unreadable
+    _check_enough(entries, dropped, root)
     wide = any(entry.size[0] >= entry.size[1] for entry in entries)
     poses = capture.poses if config.poses == "auto" else config.poses
-    frames = [replace(_frame(entry, config.image_width, wide), poses=poses) for entry in entries]
+    masks = Masks([entry.mask for entry in entries if entry.mask is not None])
+    frames = [replace(_frame(entry, config.image_width, wide), poses=poses, masks=masks) for entry in entries]
     _check_names(frames)
     train, test = _split(frames, capture, config)
     chosen = set(keyframes([frame.camera for frame in train], config.keyframes))
     doubt = focal_doubt([(entry.shot, entry.lens) for entry in entries])
     points = None
     if capture.points is not None:
-        lenses = {entry.shot.name: entry for entry in entries}
-        points = partial(
-            given_points,
-            capture,
-            tuple(train),
-            {frame.name: lenses[name].shot.name for frame, name in zip(frames, lenses, strict=True)},
-            config.unit,
-        )
-        points = points if origin_m == AT_ORIGIN else partial(points_in_scene, points, origin_m)
+        shots = {frame.name: entry.shot.name for frame, entry in zip(frames, entries, strict=True)}
+        points = CapturePoints(capture, tuple(train), shots, config.unit, origin_m)
     return Scene(
         root,
         tuple(train),
@@ -99,19 +75,34 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
         _gt_mesh(capture, config),
         layout=capture.layout,
         metric=capture.metric,
-        notes=(*capture.notes, *_notes(capture, config, entries), *offset_note(origin_m)),
-        warnings=(*capture.warnings, *([doubt] if doubt else [])),
+        notes=(*capture.notes, *_notes(capture, config, entries), *notes, *offset_note(origin_m)),
+        warnings=(*capture.warnings, *said, *doubts, *([doubt] if doubt else [])),
         given_points=points,
         matched_only=frozenset(frame.name for index, frame in enumerate(train) if index not in chosen),
         origin_m=origin_m,
     )
 
 
-def _posed(capture: Capture, config: SceneConfig) -> tuple[list[_Entry], list[Dropped]]:
+def _check_enough(entries: Sequence[Entry], dropped: Sequence[Dropped], root: Path) -> None:
+    if len(entries) < MIN_VIEWS:
+        lost = f" ({len(dropped)} dropped: {dropped[0].reason})" if dropped else ""
+        raise InputError(
+            f"{root} has {len(entries)} usable views{lost}, at least {MIN_VIEWS} are needed; "
+            "add frames or lower scene.stride"
+        )
+
+
+def _posed(capture: Capture, config: SceneConfig) -> tuple[list[Entry], list[Dropped], list[str]]:
+    """Shots with their poses, those that are left out, and warnings of the ones that ought to be there."""
     entries, dropped, damaged = [], [], {}
     poses = capture.poses if config.poses == "auto" else config.poses
     chosen = list(enumerate(capture.shots))[:: config.stride]
+    missing = missing_photos([shot for _, shot in chosen])
+    warned = [left_out(missing, len(chosen), "photos that are missing", MOST_MISSING)]
     for index, shot in chosen:
+        if shot.name in missing:
+            dropped.append(Dropped(file_name(shot.name), missing[shot.name]))
+            continue
         try:
             pose = world_from_cam(_disk_pose(shot), poses)
         except (Lost, InputError) as reason:
@@ -124,9 +115,9 @@ def _posed(capture: Capture, config: SceneConfig) -> tuple[list[_Entry], list[Dr
         if config.unit is not None:
             pose = pose.copy()
             pose[:3, 3] *= config.unit
-        entries.append(_Entry(index, shot, pose))
-    left_out(damaged, len(chosen), "poses that cannot be used")
-    return entries, dropped
+        entries.append(Entry(index, shot, pose))
+    warned.append(left_out(damaged, len(chosen), "poses that cannot be used"))
+    return entries, dropped, [one for one in warned if one is not None]
 
 
 def _disk_pose(shot: Shot) -> np.ndarray:
@@ -139,7 +130,7 @@ def _disk_pose(shot: Shot) -> np.ndarray:
     return rigid(np.asarray(shot.pose, np.float64), f"the pose of {shot.path}")
 
 
-def _check_scale(entries: list[_Entry], capture: Capture, unit: float | None) -> None:
+def _check_scale(entries: list[Entry], capture: Capture, unit: float | None) -> None:
     """Metres against millimetres and centimetres, by how long the way of the cameras is."""
     centres = np.stack([entry.world_from_cam[:3, 3] for entry in entries])
     reach = float(np.linalg.norm(np.ptp(centres, axis=0)))
@@ -151,83 +142,7 @@ def _check_scale(entries: list[_Entry], capture: Capture, unit: float | None) ->
         )
 
 
-def _with_lenses(capture: Capture, entries: list[_Entry], config: SceneConfig) -> list[_Entry]:
-    """With the photos' sizes, and lenses that hold for them."""
-    with ThreadPoolExecutor() as pool:
-        sizes = list(pool.map(lambda entry: entry.shot.source.size(), entries))
-    given = config.intrinsics
-    first: dict[int, tuple[Shot, tuple[int, int]]] = {}
-    result = []
-    for entry, size in zip(entries, sizes, strict=True):
-        shot, lens = entry.shot, entry.shot.lens
-        if given is not None:
-            lens = pinhole_lens(*given, None, "scene.intrinsics", config.pixel_centres != "integer")
-        if lens is None:
-            raise InputError(
-                f"{capture.root} brings no intrinsics; give scene.intrinsics=[fx,fy,cx,cy] in pixels of the photos "
-                f"({size[0]}x{size[1]})"
-            )
-        if lens.size is None:
-            other, known = first.setdefault(id(shot.lens), (shot, size))
-            if size != known:
-                raise InputError(
-                    f"{shot.path} has {size[0]}x{size[1]} pixels and {other.path.name} has "
-                    f"{known[0]}x{known[1]}, but they share intrinsics; give all photos one size"
-                )
-            lens = replace(lens, size=size)
-        elif lens.size != size:
-            lens = _scaled(lens, size, shot)
-        check_principal_point(lens)
-        result.append(replace(entry, lens=lens, size=size))
-    return result
-
-
-def _scaled(lens: Lens, size: tuple[int, int], shot: Shot) -> Lens:
-    """Intrinsics of a photo that was resized after they were written."""
-    sx, sy = size[0] / lens.size[0], size[1] / lens.size[1]
-    if abs(sx / sy - 1.0) > 0.02:
-        raise InputError(
-            f"{shot.path} has {size[0]}x{size[1]} pixels, but its intrinsics are for {lens.size[0]}x{lens.size[1]}; "
-            "give the intrinsics of this image size as scene.intrinsics=[fx,fy,cx,cy], or the photos that they are for"
-        )
-    return lens.scaled_to(size)
-
-
-def check_principal_point(lens: Lens) -> None:
-    """Refuse intrinsics that are not for photos of their size."""
-    K, size = lens.K, lens.size
-    off = np.abs(K[:2, 2] / np.array(size) - 0.5)
-    if not (off <= MAX_OFF_CENTRE).all():
-        raise InputError(
-            f"{lens.source} has its principal point at ({K[0, 2]:g}, {K[1, 2]:g}), which does not fit the photos of "
-            f"{size[0]}x{size[1]} pixels; {_of_this_size(K, size)}"
-        )
-
-
-def _of_this_size(K: np.ndarray, size: tuple[int, int]) -> str:
-    """What mends intrinsics whose principal point is not in the photos' middle."""
-    x, y = 2.0 * K[:2, 2] / np.array(size)
-    if not (np.isfinite([x, y]).all() and min(x, y) > 0 and abs(x / y - 1.0) < MAX_OFF_CENTRE):
-        return "give the intrinsics of this image size"
-    values = ",".join(f"{value:.6g}" for value in (K[0, 0] / x, K[1, 1] / y, K[0, 2] / x, K[1, 2] / y))
-    return f"they look like those of {size[0] * x:.0f}x{size[1] * y:.0f} pixels: give scene.intrinsics=[{values}]"
-
-
-def _check_depths(entries: list[_Entry]) -> None:
-    """Each depth map in a file of its own, registered to the photo, has the photo's shape, if it is whole."""
-    present = [entry for entry in entries if isinstance(entry.shot.depth, Path)]
-    with ThreadPoolExecutor() as pool:
-        sizes = list(pool.map(lambda entry: depth_size(entry.shot.depth), present))
-    for entry, depth in zip(present, sizes, strict=True):
-        size = entry.size
-        if depth and abs(depth[0] * size[1] / (depth[1] * size[0]) - 1.0) > MAX_DEPTH_MISMATCH:
-            raise InputError(
-                f"{entry.shot.depth} has {depth[0]}x{depth[1]} pixels, another shape than the photos "
-                f"of {size[0]}x{size[1]}; register depth to colour or delete the depth folder"
-            )
-
-
-def _frame(entry: _Entry, image_width: int | None, wide: bool) -> Frame:
+def _frame(entry: Entry, image_width: int | None, wide: bool) -> Frame:
     lens, depth, shot = entry.lens, entry.shot.depth, entry.shot
     if lens.distorts:
         pinhole = pinhole_of(lens)
@@ -241,9 +156,10 @@ def _frame(entry: _Entry, image_width: int | None, wide: bool) -> Frame:
         shot.path,
         depth if isinstance(depth, Path) else (None if depth is None else Path(depth.label)),
         index=entry.index,
-        photo=shot.photo,
+        photo=entry.photo,
         lens=lens,
-        mask_photo=shot.mask,
+        mask_photo=entry.mask,
+        transparent=entry.transparent,
         depth_map=None if isinstance(depth, Path) else depth,
     )
 
@@ -300,7 +216,7 @@ def _gt_mesh(capture: Capture, config: SceneConfig) -> Path | None:
     return path
 
 
-def _notes(capture: Capture, config: SceneConfig, entries: list[_Entry]) -> list[str]:
+def _notes(capture: Capture, config: SceneConfig, entries: list[Entry]) -> list[str]:
     """What a person should know of how the capture was understood."""
     count = len(entries)
     found = [f"layout: {capture.layout}, {capture.root}"]
@@ -322,4 +238,5 @@ def _notes(capture: Capture, config: SceneConfig, entries: list[_Entry]) -> list
     depths = sum(entry.shot.depth is not None for entry in entries)
     if depths:
         found.append(f"sensor depth: {depths} of {count} photos")
-    return found
+    links = links_out(capture, [entry.shot for entry in entries])
+    return found if links is None else [*found, links]

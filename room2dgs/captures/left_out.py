@@ -33,7 +33,7 @@ def left_out(bad: Mapping[str, str], of: int, what: str, most: float = MOST_DAMA
     first = next(iter(bad.values()))
     if len(bad) > max(1.0, most * of):
         raise InputError(first if len(bad) == 1 else f"{first} (the first of {len(bad)} {what}, of {of})")
-    return f"left out: {len(bad)} of {of} {what}: {some(bad)}"
+    return f"left out: {what} ({len(bad)} of {of}): {some(bad)}"
 
 
 def some(names: Sequence[str] | Mapping[str, str]) -> str:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 from room2dgs.captures.assemble import assembled
 from room2dgs.captures.cache import Cache
+from room2dgs.captures.checked import checked
 from room2dgs.captures.listing import Listing
+from room2dgs.captures.passed_over import tell_passed_over
 from room2dgs.captures.readers.registry import reader_of
-from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.scene import Scene
 from room2dgs.captures.unmatched import tell_unmatched
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -19,7 +20,8 @@ from room2dgs.errors import InputError
 def read_scene(config: SceneConfig, cache: Cache | None = None) -> Scene:
     """Read a capture with the reader of its layout.
 
-    Every file that a run will use is decoded once here, so that a broken one stops the run at its start.
+    Every file that a run will use is decoded once here: a broken one is left out, more of them stop the run at its
+    start.
 
     Args:
         cache: takes the decoded photos, as many as it has room for; the others are decoded again when they are used
@@ -29,16 +31,14 @@ def read_scene(config: SceneConfig, cache: Cache | None = None) -> Scene:
         A scene with at least 3 training views; frames on disk that cannot be used are in `dropped`.
 
     Raises:
-        InputError: missing or broken files, poses that are not rigid, sizes that disagree with the
-            intrinsics, too few views; the sentence names the file.
+        InputError: many missing or broken files or poses that are not rigid, sizes that disagree with the
+            intrinsics, masks that hide everything, too few views; the sentence names the file.
     """
     scene = placed(config)
     if cache is not None:
         kept = [tuple(replace(frame, cache=cache) for frame in frames) for frames in (scene.train, scene.test)]
         scene = replace(scene, train=kept[0], test=kept[1], cache=cache)
-    with ThreadPoolExecutor() as pool:
-        list(pool.map(_checked, scene.frames))
-    return scene
+    return checked(scene)
 
 
 def placed(config: SceneConfig) -> Scene:
@@ -52,13 +52,5 @@ def placed(config: SceneConfig) -> Scene:
         raise InputError(f"{root} is not there; give scene.path=DIR of a capture (docs/captures.md lists the layouts)")
     capture = reader_of(config, Listing(root)).read(root, config)
     tell_unmatched(capture)
+    tell_passed_over(capture)
     return assembled(capture, config)
-
-
-def _checked(frame: Frame) -> None:
-    if frame.cache is not None and frame.cache.has_room(3 * frame.camera.width * frame.camera.height):
-        frame.color()
-    else:
-        frame.source.check()
-    if frame.mask_photo is not None:
-        frame.mask_photo.check()

@@ -14,13 +14,12 @@ from room2dgs.captures.cache import Cache
 from room2dgs.captures.depth_maps import DepthMap, depth_file
 from room2dgs.captures.image_files import resized, whole_at
 from room2dgs.captures.lens import Lens, pinhole_of
+from room2dgs.captures.mask_images import OPAQUE, MaskRule, Masks, alpha_of, facts_of, mask_image, rule_of
 from room2dgs.captures.photos import Photo, PhotoFile
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
-
-MASK_WHITE = 127  # of 255; brighter may be used
 
 
 @dataclass(frozen=True)
@@ -38,6 +37,8 @@ class Frame:
         photo: the photo where it is no file of its own; None: `color_path`.
         lens: the distortion that is taken out on reading; None: none.
         mask_photo: white where the photo may be used, of the photo's shape; None: everywhere.
+        masks: of the capture, which tell what the mask's numbers mean; None: this one tells.
+        transparent: the photo has an alpha, and what it hides may not be used either.
         depth_map: how the depth is read, and its camera; None: a 16-bit image registered to the photo.
         poses: what the pose on disk was read as (`scene.poses`).
     """
@@ -54,6 +55,8 @@ class Frame:
     mask_photo: Photo | None = None
     depth_map: DepthMap | None = None
     poses: str = "camera_to_world_opencv"
+    masks: Masks | None = field(default=None, repr=False, compare=False)
+    transparent: bool = False
 
     @property
     def source(self) -> Photo:
@@ -69,7 +72,7 @@ class Frame:
         return pinhole_of(self.lens).size if self.lens else self.source.size()
 
     def color(self) -> np.ndarray:
-        """(H, W, 3) uint8 RGB, undistorted, area-averaged down to the camera's size; orientation tags are not applied.
+        """(H, W, 3) uint8 RGB, undistorted, area-averaged down to the camera's size.
 
         It is shared with the cache: do not write to it.
 
@@ -89,13 +92,12 @@ class Frame:
             InputError: the file cannot be decoded.
         """
         whole = self.lens is None or pinhole_of(self.lens).valid is None
-        if self.mask_photo is None and whole:
+        if self.mask_photo is None and whole and not self.transparent:
             return None
         if self.cache is None:
             return self._mask()
-        key = ("mask", self._place, self.camera.size)
-        bits = self.cache.get_or(key, lambda: (np.packbits(self._mask(), axis=1),))[0]
-        return np.unpackbits(bits, axis=1, count=self.camera.width).astype(bool)
+        bits = self.cache.get_or(("mask", self._place, self.camera.size), self._mask_bits)[0]
+        return np.unpackbits(bits, axis=1, count=self.camera.width).astype(bool) if bits.size else None
 
     def depth(self) -> np.ndarray | None:
         """(H, W) float32 z-depth in metres, 0 = invalid, at the camera's size (`depth_at`).
@@ -118,6 +120,8 @@ class Frame:
             parts.append(repr((self.lens.model, self.lens.params, self.lens.size)).encode())
         if self.mask_photo is not None:
             parts.append(self.mask_photo.digest())
+            if self._mask_rule != MaskRule():
+                parts.append(repr(self._mask_rule).encode())
         return parts[0] if len(parts) == 1 else hashlib.sha256(b"".join(parts)).digest()
 
     @property
@@ -132,17 +136,30 @@ class Frame:
             raise InputError(f"{self.color_path} is not {self.lens.size[0]}x{self.lens.size[1]} pixels any more")
         return resized(pinhole_of(self.lens).undistorted(pixels), self.camera.size)
 
-    def _mask(self) -> np.ndarray:
+    @property
+    def _mask_rule(self) -> MaskRule:
+        return self.masks.rule if self.masks is not None else rule_of([facts_of(mask_image(self.mask_photo))])
+
+    def _mask_bits(self) -> tuple[np.ndarray]:
+        mask = self._mask()
+        return (np.zeros(0, np.uint8) if mask is None else np.packbits(mask, axis=1),)
+
+    def _mask(self) -> np.ndarray | None:
+        parts = [] if self.mask_photo is None else [self._mask_rule.usable(mask_image(self.mask_photo))]
+        alpha = alpha_of(self.source) if self.transparent else None
+        if alpha is not None:
+            parts.append(alpha > OPAQUE)
+        valid = pinhole_of(self.lens).valid if self.lens else None
+        if not parts and valid is None:
+            return None
         full = self.full_size()
         usable = np.ones(full[::-1], np.float32)
-        if self.mask_photo is not None:
+        for part in parts:
             stored = self.lens.size if self.lens else full
-            grey = self.mask_photo.pixels()[..., 0]
-            white = (grey > (MASK_WHITE if grey.max() > 1 else 0)).astype(np.float32)  # some are of 0 and 1
+            white = part.astype(np.float32)
             if white.shape[1::-1] != stored:
                 white = cv2.resize(white, stored, interpolation=cv2.INTER_NEAREST)
-            usable = pinhole_of(self.lens).undistorted(white) if self.lens else white
-        valid = pinhole_of(self.lens).valid if self.lens else None
+            usable = usable * (pinhole_of(self.lens).undistorted(white) if self.lens else white)
         if valid is not None:
             usable = usable * valid
         return whole_at(usable, self.camera.size)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from room2dgs.captures.assemble import check_principal_point
 from room2dgs.captures.capture import pinhole_lens
+from room2dgs.captures.principal_point import check_principal_point
 from room2dgs.colmap import pycolmap
 from room2dgs.config import PrepareConfig
 from room2dgs.cores import available_cores

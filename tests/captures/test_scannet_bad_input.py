@@ -110,10 +110,18 @@ def without_its_end(path):
     path.write_bytes(path.read_bytes()[:-200])
 
 
-@pytest.mark.parametrize("spoil", [text, empty, half, without_its_end])
-def test_a_photo_that_is_not_whole(refused, capture, spoil):
+@pytest.mark.parametrize(
+    ("spoil", "word"),
+    [(text, "is not an image"), (empty, "is empty"), (half, "ends too early"), (without_its_end, "ends too early")],
+)
+def test_a_photo_that_is_not_whole_costs_itself_and_two_of_eight_the_capture(
+    scene_config, refused, capture, spoil, word
+):
     spoil(capture / "color/15.jpg")
-    refused("color/15.jpg", "cannot be decoded")
+    found = dropped(scene_config)
+    assert list(found) == ["000015"] and word in found["000015"]
+    spoil(capture / "color/25.jpg")
+    refused("color/15.jpg", word, "first of 2")
 
 
 @pytest.mark.parametrize("spoil", [text, empty, half])
@@ -124,12 +132,12 @@ def test_a_depth_map_that_is_not_whole_stops_no_run(capture, scene_config, defau
         sensor_depth(frame, default_config.prior.depth)
 
 
-def test_a_truncated_png_photo(refused, capture, corner_views):
+def test_a_truncated_png_photo(scene_config, capture, corner_views):
     path = capture / "color" / "15.png"
     (capture / "color" / "15.jpg").unlink()
     cv2.imwrite(str(path), corner_views[3][1])
     half(path)
-    refused("15.png", "cannot be decoded")
+    assert "15.png cannot be decoded" in dropped(scene_config)["000015"]
 
 
 def test_a_photo_of_another_size(refused, capture):

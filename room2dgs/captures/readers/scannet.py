@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from room2dgs.captures.assemble import MAX_DEPTH_MISMATCH, check_principal_point
 from room2dgs.captures.capture import Capture, Shot, lost, pinhole_lens
 from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.image_files import color_size, depth_size
@@ -21,6 +20,8 @@ from room2dgs.captures.known_keys import unknown_keys
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.matrix_files import read_intrinsics, read_world_from_cam
 from room2dgs.captures.pairing import alike
+from room2dgs.captures.principal_point import check_principal_point
+from room2dgs.captures.shapes import MAX_MISMATCH
 from room2dgs.captures.text_files import key_values, number, numbers, positive
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -115,7 +116,7 @@ def _check_registered(path: Path, K: np.ndarray, first: Shot) -> None:
     check_principal_point(replace(first.lens, size=size))  # says more if it is the photos' intrinsics that are wrong
     scale = np.diag([size[0] / depth[0], size[1] / depth[1], 1.0])
     error = np.abs((scale @ K_depth - K)[:2]) / np.array([[K[0, 0]], [K[1, 1]]])
-    if error.max() > MAX_DEPTH_MISMATCH:
+    if error.max() > MAX_MISMATCH:
         raise InputError(
             f"{path} is another camera than intrinsic_color.txt; register depth to colour or delete the depth folder"
         )

@@ -1,0 +1,217 @@
+"""Photos, their intrinsics, masks and depth maps brought together: they fit, or one sentence says why not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from room2dgs.captures.capture import Capture, Shot, file_name, pinhole_lens
+from room2dgs.captures.entry import Entry
+from room2dgs.captures.image_files import depth_size
+from room2dgs.captures.left_out import left_out
+from room2dgs.captures.lens import Lens
+from room2dgs.captures.photo_header import PhotoHeader, header_of
+from room2dgs.captures.photos import Photo
+from room2dgs.captures.principal_point import check_principal_point
+from room2dgs.captures.scene import Dropped
+from room2dgs.captures.shapes import check_shape, same_shape
+from room2dgs.captures.turned_photo import ON_ITS_SIDE, TurnedPhoto, turned_size
+from room2dgs.config import SceneConfig
+from room2dgs.errors import InputError
+
+RESIZED = 0.02  # relative difference of the factors by which width and height were resized
+
+
+class _Headers(NamedTuple):
+    photo: PhotoHeader
+    mask: PhotoHeader | None
+
+
+@dataclass
+class _Told:
+    """What a person should know: photos by what was done about their orientation, and warnings of intrinsics."""
+
+    turned: list[str] = field(default_factory=list)
+    stored: list[str] = field(default_factory=list)
+    unsure: list[str] = field(default_factory=list)
+    cropped: list[str] = field(default_factory=list)
+
+    def notes(self) -> list[str]:
+        found = []
+        if self.turned:
+            found.append(
+                f"orientation: {len(self.turned)} photos are turned as their EXIF says, because their intrinsics are "
+                "for the turned ones"
+            )
+        if self.stored:
+            found.append(
+                f"orientation: {len(self.stored)} photos have an EXIF orientation that is not applied, because their "
+                "intrinsics fit the pixels as they are stored"
+            )
+        return found
+
+    def warnings(self) -> list[str]:
+        found = []
+        if self.unsure:
+            found.append(
+                f"{len(self.unsure)} photos have an EXIF orientation ({self.unsure[0]} is the first), and nothing "
+                "tells whether their intrinsics are for the turned ones: pixels are read as they are stored; if the "
+                "room looks wrong, save the photos turned and without the tag"
+            )
+        if self.cropped:
+            more = f" (so are those of {len(self.cropped) - 1} other photos)" if len(self.cropped) > 1 else ""
+            found.append(self.cropped[0] + more)
+        return found
+
+
+def fitted(
+    capture: Capture, entries: Sequence[Entry], config: SceneConfig
+) -> tuple[list[Entry], list[Dropped], list[str], list[str]]:
+    """Entries with photos, masks, sizes and lenses that fit each other; those left out; notes; warnings.
+
+    Headers are read alone. Depth maps that are the photo's camera's have the photo's shape, and so have masks.
+
+    Raises:
+        InputError: too many photos or masks that cannot be read, no intrinsics, sizes that contradict the intrinsics, a
+            map of another shape than its photo.
+    """
+    with ThreadPoolExecutor() as pool:
+        headers = list(pool.map(_headers, (entry.shot for entry in entries)))
+    bad = {
+        entry.shot.name: str(found)
+        for entry, found in zip(entries, headers, strict=True)
+        if isinstance(found, InputError)
+    }
+    said = left_out(bad, len(entries), "photos that cannot be read")
+    told = _Told()
+    first: dict[int, tuple[Shot, tuple[int, int]]] = {}
+    good = [
+        _fitted(capture, entry, found, config, first, told)
+        for entry, found in zip(entries, headers, strict=True)
+        if not isinstance(found, InputError)
+    ]
+    _check_depths(good)
+    dropped = [Dropped(file_name(name), why) for name, why in bad.items()]
+    return good, dropped, told.notes(), [*([said] if said else []), *told.warnings()]
+
+
+def _headers(shot: Shot) -> _Headers | InputError:
+    try:
+        return _Headers(header_of(shot.source), None if shot.mask is None else header_of(shot.mask))
+    except InputError as error:
+        return error
+
+
+def _fitted(
+    capture: Capture,
+    entry: Entry,
+    headers: _Headers,
+    config: SceneConfig,
+    first: dict[int, tuple[Shot, tuple[int, int]]],
+    told: _Told,
+) -> Entry:
+    """One entry.
+
+    Args:
+        first: the first photo of each lens that knows no size, and its size; it grows.
+    """
+    shot, header = entry.shot, headers.photo
+    given = config.intrinsics
+    lens = shot.lens
+    if given is not None:
+        lens = pinhole_lens(*given, None, "scene.intrinsics", config.pixel_centres != "integer")
+    size, photo = header.size, shot.photo
+    if _to_be_turned(lens, header, shot.path.name, told):
+        size, photo = turned_size(size, header.orientation), TurnedPhoto(shot.source, header.orientation)
+    if lens is None:
+        raise InputError(
+            f"{capture.root} brings no intrinsics; give scene.intrinsics=[fx,fy,cx,cy] in pixels of the photos "
+            f"({size[0]}x{size[1]})"
+        )
+    sure = given is not None or lens.size == size
+    try:
+        if lens.size is None:
+            other, known = first.setdefault(id(shot.lens), (shot, size))
+            if size != known:
+                raise InputError(
+                    f"{shot.path} has {size[0]}x{size[1]} pixels and {other.path.name} has "
+                    f"{known[0]}x{known[1]}, but they share intrinsics; give all photos one size"
+                )
+            lens = replace(lens, size=size)
+        elif lens.size != size:
+            lens = _scaled(lens, size, shot)
+        doubt = check_principal_point(lens, sure)
+    except InputError as error:
+        if header.orientation == 1 or photo is not shot.photo:
+            raise
+        raise InputError(f"{error} (EXIF of the photo says that it is to be turned, which was not done)") from error
+    if doubt:
+        told.cropped.append(doubt)
+    mask = None if headers.mask is None else _mask(shot.mask, headers.mask, size)
+    return replace(entry, lens=lens, size=size, photo=photo, mask=mask, transparent=header.transparent)
+
+
+def _to_be_turned(lens: Lens | None, header: PhotoHeader, name: str, told: _Told) -> bool:
+    """Whether the intrinsics are for the photo as its EXIF orientation turns it; the size tells, if anything does."""
+    if header.orientation == 1:
+        return False
+    if lens is None or lens.size is None:
+        told.unsure.append(name)
+        return False
+    turned = turned_size(header.size, header.orientation)
+    as_stored, as_turned = _resized(lens.size, header.size), _resized(lens.size, turned)
+    if as_turned and not as_stored:
+        told.turned.append(name)
+        return True
+    if as_stored:
+        square = header.orientation >= ON_ITS_SIDE and as_turned
+        (told.unsure if square else told.stored).append(name)
+    return False
+
+
+def _resized(one: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Is one the other, made larger or smaller?"""
+    return abs(one[0] * other[1] / (one[1] * other[0]) - 1.0) <= RESIZED
+
+
+def _scaled(lens: Lens, size: tuple[int, int], shot: Shot) -> Lens:
+    """Intrinsics of a photo that was resized after they were written."""
+    if not _resized(size, lens.size):
+        raise InputError(
+            f"{shot.path} has {size[0]}x{size[1]} pixels, but its intrinsics are for {lens.size[0]}x{lens.size[1]}; "
+            "give the intrinsics of this image size as scene.intrinsics=[fx,fy,cx,cy], or the photos that they are for"
+        )
+    return lens.scaled_to(size)
+
+
+def _mask(mask: Photo, header: PhotoHeader, size: tuple[int, int]) -> Photo:
+    """A mask of the photo's shape; it may have an orientation of its own."""
+    turned = turned_size(header.size, header.orientation)
+    if not same_shape(header.size, size) and same_shape(turned, size):
+        return TurnedPhoto(mask, header.orientation)
+    label = getattr(mask, "path", None) or getattr(mask, "label", None) or "a mask"
+    check_shape(label, "masks", header.size, size, "make masks of the photos' shape or delete them")
+    return mask
+
+
+def _check_depths(entries: Sequence[Entry]) -> None:
+    """Depth of the photos' own camera has the photos' shape; whoever reads a map that is not whole tells."""
+    present = [entry for entry in entries if entry.shot.depth is not None]
+    with ThreadPoolExecutor() as pool:
+        sizes = list(pool.map(lambda entry: _depth_size(entry.shot), present))
+    for entry, size in zip(present, sizes, strict=True):
+        depth = entry.shot.depth
+        if size is not None:
+            label = depth if isinstance(depth, Path) else depth.label
+            mend = "register depth to colour or delete the depth folder"
+            check_shape(label, "depth maps", size, entry.size, mend)
+
+
+def _depth_size(shot: Shot) -> tuple[int, int] | None:
+    """(width, height) of a map that shows what the photo shows; None: it has a camera of its own, or is damaged."""
+    if isinstance(shot.depth, Path):
+        return depth_size(shot.depth)
+    return shot.depth.size() if shot.depth.K is None else None
