@@ -6,19 +6,34 @@ from collections.abc import Callable
 
 import numpy as np
 
-from room2dgs.captures.capture import Lost
+from room2dgs.captures.capture import lost
 
 MAX_APART_S = 0.02  # of what counts as one moment
 MAX_GAP_S = 0.2  # of the poses around a photo
+SAME_TIME_S = 0.001  # of a pose that was written for a photo
+
+
+def written_for(photos: np.ndarray, stamps: np.ndarray) -> bool:
+    """Whether poses are at the photos' own times: most of them are. Then one that is missing is not blended of others.
+
+    Args:
+        photos: (M,) seconds, in order; stamps: (N,) of the poses.
+    """
+    if not len(photos) or not len(stamps):
+        return False
+    after = np.searchsorted(photos, stamps).clip(1, max(1, len(photos) - 1))
+    apart = np.minimum(np.abs(photos[after - 1] - stamps), np.abs(photos[after.clip(max=len(photos) - 1)] - stamps))
+    return bool((apart <= SAME_TIME_S).mean() > 0.5)
 
 
 def pose_at_time(
-    stamp: float, stamps: np.ndarray, poses: np.ndarray, max_gap_s: float = MAX_GAP_S
+    stamp: float, stamps: np.ndarray, poses: np.ndarray, max_gap_s: float = MAX_GAP_S, own: bool = False
 ) -> np.ndarray | Callable[[], np.ndarray]:
     """(4, 4) at a time: the poses around it blended, the rotation along the shortest arc.
 
     Args:
         stamps: (N,) seconds, in order; poses: (N, 4, 4).
+        own: each photo has a pose of its own (`written_for`), or none.
 
     Returns:
         The pose; if they are far in time, a function that raises `Lost`.
@@ -26,12 +41,16 @@ def pose_at_time(
     after = int(np.searchsorted(stamps, stamp))
     if after < len(stamps) and stamps[after] == stamp:
         return poses[after]
-    if after == 0 or after == len(stamps):
-        nearest = min(max(after - 1, 0), len(stamps) - 1)
-        return poses[nearest] if abs(stamps[nearest] - stamp) <= MAX_APART_S else lost_at(stamp)
+    around = [index for index in (after - 1, after) if 0 <= index < len(stamps)]
+    nearest = min(around, key=lambda index: abs(stamps[index] - stamp))
+    apart = abs(stamps[nearest] - stamp)
+    if own and apart > SAME_TIME_S:
+        return lost_at(stamp)
+    if len(around) == 1:
+        return poses[nearest] if apart <= MAX_APART_S else lost_at(stamp)
     gap = stamps[after] - stamps[after - 1]
     if gap > max_gap_s:
-        return lost_at(stamp)
+        return poses[nearest] if apart <= SAME_TIME_S else lost_at(stamp)
     from scipy.spatial.transform import Rotation, Slerp
 
     pair = Rotation.from_matrix(poses[after - 1 : after + 1, :3, :3])
@@ -44,8 +63,4 @@ def pose_at_time(
 
 def lost_at(stamp: float) -> Callable[[], np.ndarray]:
     """A pose that is none."""
-
-    def lost():
-        raise Lost(f"no pose near its time {stamp:.6f}")
-
-    return lost
+    return lost(f"no pose near its time {stamp:.6f}")

@@ -1,12 +1,12 @@
 """Record3D: an .r3d archive, or its "EXR + RGB" export: metadata (JSON), rgbd/ or rgb/ and depth/.
 
-Poses are camera-to-world with OpenGL axes, metres; K goes down the columns and holds at w x h. Depth in an .r3d is
-packed by LZFSE (the extra `phones`).
+Poses are camera-to-world with OpenGL axes, metres, and a photo's is the one of its number; K goes down the columns and
+holds at w x h. Depth in an .r3d is packed by LZFSE (the extra `phones`).
 """
 
 from __future__ import annotations
 
-import os
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,12 @@ from typing import Any
 import numpy as np
 
 from room2dgs.captures.archives import Archive
-from room2dgs.captures.capture import C2W_OPENGL, Capture, Shot, pinhole_lens
-from room2dgs.captures.depth_maps import DepthMap
+from room2dgs.captures.capture import C2W_OPENGL, Capture, Shot, damaged, pinhole_lens
+from room2dgs.captures.depth_maps import DepthMap, depth_file
+from room2dgs.captures.known_keys import check_no_distortion, unknown_keys
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
+from room2dgs.captures.lzfse import unpacked_lzfse
+from room2dgs.captures.pairing import note_on, places
 from room2dgs.captures.photos import PhotoBytes
 from room2dgs.captures.readers.sens import the_file
 from room2dgs.captures.text_files import number, numbers, quaternion_pose, read_json_object
@@ -26,6 +29,11 @@ from room2dgs.errors import InputError
 LAYOUT = "<name>.r3d, or metadata.json with rgb/ (Record3D)"
 METADATA = ("metadata.json", "metadata")
 PHOTOS = ("rgb", "rgbd")
+SUFFIXES, DEPTHS = (".jpg", ".jpeg", ".png"), (".depth", ".exr")
+KEYS = {
+    *("w", "h", "dw", "dh", "K", "poses", "perFrameIntrinsicCoeffs", "frameTimestamps"),
+    *("fps", "initPose", "cameraType"),  # change nothing
+}
 MAX_SIDE = 1 << 14
 
 
@@ -46,49 +54,64 @@ def read_record3d(root: Path, config: SceneConfig) -> Capture:
         archive = Archive(path, "metadata")
         meta = read_json_object(path / "metadata", archive.read("metadata"))
         names = {name.removeprefix("rgbd/") for name in archive.names if name.startswith("rgbd/")}
-        photos = natural(name for name in names if name.endswith((".jpg", ".png")))
+        photos = natural(name for name in names if name.lower().endswith(SUFFIXES))
         folder, source = path / "rgbd", path / "metadata"
     else:
         archive = None
         source = next((root / name for name in METADATA if (root / name).is_file()), root / METADATA[0])
         meta = read_json_object(source)
         folder = next((root / name for name in PHOTOS if (root / name).is_dir()), root / PHOTOS[0])
-        photos = natural(name for name in listed(folder) if name.endswith((".jpg", ".png")))
+        photos = natural(name for name in listed(folder) if name.lower().endswith(SUFFIXES))
         names = {f"{Path(name).stem}.exr" for name in listed(root / "depth") if name.endswith(".exr")}
     poses = _poses(meta, source)
-    lenses = _lenses(meta, source, config)
-    if len(photos) > len(poses) or not photos:
-        raise InputError(f"{source} has {len(poses)} poses for {len(photos)} photos; export the capture again")
+    lenses = _lenses(meta, len(poses), source, config)
+    if not photos:
+        raise InputError(f"{source} has {len(poses)} poses and there are no photos; export the capture again")
+    stamps = meta.get("frameTimestamps")
+    if isinstance(stamps, list) and len(stamps) != len(poses):
+        raise InputError(
+            f"{source} has {len(poses)} poses and {len(stamps)} frameTimestamps, so that poses are missing; export the "
+            "capture again"
+        )
+    place = places(photos, len(poses), source, [name for name in names if name.endswith(DEPTHS)])
     shots = []
-    for index, name in enumerate(photos):
+    for name in photos:
         stem = Path(name).stem
-        place = int(stem) if stem.isdigit() and len(stem) < 9 else index
-        if place >= len(poses):
-            raise InputError(f"{source} has {len(poses)} poses and none for {name}; export the capture again")
         depth = _depth_map(archive, root, stem, names, meta, source)
         photo = None if archive is None else PhotoBytes(str(folder / name), partial(archive.read, f"rgbd/{name}"))
-        shots.append(Shot(stem, folder / name, poses[place], lenses[min(place, len(lenses) - 1)], photo, depth))
+        lens = lenses[place[name] if len(lenses) > 1 else 0]
+        shots.append(Shot(stem, folder / name, poses[place[name]], lens, photo, depth))
     mesh = gt_mesh_in(root) if root.is_dir() else None
-    return Capture(root, "record3d", shots, C2W_OPENGL, gt_mesh=mesh, why="ARKit's poses are metres")
+    check_no_distortion(meta, source)
+    notes = [*note_on(len(photos), len(poses), source), *filter(None, [unknown_keys(meta, KEYS, source)])]
+    return Capture(root, "record3d", shots, C2W_OPENGL, gt_mesh=mesh, why="ARKit's poses are metres", notes=notes)
 
 
-def _poses(meta: dict[str, Any], source: Path) -> list[np.ndarray]:
+def _poses(meta: dict[str, Any], source: Path) -> list[np.ndarray | Callable[[], np.ndarray]]:
     rows = meta.get("poses")
     if not isinstance(rows, list):
         raise InputError(f"{source} has no list of poses; export the capture again")
-    poses = []
+    poses: list[np.ndarray | Callable[[], np.ndarray]] = []
     for index, row in enumerate(rows):
-        x, y, z, w, *t = numbers({"poses": row}, "poses", 7, f"{source} (pose {index})")
-        poses.append(quaternion_pose(x, y, z, w, t, f"{source} (pose {index})"))
+        try:
+            x, y, z, w, *t = numbers({"poses": row}, "poses", 7, f"{source} (pose {index})")
+            poses.append(quaternion_pose(x, y, z, w, t, f"{source} (pose {index})"))
+        except InputError as error:
+            poses.append(damaged(error))
     return poses
 
 
-def _lenses(meta: dict[str, Any], source: Path, config: SceneConfig) -> list:
+def _lenses(meta: dict[str, Any], count: int, source: Path, config: SceneConfig) -> list:
     """One a frame where autofocus was noted, else one."""
     size = int(number(meta, "w", source)), int(number(meta, "h", source))
     half = config.pixel_centres != "integer"
     every = meta.get("perFrameIntrinsicCoeffs")
     if isinstance(every, list) and every:
+        if len(every) not in (1, count):
+            raise InputError(
+                f"{source} has {count} poses and {len(every)} perFrameIntrinsicCoeffs, so that some are missing; "
+                "export the capture again"
+            )
         rows = [numbers({"K": row}, "K", 4, f"{source} (perFrameIntrinsicCoeffs)") for row in every]
         return [pinhole_lens(*row, size, source, half) for row in rows]
     K = numbers(meta, "K", 9, source).reshape(3, 3).T
@@ -106,34 +129,10 @@ def _depth_map(
         return DepthMap(f"{archive.path}/{label}", partial(_packed_depth, archive, label, size), 1.0, stored=size)
     if archive is None and f"{stem}.exr" in names:
         path = root / "depth" / f"{stem}.exr"
-        return DepthMap(str(path), partial(_exr, path), 1.0)
+        return depth_file(path, 1.0)
     return None
 
 
 def _packed_depth(archive: Archive, name: str, size: tuple[int, int]) -> np.ndarray:
-    try:
-        import liblzfse
-    except ImportError as error:
-        raise InputError(
-            f"{archive.path} has depth packed by LZFSE; install pyliblzfse (pip install 'room2dgs[phones]')"
-        ) from error
-    try:
-        data = liblzfse.decompress(archive.read(name))
-    except Exception as error:  # whatever its C code raises
-        raise InputError(f"{archive.path} has a damaged {name}; export it again") from error
-    if len(data) != 4 * size[0] * size[1]:
-        raise InputError(f"{archive.path} has a {name} that is not {size[0]}x{size[1]} pixels; export it again")
+    data = unpacked_lzfse(archive.read(name), 4 * size[0] * size[1], f"{archive.path} ({name})")
     return np.frombuffer(data, "<f4").reshape(size[1], size[0])
-
-
-def _exr(path: Path) -> np.ndarray:
-    os.environ.setdefault("OPENCV_IO_ENABLE_OPENEXR", "1")  # OpenCV asks for it when it first reads one
-    import cv2
-
-    try:
-        depth = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        depth = None
-    if depth is None or depth.dtype != np.float32:
-        raise InputError(f"{path} cannot be decoded as a depth map; export the capture again")
-    return depth if depth.ndim == 2 else depth[..., 0]

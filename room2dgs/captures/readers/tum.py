@@ -6,16 +6,18 @@ intrinsics: they are those of the folder's freiburg1, 2 or 3, with their distort
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
 from room2dgs.captures.capture import Capture, Shot
 from room2dgs.captures.depth_maps import DepthMap, depth_file
+from room2dgs.captures.left_out import left_out
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.listing import Listing, gt_mesh_in, inside
 from room2dgs.captures.text_files import floats, lines_of, quaternion_pose
-from room2dgs.captures.trajectories import MAX_APART_S, pose_at_time
+from room2dgs.captures.trajectories import MAX_APART_S, pose_at_time, written_for
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
@@ -41,8 +43,10 @@ def read_tum(root: Path, config: SceneConfig) -> Capture:
         InputError: see `room2dgs.captures.read.read_scene`.
     """
     lens = _lens(root, config)
-    photos, depths = _stamped(root / "rgb.txt"), _stamped(root / "depth.txt") if (root / "depth.txt").is_file() else []
-    stamps, poses = trajectory(root / "groundtruth.txt")
+    photos, notes = _stamped(root / "rgb.txt")
+    depths, depth_notes = _depths(root)
+    stamps, poses, pose_notes = trajectory(root / "groundtruth.txt")
+    own = written_for(np.array([stamp for stamp, _ in photos]), stamps)
     depth_stamps = np.array([stamp for stamp, _ in depths])
     shots = []
     for stamp, name in photos:
@@ -50,10 +54,30 @@ def read_tum(root: Path, config: SceneConfig) -> Capture:
         if depths:
             nearest = int(np.argmin(np.abs(depth_stamps - stamp)))
             if abs(depth_stamps[nearest] - stamp) <= MAX_APART_S:
-                depth = depth_file(inside(root, depths[nearest][1], root / "depth.txt"), DEPTH_UNIT_M, distorted=False)
-        pose = pose_at_time(stamp, stamps, poses)
+                depth = depth_file(depths[nearest][1], DEPTH_UNIT_M, distorted=False)
+        pose = pose_at_time(stamp, stamps, poses, own=own)
         shots.append(Shot(name, inside(root, name, root / "rgb.txt"), pose, lens, depth=depth))
-    return Capture(root, "tum", shots, gt_mesh=gt_mesh_in(root), why="the motion capture's poses are metres")
+    return Capture(
+        root,
+        "tum",
+        shots,
+        gt_mesh=gt_mesh_in(root),
+        why="the motion capture's poses are metres",
+        notes=[*notes, *depth_notes, *pose_notes],
+    )
+
+
+def _depths(root: Path) -> tuple[list[tuple[float, Path]], list[str]]:
+    """Times and files of the depth maps that are there, and notes."""
+    path = root / "depth.txt"
+    if not path.is_file():
+        return [], []
+    listed, notes = _stamped(path)
+    files = [(stamp, inside(root, name, path)) for stamp, name in listed]
+    there = [(stamp, file) for stamp, file in files if file.is_file()]
+    if len(there) < len(files):
+        notes.append(f"{path} names {len(files)} depth maps, {len(files) - len(there)} of them are missing")
+    return there, notes
 
 
 def _lens(root: Path, config: SceneConfig) -> Lens | None:
@@ -67,37 +91,51 @@ def _lens(root: Path, config: SceneConfig) -> Lens | None:
     return None
 
 
-def _stamped(path: Path) -> list[tuple[float, str]]:
-    """(seconds, file) a line, in order of time."""
-    found = []
-    for line, text in lines_of(path):
-        stamp, _, name = text.partition(" ")
-        name = name.strip()
-        if not name:
-            raise InputError(f"{path} line {line} has no time and file; copy the sequence again")
-        found.append((floats(stamp, path, line, 1)[0], name))
-    if not found or not np.isfinite([stamp for stamp, _ in found]).all():
+def _stamped(path: Path) -> tuple[list[tuple[float, str]], list[str]]:
+    """(seconds, file) a line, in order of time, white space or a comma between; and notes on lines left out."""
+    found, bad = [], {}
+    lines = lines_of(path)
+    for line, text in lines:
+        stamp, *rest = re.split(r"[\s,]+", text, maxsplit=1)
+        name = "".join(rest)
+        try:
+            seconds = floats(stamp, path, line, 1)[0]
+            if not name or not np.isfinite(seconds):
+                raise InputError(f"{path} line {line} has no time and file; copy the sequence again")
+        except InputError as error:
+            bad[f"line {line}"] = str(error)
+            continue
+        found.append((seconds, name))
+    said = left_out(bad, len(lines), f"lines of {path.name}")
+    if not found:
         raise InputError(f"{path} lists no files with times; copy the sequence again")
-    return sorted(found)
+    return sorted(found), [said] if said else []
 
 
-def trajectory(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def trajectory(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Times and poses of a text file of lines `time tx ty tz qx qy qz qw`, in order of time.
 
     Returns:
-        (N,) seconds, (N, 4, 4) camera-to-world; poses that are not finite are left out.
+        (N,) seconds, (N, 4, 4) camera-to-world; poses that are not finite are left out. Notes on lines that are
+        damaged.
 
     Raises:
-        InputError: a line is damaged, or there is none.
+        InputError: many lines are damaged, or there is none.
     """
-    stamps, poses = [], []
-    for line, text in lines_of(path):
-        stamp, *t, x, y, z, w = floats(text, path, line, 8)
-        pose = quaternion_pose(x, y, z, w, t, f"{path} line {line}")
+    stamps, poses, bad = [], [], {}
+    lines = lines_of(path)
+    for line, text in lines:
+        try:
+            stamp, *t, x, y, z, w = floats(text, path, line, 8)
+            pose = quaternion_pose(x, y, z, w, t, f"{path} line {line}")
+        except InputError as error:
+            bad[f"line {line}"] = str(error)
+            continue
         if np.isfinite(pose).all() and np.isfinite(stamp):
             stamps.append(stamp)
             poses.append(pose)
+    said = left_out(bad, len(lines), f"lines of {path.name}")
     if not poses:
         raise InputError(f"{path} has no poses; copy it again")
     order = np.argsort(stamps, kind="stable")
-    return np.array(stamps)[order], np.stack(poses)[order]
+    return np.array(stamps)[order], np.stack(poses)[order], [said] if said else []
