@@ -65,6 +65,11 @@ def camera_in_world(camera: Camera, origin_m: Origin) -> Camera:
     return replace(camera, cam_from_world=inverse_pose(in_world(camera.world_from_cam, origin_m)))
 
 
+def xyz_in_world(xyz: np.ndarray, origin_m: Origin) -> np.ndarray:
+    """(N, 3) float64 of points (N, 3) in the scene's frame."""
+    return xyz if origin_m == AT_ORIGIN else np.asarray(xyz, np.float64) + origin_m
+
+
 def points_in_scene(read: Callable[[], PointCloud], origin_m: Origin) -> PointCloud:
     """Points that were read in the capture's world, in the scene's frame."""
     points = read()

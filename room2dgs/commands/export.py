@@ -15,7 +15,7 @@ from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.runs.folder import EXPORTS, MESH, POINTS, SURFELS, at_work_beside, earlier_run, last_value, required
-from room2dgs.runs.metrics import record, timed
+from room2dgs.runs.metrics import origin_of_run, record, timed
 
 if TYPE_CHECKING:
     from room2dgs.export.registry import Format
@@ -116,7 +116,7 @@ def export_after_run(scene: Scene, surfels: Surfels, config: Config, log: Log, s
 def source_of(config: Config, log: Log) -> Source:
     """What the run in config.out gives, each part read when it is first asked for."""
     from room2dgs.export.source import Source
-    from room2dgs.mesh.io import read_mesh
+    from room2dgs.mesh.world import read_in_scene
     from room2dgs.sfm.sparse import sparse_points
 
     out = Path(config.out)
@@ -125,12 +125,13 @@ def source_of(config: Config, log: Log) -> Source:
         config,
         read_scene=lambda: with_poses_of_run(read(config), out),
         read_surfels=lambda: trained_surfels(out),
-        read_mesh=lambda: read_mesh(required(out / MESH, "mesh")),
+        read_mesh=lambda origin_m: read_in_scene(required(out / MESH, "mesh"), origin_m),
         read_points=lambda scene: sparse_points(
             scene, config.points, Path(config.points.cache or out / POINTS), log, may_lack=points_may_lack(config)
         ),
         render=lambda surfels, frames: rendered(surfels, frames, config),
         log=log,
+        recorded_origin_m=origin_of_run(out),
     )
 
 

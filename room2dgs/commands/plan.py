@@ -39,10 +39,10 @@ def main(argv: list[str]) -> int:
     if source.up is None:
         raise InputError("export.up=keep does not say which way is up; give up=auto or up=z")
     from room2dgs.plan.dxf import dxf
-    from room2dgs.plan.floor_plan import as_json, floor_plan, sentences
+    from room2dgs.plan.floor_plan import as_json, floor_plan, plan_in_world, sentences
     from room2dgs.plan.svg import svg
 
-    plan = floor_plan(source.mesh, source.up)
+    plan = plan_in_world(floor_plan(source.mesh, source.up), source.origin_m)
     for line in sentences(plan):
         print(line)
     out = Path(last_value(argv, "out") or folder / PLAN).expanduser().absolute()

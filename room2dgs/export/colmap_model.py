@@ -8,6 +8,7 @@ import numpy as np
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Scene
+from room2dgs.captures.world_offset import Origin, camera_in_world, xyz_in_world
 from room2dgs.colmap import pycolmap
 from room2dgs.export.photos import write_photos
 from room2dgs.export.source import Source
@@ -48,12 +49,13 @@ def colmap_model(scene: Scene, points: PointCloud, names: dict[str, str]) -> pyc
                 )
             )
         pixels = _pixels(points, frame.name)
+        camera = camera_in_world(frame.camera, scene.origin_m)
         image = pycolmap.Image(
             name=names[frame.name], keypoints=pixels, camera_id=cameras[key], image_id=number
         )  # its features are the points that it saw, in their order
-        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(frame.camera.cam_from_world[:3]))
+        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(camera.cam_from_world[:3]))
         ids[frame.name] = number
-    _add_points(model, points, ids)
+    _add_points(model, points, ids, scene.origin_m)
     return model
 
 
@@ -62,13 +64,13 @@ def _pixels(points: PointCloud, name: str) -> np.ndarray:
     return np.zeros((0, 2)) if points.tracks is None else points.tracks.of_frame(name)[1].astype(np.float64)
 
 
-def _add_points(model: pycolmap.Reconstruction, points: PointCloud, ids: dict[str, int]) -> None:
+def _add_points(model: pycolmap.Reconstruction, points: PointCloud, ids: dict[str, int], origin_m: Origin) -> None:
     seen: list[list[tuple[int, int]]] = [[] for _ in range(len(points))]
     if points.tracks is not None:
         for name, number in ids.items():
             for feature, point in enumerate(points.tracks.of_frame(name)[0]):
                 seen[point].append((number, feature))
-    for xyz, rgb, track in zip(points.xyz, points.rgb, seen, strict=True):
+    for xyz, rgb, track in zip(xyz_in_world(points.xyz, origin_m), points.rgb, seen, strict=True):
         elements = [pycolmap.TrackElement(image, feature) for image, feature in track]
         model.add_point3D(xyz, pycolmap.Track(elements), rgb)
     if points.tracks is not None:

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from room2dgs.captures.scene import Frame
+from room2dgs.captures.world_offset import camera_in_world
 from room2dgs.export.source import Source
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
@@ -33,7 +34,9 @@ def write_maps(source: Source, folder: Path, encode: Callable[[Frame, Rendering]
         with whole_file(path) as temporary:
             temporary.write_bytes(encode(frame, rendering))
         written.append(path)
-    cameras = {frame.name: camera_entry(frame.camera) for frame in source.scene.frames}
+    cameras = {
+        frame.name: camera_entry(camera_in_world(frame.camera, source.origin_m)) for frame in source.scene.frames
+    }
     with whole_file(folder / "cameras.json") as temporary:
         temporary.write_text(json.dumps(cameras, indent=1) + "\n", encoding="utf-8")
     return [*written, folder / "cameras.json"]

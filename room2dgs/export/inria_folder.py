@@ -5,7 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
+
+from room2dgs.captures.world_offset import AT_ORIGIN
 from room2dgs.export.gaussian_ply import gaussian_ply
+from room2dgs.export.local_files import write_offset
 from room2dgs.export.source import Source
 from room2dgs.files import whole_file
 
@@ -43,12 +47,13 @@ def write_inria(source: Source, folder: Path) -> list[Path]:
         "eval": False,
     }
     arguments = ", ".join(f"{key}={value!r}" for key, value in settings.items())
+    far = () if source.origin_m == AT_ORIGIN else source.comments(np.eye(3))
     contents = {
-        cloud: gaussian_ply(source.surfels, sh_degree=SH_DEGREE),
+        cloud: gaussian_ply(source.surfels, comments=far, sh_degree=SH_DEGREE),
         folder / "cameras.json": (json.dumps(cameras) + "\n").encode(),
         folder / "cfg_args": f"Namespace({arguments})".encode(),
     }
     for path, data in contents.items():
         with whole_file(path) as temporary:
             temporary.write_bytes(data)
-    return list(contents)
+    return [*contents, *write_offset(source, cloud, np.eye(3))]

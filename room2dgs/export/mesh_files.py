@@ -8,29 +8,45 @@ import numpy as np
 import trimesh
 from trimesh.visual.material import PBRMaterial
 
+from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.export.text_rows import text_rows
+from room2dgs.mesh.ply_bytes import ply_bytes
 
+NO_OFFSET = np.zeros(3)
 ARRAY, ELEMENTS = 34962, 34963  # what a glTF buffer holds
 SRGB_KNEE = 0.04045
 COLOR = "_COLOR"  # trimesh's name of an attribute that it does not know; glTF's is COLOR_0
 
 
-def glb(mesh: trimesh.Trimesh, rotation: np.ndarray) -> bytes:
+def glb(mesh: trimesh.Trimesh, rotation: np.ndarray, offset_m: np.ndarray = NO_OFFSET) -> bytes:
     """glTF 2.0, binary: y up, linear colours of 16 bits (8 would show bands in the dark), a dull material.
 
     Args:
         mesh: world frame, metres, with 8-bit colours.
         rotation: (3, 3) from the world to a frame with y up.
+        offset_m: (3,) in that frame, where the mesh stands: its vertices are float32, the node's translation is not.
     """
     out = turned_mesh(mesh, rotation)
     out.visual = trimesh.visual.TextureVisuals(material=dull_material())
     out.vertex_attributes[COLOR] = linear(colors_of(mesh))
-    return gltf_bytes(out)
+    return gltf_bytes(out, offset_m)
 
 
-def gltf_bytes(mesh: trimesh.Trimesh) -> bytes:
-    """The mesh as a GLB with its normals, colours of attribute `COLOR` named as glTF wants it."""
-    return trimesh.Scene(mesh).export(file_type="glb", include_normals=True, tree_postprocessor=_named)
+def gltf_bytes(mesh: trimesh.Trimesh, offset_m: np.ndarray = NO_OFFSET) -> bytes:
+    """The mesh as a GLB with its normals, colours of attribute `COLOR` named as glTF wants it.
+
+    Args:
+        offset_m: (3,) translation of the mesh's node.
+    """
+
+    def finished(tree: dict[str, Any]) -> None:
+        _named(tree)
+        if offset_m.any():
+            node = next(one for one in tree["nodes"] if "mesh" in one)
+            node["translation"] = offset_m.tolist()
+            node["extras"] = {"offset_m": offset_m.tolist()}
+
+    return trimesh.Scene(mesh).export(file_type="glb", include_normals=True, tree_postprocessor=finished)
 
 
 def dull_material(picture: Any = None) -> PBRMaterial:
@@ -41,9 +57,14 @@ def dull_material(picture: Any = None) -> PBRMaterial:
     )  # fmt: skip
 
 
-def obj(mesh: trimesh.Trimesh, rotation: np.ndarray) -> bytes:
-    """OBJ with y up and normals; colours 0..1 behind the coordinates, which most programs read."""
-    out = turned_mesh(mesh, rotation)
+def obj(mesh: trimesh.Trimesh, rotation: np.ndarray, offset_m: np.ndarray = NO_OFFSET) -> bytes:
+    """OBJ with y up and normals; colours 0..1 behind the coordinates, which most programs read.
+
+    Args:
+        rotation: (3, 3) from the world to a frame with y up.
+        offset_m: (3,) in that frame, added to the vertices.
+    """
+    out = turned_mesh(mesh, rotation, offset_m)
     places = np.column_stack([out.vertices, colors_of(mesh) / 255])
     parts = [
         b"# metres, y up\n",
@@ -54,22 +75,27 @@ def obj(mesh: trimesh.Trimesh, rotation: np.ndarray) -> bytes:
     return b"".join(parts)
 
 
-def ply(mesh: trimesh.Trimesh) -> bytes:
-    """Binary PLY in the capture's own world, with normals."""
-    out = turned_mesh(mesh, np.eye(3))
+def ply(mesh: trimesh.Trimesh, origin_m: Origin = AT_ORIGIN) -> bytes:
+    """Binary PLY in the capture's own world, with normals.
+
+    Args:
+        origin_m: `Scene.origin_m` of the mesh's frame.
+    """
+    out = turned_mesh(mesh, np.eye(3), np.array(origin_m))
     out.visual = trimesh.visual.ColorVisuals(out, vertex_colors=colors_of(mesh))
-    return trimesh.exchange.ply.export_ply(out, vertex_normal=True)
+    return ply_bytes(out, vertex_normal=True)
 
 
-def turned_mesh(mesh: trimesh.Trimesh, rotation: np.ndarray) -> trimesh.Trimesh:
+def turned_mesh(mesh: trimesh.Trimesh, rotation: np.ndarray, offset_m: np.ndarray = NO_OFFSET) -> trimesh.Trimesh:
     """A mesh without colours in another frame; each normal has length 1, also where no face has an area."""
     # of the mesh itself: it keeps them, and the next format has them ready
     normals = np.asarray(mesh.vertex_normals) @ rotation.T
     lengths = np.linalg.norm(normals, axis=1)
     normals[lengths < 0.5] = (0.0, 1.0, 0.0)
-    return trimesh.Trimesh(
-        np.asarray(mesh.vertices) @ rotation.T, np.asarray(mesh.faces), vertex_normals=normals, process=False
-    )
+    places = np.asarray(mesh.vertices) @ rotation.T
+    if offset_m.any():
+        places = places + offset_m
+    return trimesh.Trimesh(places, np.asarray(mesh.faces), vertex_normals=normals, process=False)
 
 
 def colors_of(mesh: trimesh.Trimesh) -> np.ndarray:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from room2dgs.captures.world_offset import AT_ORIGIN, Origin, too_far_for_float32, xyz_in_world
 from room2dgs.geometry.rotations import normals
 from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.splat.types import Surfels
@@ -17,19 +18,24 @@ RECORD = np.dtype(
         ("confidence", "<f4"),
     ]
 )
-TYPES = {"<f4": "float", "|u1": "uchar"}
+FAR_RECORD = np.dtype([(name, "<f8" if name in ("x", "y", "z") else RECORD[name]) for name in RECORD.names or ()])
+TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar"}
 
 
-def point_ply(surfels: Surfels, centres: np.ndarray, comments: Sequence[str] = ()) -> bytes:
+def point_ply(
+    surfels: Surfels, centres: np.ndarray, comments: Sequence[str] = (), origin_m: Origin = AT_ORIGIN
+) -> bytes:
     """A whole file, binary little endian; the confidence is the opacity.
 
     Args:
-        centres: (V, 3) of the cameras, world; each normal points to the side of the nearest of them.
+        centres: (V, 3) of the cameras, scene's frame; each normal points to the side of the nearest of them.
+        origin_m: `Scene.origin_m`; the points lie in the capture's world, far from its origin in double.
     """
     points = surfels.centers.double().numpy()
-    rows = np.zeros(len(points), RECORD)
+    places = xyz_in_world(points, origin_m)
+    rows = np.zeros(len(points), FAR_RECORD if too_far_for_float32(places) else RECORD)
     facing = facing_normals(points, normals(surfels.rotations.double()).numpy(), centres)
-    for name, values in zip(("x", "y", "z", "nx", "ny", "nz"), (*points.T, *facing.T), strict=True):
+    for name, values in zip(("x", "y", "z", "nx", "ny", "nz"), (*places.T, *facing.T), strict=True):
         rows[name] = values
     colors = np.round((0.5 + C0 * surfels.sh[:, 0].double().numpy()).clip(0, 1) * 255)
     for name, values in zip(("red", "green", "blue"), colors.T, strict=True):
@@ -37,7 +43,7 @@ def point_ply(surfels: Surfels, centres: np.ndarray, comments: Sequence[str] = (
     rows["confidence"] = surfels.opacities.numpy()
     header = ["ply", "format binary_little_endian 1.0", *(f"comment {line}" for line in comments)]
     header += [f"element vertex {len(rows)}"]
-    header += [f"property {TYPES[RECORD[name].str]} {name}" for name in RECORD.names or ()]
+    header += [f"property {TYPES[rows.dtype[name].str]} {name}" for name in rows.dtype.names or ()]
     return "\n".join([*header, "end_header", ""]).encode("ascii", "replace") + rows.tobytes()
 
 

@@ -43,6 +43,21 @@ def _file(data: Callable[[Source], bytes]) -> Callable[[Source, Path], list[Path
     return write
 
 
+def _local(data: Callable[[Source], bytes], axes: str) -> Callable[[Source, Path], list[Path]]:
+    """Writes one file of coordinates in float32 or less, and what they count from beside it.
+
+    Args:
+        axes: property of `Source` that turns the world to the file's frame.
+    """
+
+    def write(source: Source, path: Path) -> list[Path]:
+        from room2dgs.export.local_files import write_offset
+
+        return [*_file(data)(source, path), *write_offset(source, path, getattr(source, axes))]
+
+    return write
+
+
 def _splats(source: Source) -> bytes:
     from room2dgs.export.gaussian_ply import gaussian_ply
 
@@ -72,19 +87,19 @@ def _spz(source: Source) -> bytes:
 def _glb(source: Source) -> bytes:
     from room2dgs.export.mesh_files import glb
 
-    return glb(source.hand_over, source.y_up)
+    return glb(source.hand_over, source.y_up, source.offset_m(source.y_up))
 
 
 def _obj(source: Source) -> bytes:
     from room2dgs.export.mesh_files import obj
 
-    return obj(source.hand_over, source.y_up)
+    return obj(source.hand_over, source.y_up, source.offset_m(source.y_up))
 
 
 def _ply(source: Source) -> bytes:
     from room2dgs.export.mesh_files import ply
 
-    return ply(source.hand_over)
+    return ply(source.hand_over, source.origin_m)
 
 
 def _textured(source: Source) -> bytes:
@@ -96,7 +111,7 @@ def _textured(source: Source) -> bytes:
 def _textured_obj(source: Source, folder: Path) -> list[Path]:
     from room2dgs.export.texture.write import write_textured_obj
 
-    return write_textured_obj(source, folder)
+    return write_textured_obj(source, folder, source.offset_m(source.y_up))
 
 
 def _points(source: Source) -> bytes:
@@ -105,7 +120,8 @@ def _points(source: Source) -> bytes:
     from room2dgs.export.point_cloud import point_ply
 
     centres = np.stack([frame.camera.centre for frame in source.scene.frames])
-    return point_ply(source.surfels, centres, source.comments(np.eye(3)))
+    comments = source.comments(np.eye(3), local=False)
+    return point_ply(source.surfels, centres, comments, source.origin_m)
 
 
 def _colmap(source: Source, folder: Path, text: bool) -> list[Path]:
@@ -135,11 +151,12 @@ def _maps(encode: str, suffix: str) -> Callable[[Source, Path], list[Path]]:
     return write
 
 
+_y_down, _y_up = partial(_local, axes="y_down"), partial(_local, axes="y_up")
 _ALL = (
-    Format("splats", "splats.ply", "Gaussians for every 3DGS viewer", _file(_splats), ("surfels",)),
-    Format("splats_2dgs", "splats_2dgs.ply", "discs, for 2DGS tools alone", _file(_splats_2dgs), ("surfels",)),
-    Format("splat", "splats.splat", "Gaussians of one colour each, for web viewers", _file(_splat), ("surfels",)),
-    Format("spz", "splats.spz", "Gaussians, compressed: Scaniverse, Spark, SuperSplat", _file(_spz), ("surfels",)),
+    Format("splats", "splats.ply", "Gaussians for every 3DGS viewer", _y_down(_splats), ("surfels",)),
+    Format("splats_2dgs", "splats_2dgs.ply", "discs, for 2DGS tools alone", _y_down(_splats_2dgs), ("surfels",)),
+    Format("splat", "splats.splat", "Gaussians of one colour each, for web viewers", _y_down(_splat), ("surfels",)),
+    Format("spz", "splats.spz", "Gaussians, compressed: Scaniverse, Spark, SuperSplat", _y_up(_spz), ("surfels",)),
     Format("glb", "mesh.glb", "glTF: browsers, Windows, Blender, engines", _file(_glb), ("mesh",)),
     Format("obj", "mesh.obj", "everything", _file(_obj), ("mesh",)),
     Format("ply", "mesh.ply", "MeshLab, CloudCompare, Blender; the capture's own world", _file(_ply), ("mesh",)),

@@ -14,6 +14,7 @@ import trimesh
 from room2dgs import __version__
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.config import Config
 from room2dgs.export.axes import turned, up_of, y_down_from, y_up_from
 from room2dgs.logs import Log
@@ -30,19 +31,22 @@ class Source:
     Attributes:
         folder: the run's.
         config: its settings, `export` among them.
-        read_scene, read_surfels, read_mesh, read_points: give its parts; called once at most.
+        read_scene, read_surfels, read_mesh, read_points: give its parts; called once at most. The mesh is read into the
+            frame of a scene with this origin.
         render: views of the surfels, one at a time.
         log: takes one line at a time.
+        recorded_origin_m: `Scene.origin_m` as the run noted it; None: the capture is read for it.
     """
 
     folder: Path
     config: Config
     read_scene: Callable[[], Scene]
     read_surfels: Callable[[], Surfels]
-    read_mesh: Callable[[], trimesh.Trimesh]
+    read_mesh: Callable[[Origin], trimesh.Trimesh]
     read_points: Callable[[Scene], PointCloud]
     render: Callable[[Surfels, Iterable[Frame]], Iterator[tuple[Frame, Rendering]]]
     log: Log = print
+    recorded_origin_m: Origin | None = None
 
     @cached_property
     def scene(self) -> Scene:
@@ -53,10 +57,23 @@ class Source:
     def surfels(self) -> Surfels:
         return self.read_surfels()
 
+    @property
+    def origin_m(self) -> Origin:
+        """Where the origin of the scene's frame stands in the capture's world, metres."""
+        return self.scene.origin_m if self.recorded_origin_m is None else self.recorded_origin_m
+
+    def offset_m(self, rotation: np.ndarray) -> np.ndarray:
+        """(3,) what puts a turned scene back into the turned world; zeros for a scene at its world's origin.
+
+        Args:
+            rotation: (3, 3) from the capture's world to the file's frame.
+        """
+        return rotation @ np.array(self.origin_m) + 0.0
+
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
-        """The run's whole mesh, world frame."""
-        return self.read_mesh()
+        """The run's whole mesh, scene's frame."""
+        return self.read_mesh(self.origin_m)
 
     @cached_property
     def points(self) -> PointCloud:
@@ -65,7 +82,7 @@ class Source:
 
     @cached_property
     def hand_over(self) -> trimesh.Trimesh:
-        """The mesh with as few faces as export.faces and export.max_error_m ask for; world frame."""
+        """The mesh with as few faces as export.faces and export.max_error_m ask for; scene's frame."""
         from room2dgs.mesh.simplify import simplified
 
         settings = self.config.export
@@ -103,14 +120,20 @@ class Source:
     def surfels_y_down(self) -> Surfels:
         return turned(self.surfels, self.y_down)
 
-    def comments(self, rotation: np.ndarray) -> list[str]:
+    def comments(self, rotation: np.ndarray, local: bool = True) -> list[str]:
         """What a file says about itself.
 
         Args:
             rotation: (3, 3) from the capture's world to the file's frame.
+            local: its coordinates count from the scene's origin.
         """
-        numbers = " ".join(f"{value:.9g}" for value in rotation.ravel())
-        return [f"room2dgs {__version__}, metres", f"file_from_world (rows of the rotation) {numbers}"]
+        far = self.origin_m != AT_ORIGIN
+        digits = ".17g" if far else ".9g"  # thousands of kilometres are turned by it
+        numbers = " ".join(f"{value:{digits}}" for value in rotation.ravel())
+        said = [f"room2dgs {__version__}, metres", f"file_from_world (rows of the rotation) {numbers}"]
+        if far and local:
+            said.append("offset " + " ".join(f"{value:.17g}" for value in self.offset_m(rotation)))
+        return said
 
     def _normals(self) -> np.ndarray:
         """(N, 3) unit, of surfels; of the mesh where nothing was trained."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from room2dgs.captures.world_offset import AT_ORIGIN
 from room2dgs.export.photos import write_photos
 from room2dgs.export.source import Source
 from room2dgs.files import whole_file
@@ -17,7 +18,11 @@ POINTS = "sparse_points.ply"
 
 
 def write_transforms(source: Source, folder: Path) -> list[Path]:
-    """transforms.json (camera-to-world, OpenGL axes, metres, the capture's own world), images/, sparse points."""
+    """transforms.json (camera-to-world, OpenGL axes, metres, the capture's own world), images/, sparse points.
+
+    Of a scene far from its world's origin, poses and points count from a point beside it, as its trainers' float32
+    needs it; `applied_transform` is the way there from the capture's world, which nerfstudio and we take back.
+    """
     scene = source.scene
     names = write_photos(scene.frames, folder / "images")
     frames = []
@@ -41,7 +46,7 @@ def write_transforms(source: Source, folder: Path) -> list[Path]:
     meta = {
         "camera_model": "OPENCV",
         **{key: 0.0 for key in ("k1", "k2", "p1", "p2")},
-        "applied_transform": np.eye(4)[:3].tolist(),
+        "applied_transform": np.column_stack([np.eye(3), 0.0 - np.array(scene.origin_m)]).tolist(),
         "ply_file_path": POINTS,
         **{key: [f"images/{names[frame.name]}" for frame in part] for key, part in parts.items()},
         "frames": frames,
@@ -49,6 +54,8 @@ def write_transforms(source: Source, folder: Path) -> list[Path]:
     cloud = trimesh.PointCloud(source.points.xyz, colors=source.points.rgb)
     with whole_file(folder / POINTS) as temporary:
         temporary.write_bytes(trimesh.exchange.ply.export_ply(cloud))
+    if scene.origin_m != AT_ORIGIN:
+        source.log("transforms.json: poses and points are near the scene; applied_transform leads there from the world")
     with whole_file(folder / "transforms.json") as temporary:
         temporary.write_text(json.dumps(meta, indent=1) + "\n", encoding="utf-8")
     return [folder / "transforms.json", folder / POINTS, *(folder / "images" / name for name in names.values())]

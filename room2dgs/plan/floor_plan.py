@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.plan.outline import Outline, Side, outlines
 from room2dgs.plan.planes import Plane, level_planes, wall_planes
 from room2dgs.plan.surface import heading, level_surface, turned_about_up
@@ -67,6 +68,35 @@ def floor_plan(mesh: trimesh.Trimesh, up: np.ndarray) -> FloorPlan:
     number = {index: place for place, index in enumerate(used)}
     return FloorPlan(
         surface.level_from_world, floor, ceiling, walls, tuple(_renumbered(room, number) for room in rooms)
+    )
+
+
+def plan_in_world(plan: FloorPlan, origin_m: Origin) -> FloorPlan:
+    """The plan of a mesh in a scene's frame, in the capture's world: its level frame is that world's, turned.
+
+    Args:
+        origin_m: `Scene.origin_m`.
+    """
+    if origin_m == AT_ORIGIN:
+        return plan
+    by = plan.level_from_world @ np.array(origin_m)
+
+    def plane(one: Plane) -> Plane:
+        offset_m, up_m = float(one.normal @ by), float(by[2])
+        return replace(one, offset_m=one.offset_m + offset_m, low_m=one.low_m + up_m, high_m=one.high_m + up_m)
+
+    def ring(sides: tuple[Side, ...]) -> tuple[Side, ...]:
+        return tuple(replace(side, start=side.start + by[:2], end=side.end + by[:2]) for side in sides)
+
+    return replace(
+        plan,
+        floor=plane(plan.floor),
+        ceiling=plan.ceiling and plane(plan.ceiling),
+        walls=tuple(plane(wall) for wall in plan.walls),
+        rooms=tuple(
+            replace(room, sides=ring(room.sides), islands=tuple(ring(island) for island in room.islands))
+            for room in plan.rooms
+        ),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 import resource
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from room2dgs import __version__
+from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.cores import available_cores
 from room2dgs.freed_memory import give_back
 from room2dgs.json_files import update_json
@@ -108,6 +110,18 @@ def earlier(out: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return metrics if isinstance(metrics, dict) else {}
+
+
+def origin_of_run(out: Path) -> Origin | None:
+    """`Scene.origin_m` as the run noted it; None if nothing whole is noted."""
+    capture = earlier(out).get("capture")
+    noted = capture.get("origin_m", AT_ORIGIN) if isinstance(capture, dict) else None  # runs from before had none
+    if not isinstance(noted, (list, tuple)) or len(noted) != 3:
+        return None
+    if not all(type(value) in (int, float) and math.isfinite(value) for value in noted):
+        return None
+    x, y, z = map(float, noted)
+    return x, y, z
 
 
 def stale(out: Path, beginnings: tuple[str, ...]) -> dict[str, None]:

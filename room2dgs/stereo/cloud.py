@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from room2dgs.captures.world_offset import AT_ORIGIN, Origin, too_far_for_float32
+from room2dgs.captures.world_offset import AT_ORIGIN, Origin, too_far_for_float32, xyz_in_world
 from room2dgs.geometry.camera import Camera
 
 
@@ -66,7 +66,7 @@ def ply_bytes(cloud: Cloud, origin_m: Origin = AT_ORIGIN) -> bytes:
     Args:
         origin_m: `Scene.origin_m`; the file lies in the capture's own world, far from its origin in double.
     """
-    xyz = cloud.xyz + origin_m
+    xyz = xyz_in_world(cloud.xyz, origin_m)
     place = "<f8" if too_far_for_float32(xyz) else "<f4"
     fields = [*((name, place) for name in ("x", "y", "z")), *((name, "<f4") for name in ("nx", "ny", "nz"))]
     fields += [(name, "u1") for name in ("red", "green", "blue")]

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from room2dgs.export.mesh_files import dull_material, gltf_bytes, turned_mesh
+from room2dgs.export.mesh_files import NO_OFFSET, dull_material, gltf_bytes, turned_mesh
 from room2dgs.export.source import Source
 from room2dgs.export.text_rows import text_rows
 from room2dgs.export.texture.bake import baked
@@ -66,17 +66,21 @@ def textured(source: Source) -> Textured:
 
 
 def textured_glb(source: Source) -> bytes:
-    return glb_of(*source.textured, source.y_up)
+    return glb_of(*source.textured, source.y_up, source.offset_m(source.y_up))
 
 
-def write_textured_obj(source: Source, folder: Path) -> list[Path]:
-    """room.obj, room.mtl and room.png."""
+def write_textured_obj(source: Source, folder: Path, offset_m: np.ndarray = NO_OFFSET) -> list[Path]:
+    """room.obj, room.mtl and room.png.
+
+    Args:
+        offset_m: (3,) in the frame with y up, added to the vertices.
+    """
     buffer = io.BytesIO()
     Image.fromarray(source.textured.picture).save(buffer, "PNG")
     files = {
         "room.png": buffer.getvalue(),
         "room.mtl": MATERIAL.encode(),
-        "room.obj": obj_of(source.textured.mesh, source.textured.charts, source.y_up),
+        "room.obj": obj_of(source.textured.mesh, source.textured.charts, source.y_up, offset_m),
     }
     for name, data in files.items():
         with whole_file(folder / name) as temporary:
@@ -84,13 +88,14 @@ def write_textured_obj(source: Source, folder: Path) -> list[Path]:
     return [folder / name for name in files]
 
 
-def obj_of(mesh: trimesh.Trimesh, found: Charts, rotation: np.ndarray) -> bytes:
+def obj_of(mesh: trimesh.Trimesh, found: Charts, rotation: np.ndarray, offset_m: np.ndarray = NO_OFFSET) -> bytes:
     """OBJ with y up; places and normals are the mesh's own, so that charts do not tear it apart.
 
     Args:
         rotation: (3, 3) from the world to a frame with y up.
+        offset_m: (3,) in that frame, added to the vertices.
     """
-    out = turned_mesh(mesh, rotation)
+    out = turned_mesh(mesh, rotation, offset_m)
     places, corners = found.source[found.faces] + 1, found.faces + 1  # (F, 3) each
     parts = [
         b"# metres, y up\nmtllib room.mtl\n",
@@ -103,11 +108,18 @@ def obj_of(mesh: trimesh.Trimesh, found: Charts, rotation: np.ndarray) -> bytes:
     return b"".join(parts)
 
 
-def glb_of(mesh: trimesh.Trimesh, found: Charts, picture: np.ndarray, rotation: np.ndarray) -> bytes:
+def glb_of(
+    mesh: trimesh.Trimesh,
+    found: Charts,
+    picture: np.ndarray,
+    rotation: np.ndarray,
+    offset_m: np.ndarray = NO_OFFSET,
+) -> bytes:
     """The mesh with the picture (sRGB, as glTF wants base colours) and its normals.
 
     Args:
         rotation: (3, 3) from the world to a frame with y up.
+        offset_m: (3,) in that frame, where the mesh stands.
     """
     normals = np.asarray(mesh.vertex_normals)[found.source] @ rotation.T
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -118,4 +130,4 @@ def glb_of(mesh: trimesh.Trimesh, found: Charts, picture: np.ndarray, rotation: 
     image = Image.open(buffer)
     image.save = partial(image.save, quality="keep")  # trimesh would encode it again, coarser
     out.visual = trimesh.visual.TextureVisuals(uv=found.uv, material=dull_material(image))
-    return gltf_bytes(out)
+    return gltf_bytes(out, offset_m)
