@@ -6,14 +6,15 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from PIL import Image
 
+from room2dgs.captures.opened_images import MOST_DEPTH_PIXELS, opened_image
 from room2dgs.captures.scene import Frame
 from room2dgs.config import DepthPriorConfig, NormalPriorConfig
 from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE
 from room2dgs.geometry.camera import Camera
 from room2dgs.priors.network.map_cache import SUFFIX, read_array
+from room2dgs.regular_files import check_regular
 
 SUFFIXES = (".png", ".npy")
 # relative difference of the aspect ratios of a map and its photo
@@ -118,26 +119,24 @@ def read_normal(path: Path, settings: NormalPriorConfig, camera: Camera) -> tupl
 
 def _read_png(path: Path, mode: str, kind: str) -> np.ndarray:
     """Pillow, because OpenCV fills what is missing from a truncated file and says nothing."""
-    try:
-        with Image.open(path) as image:
-            fits = image.mode.startswith("I") if mode == "I;16" else image.mode in ("RGB", "RGBA")
-            pixels = np.asarray(image if mode == "I;16" else image.convert(mode))
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path} cannot be decoded; replace it or delete it") from error
-    if not fits:
-        raise InputError(f"{path} is not {kind}; write it so, or as .npy")
-    return pixels
+    with opened_image(path, most=MOST_DEPTH_PIXELS) as image:
+        if not (image.mode.startswith("I") if mode == "I;16" else image.mode in ("RGB", "RGBA")):
+            raise InputError(f"{path} is not {kind}; write it so, or as .npy")
+        return np.asarray(image if mode == "I;16" else image.convert(mode))
 
 
 def _read_npy(path: Path) -> np.ndarray:
     if path.suffix == SUFFIX and (kept := read_array(path, "map")) is not None:
         return kept
+    check_regular(path, "make the map again")
     try:
-        values = np.load(path, allow_pickle=False)
+        values = np.load(path, allow_pickle=False, mmap_mode="r")
     except NUMPY_DAMAGE as error:
         raise InputError(f"{path} cannot be read as .npy; replace it or delete it") from error
     if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiu":
         raise InputError(f"{path} does not hold one array of numbers; write it with numpy.save")
+    if values.size > 3 * MOST_DEPTH_PIXELS:
+        raise InputError(f"{path} holds {values.size:,} numbers, too many for a map of a photo; make it smaller")
     return values.astype(np.float32)
 
 

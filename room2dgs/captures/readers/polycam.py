@@ -7,19 +7,21 @@ their poses loop-closed; their black borders are masked. Without them the plain 
 from __future__ import annotations
 
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from room2dgs.captures.archives import Archive
+from room2dgs.captures.archives import MAX_ENTRY_BYTES, Archive
 from room2dgs.captures.capture import C2W_OPENGL, Capture, Shot, pinhole_lens
 from room2dgs.captures.depth_maps import DepthMap
+from room2dgs.captures.image_files import read_numbers
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.photos import PhotoBytes
 from room2dgs.captures.text_files import number, read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
+from room2dgs.regular_files import read_regular
 
 LAYOUT = "keyframes/{corrected_images,corrected_cameras} (Polycam raw data, folder or zip)"
 BORDER_PX = 15
@@ -66,10 +68,7 @@ class _Files:
     def read(self, name: str) -> bytes:
         if self._archive is not None:
             return self._archive.read(name)
-        try:
-            return self.path(name).read_bytes()
-        except OSError as error:
-            raise InputError(f"{self.path(name)} cannot be read ({error.strerror}); copy the capture again") from error
+        return read_regular(self.path(name), MAX_ENTRY_BYTES)
 
     def photo(self, name: str) -> PhotoBytes | None:
         if self._archive is None:
@@ -137,11 +136,7 @@ def _shot(files: _Files, start: str, photo: str, camera: str, depth: str | None,
 
 
 def _depth(files: _Files, name: str) -> np.ndarray:
-    data = files.read(name)
-    depth = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    if depth is None or depth.ndim != 2 or depth.dtype != np.uint16:
-        raise InputError(f"{files.path(name)} cannot be decoded as a depth map of 16 bits; replace it")
-    return depth
+    return read_numbers(BytesIO(files.read(name)), files.path(name))
 
 
 class BorderMask:

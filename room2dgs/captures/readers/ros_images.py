@@ -6,12 +6,13 @@ import hashlib
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from io import BytesIO
 from typing import Any
 
 import cv2
 import numpy as np
 
-from room2dgs.captures.image_files import resized
+from room2dgs.captures.image_files import read_numbers, resized
 from room2dgs.captures.lens import Lens
 from room2dgs.errors import InputError
 
@@ -143,12 +144,7 @@ def depth_numbers(message: Any, encoding: str, label: str) -> np.ndarray:
             raise InputError(f"{label} is packed by RVL or damaged; record depth as PNG or not compressed")
         _, a, b = DEPTH_HEADER.unpack(data[: DEPTH_HEADER.size].tobytes())
         data, scale = data[DEPTH_HEADER.size :], (a, b)
-    try:
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
-    except cv2.error:
-        image = None
-    if image is None or image.ndim != 2 or image.dtype != np.uint16:
-        raise InputError(f"{label} cannot be decoded as depth of 16 bits; record it again")
+    image = read_numbers(BytesIO(data.tobytes()), label)
     if encoding == "32FC1":
         if scale is None:
             raise InputError(f"{label} has depth in metres as a PNG without its scale; record it again")
