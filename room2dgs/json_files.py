@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from pathlib import Path
 from typing import Any
 
-from room2dgs.errors import InputError
+from room2dgs.errors import InputError, first_line
 from room2dgs.files import whole_file
+from room2dgs.regular_files import read_regular
+
+LONGEST = 64 << 20  # bytes; figures of ten thousand photos have some
+MEND = "delete it"
 
 
 def update_json(path: Path, part: dict[str, Any]) -> dict[str, Any]:
@@ -20,18 +25,27 @@ def update_json(path: Path, part: dict[str, Any]) -> dict[str, Any]:
         InputError: the file is there but holds no JSON object.
     """
     path = Path(path)
-    metrics: dict[str, Any] = {}
-    if path.exists():
-        try:
-            metrics = json.loads(path.read_text())
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{path} holds no JSON ({error}); delete it") from error
-        if not isinstance(metrics, dict):
-            raise InputError(f"{path} holds no JSON object; delete it")
-    metrics.update(plain(part))
+    known = read_json(path) if os.path.lexists(path) else {}
+    known.update(plain(part))
     with whole_file(path) as temporary:
-        temporary.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n")
-    return metrics
+        temporary.write_text(json.dumps(known, indent=2, allow_nan=False) + "\n")
+    return known
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The object that a JSON file holds.
+
+    Raises:
+        InputError: no regular file, too large, or no JSON object.
+    """
+    raw = read_regular(path, LONGEST, MEND)
+    try:
+        found = json.loads(raw, parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:  # JSON, UTF-8, digits without end; brackets without end
+        raise InputError(f"{path} holds no JSON ({first_line(error)}); {MEND}") from error
+    if not isinstance(found, dict):
+        raise InputError(f"{path} holds no JSON object; {MEND}")
+    return found
 
 
 def plain(value: Any) -> Any:
@@ -45,3 +59,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return str(value) if isinstance(value, Path) else value
+
+
+def _no_number(word: str) -> None:
+    raise ValueError(f"{word} is no number of JSON")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import platform
@@ -20,8 +19,9 @@ from room2dgs import __version__
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.cores import available_cores
 from room2dgs.freed_memory import give_back
-from room2dgs.json_files import update_json
+from room2dgs.json_files import read_json, update_json
 from room2dgs.runs.folder import METRICS
+from room2dgs.runs.schema import checked
 
 PACKAGES = (
     "torch",
@@ -47,6 +47,7 @@ MESH_SCORES = (
     "precision_",
     "protocol",
     "recall_",
+    "threshold_m",
     "truth_from_same_depth",
     "where_the_error_sits",
 )
@@ -89,8 +90,8 @@ def record(out: Path, part: dict[str, Any], seconds: dict[str, float]) -> dict[s
     Returns:
         All that the file now holds.
     """
-    before = earlier(out)
-    memory = max(peak_memory_mb(), before.get("peak_memory_mb") or 0.0)
+    before = {key: value for key, value in earlier(out).items() if value is not None}
+    memory = max(peak_memory_mb(), before.get("peak_memory_mb", 0.0))
     common = {
         "seconds": {**before.get("seconds", {}), **seconds},
         "peak_memory_mb": memory,
@@ -104,12 +105,13 @@ def record(out: Path, part: dict[str, Any], seconds: dict[str, float]) -> dict[s
 
 
 def earlier(out: Path) -> dict[str, Any]:
-    """What the run's metrics.json holds so far; nothing if it cannot be read (`update_json` says why)."""
-    try:
-        metrics = json.loads((out / METRICS).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return metrics if isinstance(metrics, dict) else {}
+    """What the run's metrics.json holds so far; nothing without the file.
+
+    Raises:
+        InputError: the file is damaged, or a figure in it is of another kind than it should be.
+    """
+    path = out / METRICS
+    return checked(read_json(path), path) if os.path.lexists(path) else {}
 
 
 def origin_of_run(out: Path) -> Origin | None:
