@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import struct
 import zipfile
 import zlib
 from pathlib import Path
+from typing import Any, BinaryIO
 
 from room2dgs.errors import InputError
+from room2dgs.regular_files import open_regular
 
-MAX_ENTRIES = 1_000_000
+MAX_DIRECTORY_BYTES = 16 << 20  # of the list of files: ten minutes of Record3D have 9 MiB
 MAX_ENTRY_BYTES = 256 << 20
-DAMAGE = (OSError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, KeyError)
+DAMAGE = (
+    OSError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, KeyError,
+    struct.error,
+)  # fmt: skip
+FILE_HEADER, FILE_MAGIC = struct.Struct("<26xHH"), b"PK\3\4"
+ENCRYPTED = 1
 
 
 class Archive:
@@ -21,45 +29,87 @@ class Archive:
         names: of its files.
 
     Raises:
-        InputError: it is none.
+        InputError: it is none, or lists more files than a capture has.
     """
 
     def __init__(self, path: Path, within: str = "") -> None:
         self.path = path
         try:
-            with zipfile.ZipFile(path) as archive:
+            with open_regular(path) as file, zipfile.ZipFile(_ShortReads(file)) as archive:
                 entries = {entry.filename: entry for entry in archive.infolist() if not entry.is_dir()}
+        except _TooLong as error:
+            raise InputError(
+                f"{path} lists more files than a capture has (the list has {error.size >> 20} MiB); export it again"
+            ) from error
+        except InputError:
+            raise
         except DAMAGE as error:
             raise InputError(f"{path} cannot be read as a zip archive; export it again") from error
-        if len(entries) > MAX_ENTRIES:
-            raise InputError(f"{path} holds {len(entries)} files; export it again")
-        self._prefix = _prefix(entries, within)
-        self._sizes = {
-            name.removeprefix(self._prefix): entry.file_size
-            for name, entry in entries.items()
-            if name.startswith(self._prefix)
-        }
-        self.names = frozenset(self._sizes)
+        prefix = _prefix(entries, within)
+        self._entries = {name.removeprefix(prefix): entry for name, entry in entries.items() if name.startswith(prefix)}
+        self.names = frozenset(self._entries)
 
     def read(self, name: str) -> bytes:
-        """A file's content; its announced size is looked at first.
+        """A file's content; its announced size is looked at first. The list of files is not read again.
 
         Raises:
             InputError: missing, damaged or too large.
         """
-        size = self._sizes.get(name)
-        if size is None:
+        entry = self._entries.get(name)
+        if entry is None:
             raise InputError(f"{self.path} has no {name}; export it again")
-        if size > MAX_ENTRY_BYTES:
+        size = entry.file_size
+        if max(size, entry.compress_size) > MAX_ENTRY_BYTES:
             raise InputError(f"{self.path} has a {name} of {size >> 20} MiB; export it again")
-        try:
-            with zipfile.ZipFile(self.path) as archive, archive.open(self._prefix + name) as file:
-                data = file.read(size + 1)
-        except DAMAGE as error:
-            raise InputError(f"{self.path} has a damaged {name}; export it again") from error
+        with open_regular(self.path) as file:
+            try:
+                data = _content(file, entry)
+            except DAMAGE as error:
+                raise InputError(f"{self.path} has a damaged {name}; export it again") from error
         if len(data) != size:
             raise InputError(f"{self.path} has a {name} that is not as large as it says; export it again")
+        if zlib.crc32(data) != entry.CRC:
+            raise InputError(f"{self.path} has a damaged {name}; export it again")
         return data
+
+
+class _TooLong(Exception):
+    def __init__(self, size: int) -> None:
+        super().__init__(size)
+        self.size = size
+
+
+class _ShortReads:
+    """A file of which nothing long is read: zipfile takes the whole list of files at once, before it counts them."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+
+    def read(self, size: int = -1) -> bytes:
+        if size > MAX_DIRECTORY_BYTES:
+            raise _TooLong(size)
+        return self._file.read(size)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+def _content(file: BinaryIO, entry: zipfile.ZipInfo) -> bytes:
+    """An entry's bytes, one more at most than it announces."""
+    if entry.flag_bits & ENCRYPTED:
+        raise zipfile.BadZipFile("it is encrypted")
+    if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        with zipfile.ZipFile(_ShortReads(file)) as archive, archive.open(entry) as packed:
+            return packed.read(entry.file_size + 1)
+    file.seek(entry.header_offset)
+    header = file.read(FILE_HEADER.size)
+    if not header.startswith(FILE_MAGIC):
+        raise zipfile.BadZipFile("its header is not there")
+    file.seek(sum(FILE_HEADER.unpack(header)), 1)
+    data = file.read(entry.compress_size)
+    if entry.compress_type == zipfile.ZIP_STORED:
+        return data
+    return zlib.decompressobj(-zlib.MAX_WBITS).decompress(data, entry.file_size + 1)
 
 
 def _prefix(names, within: str) -> str:
