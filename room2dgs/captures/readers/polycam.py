@@ -9,13 +9,15 @@ from __future__ import annotations
 from functools import partial
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from room2dgs.captures.archives import MAX_ENTRY_BYTES, Archive
-from room2dgs.captures.capture import C2W_OPENGL, Capture, Shot, pinhole_lens
+from room2dgs.captures.capture import C2W_OPENGL, Capture, Shot, damaged, pinhole_lens
 from room2dgs.captures.depth_maps import DepthMap
 from room2dgs.captures.image_files import read_numbers
+from room2dgs.captures.known_keys import check_no_distortion, unknown_in
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.photos import PhotoBytes
 from room2dgs.captures.text_files import number, read_json_object
@@ -25,6 +27,13 @@ from room2dgs.regular_files import read_regular
 
 LAYOUT = "keyframes/{corrected_images,corrected_cameras} (Polycam raw data, folder or zip)"
 BORDER_PX = 15
+KEYS = {
+    *(f"t_{row}{column}" for row in range(3) for column in range(4)),
+    *("fx", "fy", "cx", "cy", "width", "height"),
+    # change nothing
+    *("blur_score", "timestamp", "angular_velocity", "velocity", "center_depth", "neighbors", "manual_keyframe"),
+    *("exposure", "iso", "id"),
+}
 
 
 def is_polycam(files: Listing) -> bool:
@@ -88,11 +97,27 @@ def read_polycam(root: Path, config: SceneConfig) -> Capture:
     photos = {Path(name).stem: name for name in files.names(f"{start}images")}
     cameras = {Path(name).stem: name for name in files.names(f"{start}cameras") if name.endswith(".json")}
     depths = {Path(name).stem: name for name in files.names("keyframes/depth") if name.endswith(".png")}
+    half = config.pixel_centres != "integer"
     both = natural(photos.keys() & cameras.keys())
     if not both:
         raise InputError(f"{files.root} has no photos with cameras in {start}images, {start}cameras; export it again")
-    shots = [_shot(files, start, photos[n], cameras[n], depths.get(n), corrected, config) for n in both]
+    known = {name: _camera(files, f"{start}cameras/{cameras[name]}") for name in both}
+    shots = [
+        _shot(
+            files,
+            known[n],
+            f"{start}cameras/{cameras[n]}",
+            f"{start}images/{photos[n]}",
+            depths.get(n),
+            corrected,
+            half,
+        )
+        for n in both
+    ]
     notes, warnings = [], []
+    unknown = unknown_in(known.values(), KEYS, files.root / f"{start}cameras")
+    if unknown:
+        notes.append(unknown)
     missing = len(photos.keys() | cameras.keys()) - len(both)
     if missing:
         notes.append(f"keyframes: {missing} have a photo without a camera or a camera without a photo")
@@ -111,28 +136,53 @@ def read_polycam(root: Path, config: SceneConfig) -> Capture:
     )
 
 
-def _shot(files: _Files, start: str, photo: str, camera: str, depth: str | None, corrected: bool, config: SceneConfig):
-    name = f"{start}cameras/{camera}"
-    known = read_json_object(files.path(name), files.read(name))
-    source = files.path(name)
-    pose = np.eye(4)
-    pose[:3] = [[number(known, f"t_{row}{column}", source) for column in range(4)] for row in range(3)]
-    size = int(number(known, "width", source)), int(number(known, "height", source))
-    values = [number(known, key, source) for key in ("fx", "fy", "cx", "cy")]
-    place = f"{start}images/{photo}"
+def _camera(files: _Files, name: str) -> dict[str, Any] | InputError:
+    """A camera's file, or why it cannot be read: that costs its photo."""
+    try:
+        known = read_json_object(files.path(name), files.read(name))
+        check_no_distortion(known, files.path(name))
+    except InputError as error:
+        return error
+    return known
+
+
+def _shot(
+    files: _Files,
+    known: dict[str, Any] | InputError,
+    camera: str,
+    photo: str,
+    depth: str | None,
+    corrected: bool,
+    half: bool,
+) -> Shot:
+    pose, lens, size = _pose_and_lens(known, files.path(camera), half)
     depth_map = None
     if depth is not None:
         label = f"keyframes/depth/{depth}"
         depth_map = DepthMap(str(files.path(label)), partial(_depth, files, label), 0.001)
     return Shot(
         Path(photo).stem,
-        files.path(place),
+        files.path(photo),
         pose,
-        pinhole_lens(*values, size, source, config.pixel_centres != "integer"),
-        files.photo(place),
+        lens,
+        files.photo(photo),
         depth_map,
-        BorderMask(size, BORDER_PX) if corrected else None,
+        BorderMask(size, BORDER_PX) if corrected and size else None,
     )
+
+
+def _pose_and_lens(known: dict[str, Any] | InputError, source: Path, half: bool):
+    """Pose, lens and (width, height) of a camera's file; of a damaged one a pose that says so."""
+    try:
+        if isinstance(known, InputError):
+            raise known
+        pose = np.eye(4)
+        pose[:3] = [[number(known, f"t_{row}{column}", source) for column in range(4)] for row in range(3)]
+        size = int(number(known, "width", source)), int(number(known, "height", source))
+        values = [number(known, key, source) for key in ("fx", "fy", "cx", "cy")]
+        return pose, pinhole_lens(*values, size, source, half), size
+    except InputError as error:
+        return damaged(error), None, None
 
 
 def _depth(files: _Files, name: str) -> np.ndarray:

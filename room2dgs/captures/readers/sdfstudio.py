@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from room2dgs.captures.capture import Capture, Shot, pinhole_lens
 from room2dgs.captures.depth_maps import depth_file
+from room2dgs.captures.known_keys import check_no_distortion, unknown_in, unknown_keys
+from room2dgs.captures.left_out import left_out
 from room2dgs.captures.listing import Listing, gt_mesh_in, inside, natural
 from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.text_files import number, numbers, read_json_object
@@ -15,6 +18,16 @@ from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
 LAYOUT = "meta_data.json (SDFStudio)"
+KEYS = {
+    *("height", "width", "worldtogt", "frames"),
+    # what the data's loader reads and no camera needs
+    *("camera_model", "scene_box", "pairs", "has_mono_prior", "has_sensor_depth", "has_foreground_mask"),
+    *("has_sparse_sfm_points", "scene_box_radius", "sfm_sparse_points_view", "pairs_path"),
+}
+FRAME_KEYS = {
+    *("rgb_path", "camtoworld", "intrinsics", "sensor_depth_path", "foreground_mask"),
+    *("mono_depth_path", "mono_normal_path", "sfm_sparse_points_view", "segmentation_path"),
+}
 
 
 def is_sdfstudio(files: Listing) -> bool:
@@ -31,25 +44,21 @@ def read_sdfstudio(root: Path, config: SceneConfig) -> Capture:
     meta = read_json_object(path)
     size = int(number(meta, "width", path)), int(number(meta, "height", path))
     world, scale = _world(meta, path)
+    check_no_distortion(meta, path)
     frames = meta.get("frames")
-    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
+    if not isinstance(frames, list) or not frames:
         raise InputError(f"{path} has no list of frames; write the file again")
-    shots = {}
-    for frame in frames:
-        name = frame.get("rgb_path")
-        if not isinstance(name, str):
-            raise InputError(f"{path} has a frame without rgb_path; write the file again")
-        K = numbers(frame, "intrinsics", 16, path).reshape(4, 4)
-        lens = pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], size, path, config.pixel_centres == "half")
-        depth, mask = frame.get("sensor_depth_path"), frame.get("foreground_mask")
-        shots[name] = Shot(
-            name,
-            inside(root, name, path),
-            numbers(frame, "camtoworld", 16, path).reshape(4, 4),
-            lens,
-            depth=depth_file(inside(root, depth, path), scale) if isinstance(depth, str) and depth else None,
-            mask=PhotoFile(inside(root, mask, path)) if isinstance(mask, str) and mask else None,
-        )
+    shots, bad = {}, {}
+    for index, frame in enumerate(frames):
+        try:
+            shot = _shot(frame, f"{path} frame {index}", root, size, scale, config)
+            if shot.name in shots:
+                raise InputError(f"{path} frame {index} names {shot.name} a second time; write the file again")
+            shots[shot.name] = shot
+        except InputError as error:
+            bad[f"frame {index}"] = str(error)
+    said = left_out(bad, len(frames), f"frames of {path.name}")
+    notes = [said, unknown_keys(meta, KEYS, path), unknown_in(frames, FRAME_KEYS, f"frames of {path}")]
     return Capture(
         root,
         "sdfstudio",
@@ -58,6 +67,25 @@ def read_sdfstudio(root: Path, config: SceneConfig) -> Capture:
         why="worldtogt leads to the true mesh's frame" if world is not None else "meta_data.json has no worldtogt",
         world_from_disk=world,
         gt_mesh=gt_mesh_in(root, "*_mesh.ply"),
+        notes=[note for note in notes if note],
+    )
+
+
+def _shot(frame: Any, label: str, root: Path, size: tuple[int, int], scale: float, config: SceneConfig) -> Shot:
+    name = frame.get("rgb_path") if isinstance(frame, dict) else None
+    if not isinstance(name, str):
+        raise InputError(f"{label} has no rgb_path; write the file again")
+    check_no_distortion(frame, label)
+    K = numbers(frame, "intrinsics", 16, label).reshape(4, 4)
+    lens = pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], size, label, config.pixel_centres == "half")
+    depth, mask = frame.get("sensor_depth_path"), frame.get("foreground_mask")
+    return Shot(
+        name,
+        inside(root, name, label),
+        numbers(frame, "camtoworld", 16, label).reshape(4, 4),
+        lens,
+        depth=depth_file(inside(root, depth, label), scale) if isinstance(depth, str) and depth else None,
+        mask=PhotoFile(inside(root, mask, label)) if isinstance(mask, str) and mask else None,
     )
 
 

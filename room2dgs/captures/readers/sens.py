@@ -23,8 +23,10 @@ from room2dgs.captures.photos import PhotoBytes
 from room2dgs.captures.readers.scannet import scannet_mesh
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
+from room2dgs.regular_files import check_regular, open_regular
 
 LAYOUT = "<scan>.sens"
+MEND = "download it again"
 VERSION = 4
 JPEG_OR_PNG = (1, 2)
 RAW_U16, ZLIB_U16 = 0, 1
@@ -75,7 +77,7 @@ def read_sens(root: Path, config: SceneConfig) -> Capture:
         Shot(
             f"{index:06d}",
             folder / f"{index:06d}.jpg",
-            partial(_pose, place.pose, path, index),
+            partial(_pose, place, path, index),
             lens,
             PhotoBytes(f"{path} frame {index}", partial(_bytes_at, path, *place.color)),
             DepthMap(
@@ -106,7 +108,10 @@ def the_file(root: Path, suffix: str) -> Path:
     return found[0]
 
 
-def _pose(matrix: np.ndarray, path: Path, index: int) -> np.ndarray:
+def _pose(place: _Place, path: Path, index: int) -> np.ndarray:
+    matrix = place.pose
+    if not place.color[1]:
+        raise Lost(f"{path.name} frame {index} has no photo")
     if not np.isfinite(matrix).all():
         raise Lost(f"{path.name} frame {index} holds inf or NaN (tracking lost)")
     return rigid(matrix, f"{path} frame {index}")
@@ -117,9 +122,9 @@ def _lens(K: np.ndarray, size: tuple[int, int], path: Path, half: bool):
 
 
 def _scanned(path: Path) -> tuple[_Header, list[_Place]]:
-    size = path.stat().st_size
+    size = check_regular(path, MEND)
     try:
-        with path.open("rb") as file:
+        with open_regular(path, MEND) as file:
             header = _header(file, path)
             if header.frames * FRAME_HEADER.size > size - file.tell():
                 raise _damaged(path, f"it announces {header.frames} frames and has no room for them")
@@ -167,7 +172,7 @@ def _read(file, size: int, path: Path) -> bytes:
 
 def _bytes_at(path: Path, start: int, size: int) -> bytes:
     try:
-        with path.open("rb") as file:
+        with open_regular(path, MEND) as file:
             file.seek(start)
             return _read(file, size, path)
     except OSError as error:

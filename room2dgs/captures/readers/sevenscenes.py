@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from room2dgs.captures.capture import Capture, Shot, pinhole_lens
+from room2dgs.captures.capture import Capture, Shot, lost, pinhole_lens
 from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.matrix_files import read_world_from_cam
@@ -48,12 +48,12 @@ def read_sevenscenes(root: Path, config: SceneConfig) -> Capture:
         prefix = "" if folder == root else f"{folder.name}_"
         for name in natural(name for name in names if name.endswith(".color.png")):
             stem = name.removesuffix(".color.png")
-            depth = f"{stem}.depth.png"
+            depth, pose = f"{stem}.depth.png", f"{stem}.pose.txt"
             shots.append(
                 Shot(
                     f"{prefix}{stem}",
                     folder / name,
-                    partial(read_world_from_cam, folder / f"{stem}.pose.txt"),
+                    partial(read_world_from_cam, folder / pose) if pose in names else lost(f"{pose} is missing"),
                     lens,
                     depth=depth_file(folder / depth, K=DEPTH_K, invalid=NO_DEPTH) if depth in names else None,
                 )
