@@ -51,7 +51,7 @@ IMAGES, SPARSE, DEPTH = "images", "sparse", "depth"
 TURNED_PHOTOS = 40  # whose edges tell how the room stands
 MIN_ANGLE_DEG = 1.5  # under which the median point is seen: below that nothing is known of depths
 FEW_FEATURES = 40  # of the median photo
-FLAT = ("PANORAMIC", "PLANAR_OR_PANORAMIC")
+TURNED, FLAT = "PANORAMIC", "PLANAR_OR_PANORAMIC"  # pairs whose pictures a homography explains
 
 
 def prepare(config: Config, out: Path, log: Log) -> dict[str, Any]:
@@ -171,10 +171,15 @@ def _why_none(photos: Sequence[TakenPhoto], database: Path, settings: PrepareCon
             "slower, so that each photo shows most of the one before"
         )
     kinds = Counter(good)
-    if sum(kinds[kind] for kind in FLAT) > len(good) / 2:
+    if kinds[TURNED] > len(good) / 2:
         return (
             f"{source} was taken from one place (the camera only turns), so no depth can be told; walk while filming, "
             "do not only turn"
+        )
+    if kinds[TURNED] + kinds[FLAT] > len(good) / 2:
+        return (
+            f"{source} was taken from one place, or shows one flat wall, so no depth can be told; film with steps to "
+            "the side and with corners or furniture in the picture"
         )
     return (
         f"{source} gives no reconstruction although {len(good)} pairs of photos match; film again, slowly, with "

@@ -22,8 +22,8 @@ from room2dgs.errors import InputError
 from room2dgs.files import remove_leftovers, scratch_folder
 from room2dgs.logs import Log
 from room2dgs.sfm.capture_points import MIN_POINTS, capture_points
+from room2dgs.sfm.one_place import WALK, in_one_place, reach
 
-ONE_PLACE_M = 0.05  # cameras nearer to each other than that, all of them, see no depth in a room
 # Raised when triangulation, pairs or the cache give something else for the same input. 2: with tracks; 3: on one
 # thread, where pycolmap gives the same bits each time.
 RECIPE = 3
@@ -88,7 +88,7 @@ def sparse_points(
     with scratch_folder(cache, "sfm") as work:
         points = triangulate(scene.train, config, work, log)
         if len(points) < MIN_POINTS:
-            if may_lack is MayLack.NEVER or (may_lack is MayLack.IN_ONE_PLACE and not _in_one_place(scene)):
+            if may_lack is MayLack.NEVER or (may_lack is MayLack.IN_ONE_PLACE and not in_one_place(scene)):
                 raise InputError(_too_few(scene, len(points), instead))
             (work / "again").mkdir()
             _stop_if_contradicted(scene, config, work / "again")
@@ -101,8 +101,8 @@ def sparse_points(
 
 def _too_few(scene: Scene, count: int, instead: str) -> str:
     elsewhere = f"give points.source=file points.file=PATH, or {instead} for the network's depth"
-    if _in_one_place(scene):
-        return f"{_why(scene, count)}, so photos tell no depth; walk while filming, do not only turn, {elsewhere}"
+    if in_one_place(scene):
+        return f"{_why(scene, count)}, so photos tell no depth; {WALK}, {elsewhere}"
     return (
         f"{_why(scene, count)}, at least {MIN_POINTS} are needed; add sharp overlapping photos, lower "
         f"points.min_track, {elsewhere}"
@@ -112,27 +112,18 @@ def _too_few(scene: Scene, count: int, instead: str) -> str:
 def _too_few_to_use(scene: Scene, count: int, may_lack: MayLack) -> str:
     if may_lack is MayLack.IN_ONE_PLACE:
         return (
-            f"{_why(scene, count)}, so photos tell no depth and stereo finds next to none; walk while filming, do not "
-            "only turn, or take a network's depth: fill=true prior=room_prior"
+            f"{_why(scene, count)}, so photos tell no depth and stereo finds next to none; {WALK}, or take a network's "
+            "depth: fill=true prior=room_prior"
         )
-    return (
-        f"{_why(scene, count)}, so photos tell no depth: depth and the scale of the room are the prior's alone; walk "
-        "while filming, do not only turn, with photos that overlap"
-    )
+    advice = f"{WALK}, with photos that overlap" if in_one_place(scene) else "give sharp photos that overlap"
+    return f"{_why(scene, count)}, so photos tell no depth: depth and the scale of the room are the prior's alone; {advice}"
 
 
 def _why(scene: Scene, count: int) -> str:
-    if _in_one_place(scene):
-        return f"{scene.path} was taken from one place (its cameras are at most {100 * _reach_m(scene):.1f} cm apart)"
+    if in_one_place(scene):
+        apart = f"{100 * reach(scene):.1f} cm" if scene.metric else f"{reach(scene):.3g} units"
+        return f"{scene.path} was taken from one place (its cameras are at most {apart} apart)"
     return f"{scene.path} gives {count} points from {len(scene.train)} photos"
-
-
-def _in_one_place(scene: Scene) -> bool:
-    return _reach_m(scene) < ONE_PLACE_M
-
-
-def _reach_m(scene: Scene) -> float:
-    return float(np.linalg.norm(np.ptp([frame.camera.centre for frame in scene.train], axis=0)))
 
 
 def _stop_if_contradicted(scene: Scene, config: PointsConfig, work: Path) -> None:
