@@ -116,7 +116,8 @@ def _too_few_to_use(scene: Scene, count: int, may_lack: MayLack) -> str:
             "depth: fill=true prior=room_prior"
         )
     advice = f"{WALK}, with photos that overlap" if in_one_place(scene) else "give sharp photos that overlap"
-    return f"{_why(scene, count)}, so photos tell no depth: depth and the scale of the room are the prior's alone; {advice}"
+    why = f"{_why(scene, count)}, so photos tell no depth"
+    return f"{why}: depth and the scale of the room are the prior's alone; {advice}"
 
 
 def _why(scene: Scene, count: int) -> str:
