@@ -48,9 +48,12 @@ def tell_unmatched(capture: Capture, instead: str = "") -> None:
     if not capture.root.is_dir():
         return
     used = {kind: _by_folder(capture, kind) for kind in FOLDERS}
+    told = " ".join((*capture.notes, *capture.warnings))
+    root = os.path.abspath(capture.root)
     for folder, kind in _beside(capture):
         names = used[kind].get(str(folder), set())
-        said = unmatched(folder, names, kind, instead)
+        shown = capture.root / os.path.relpath(folder, root)
+        said = unmatched(shown, names, kind, instead) if f"{shown} " not in told else None  # the reader knows more
         if said:
             (capture.notes if names or used[kind] else capture.warnings).append(said)
 

@@ -67,6 +67,14 @@ def test_what_is_used_is_no_news_and_what_lies_beside_it_is_noted(tmp_path):
     assert "3 files, 1 of them" in capture.notes[0] and "depth_filtered" in capture.notes[1]
 
 
+def test_what_the_reader_told_of_a_folder_is_not_told_again(tmp_path):
+    capture = capture_of(tmp_path, ["color/1.jpg", "color/2.jpg"])
+    touched(tmp_path / "depth/1.png", tmp_path / "masks/1.png")
+    capture.notes.append(f"{tmp_path / 'depth'} has one file, which another program wrote")
+    tell_unmatched(capture)
+    assert len(capture.notes) == 1 and len(capture.warnings) == 1
+
+
 def test_a_path_with_dots_and_a_relative_one_are_the_same_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     touched(tmp_path / "x/k")

@@ -14,6 +14,7 @@ import numpy as np
 from room2dgs.captures.capture import C2W_OPENGL, W2C_OPENCV, Capture, Shot
 from room2dgs.captures.colmap_model import ModelImage, is_model, read_model
 from room2dgs.captures.depth_maps import DepthMap, depth_file
+from room2dgs.captures.left_out import left_out
 from room2dgs.captures.listing import Listing, inside, listed, natural
 from room2dgs.captures.photos import Photo, PhotoFile, Video, VideoFrame
 from room2dgs.captures.readers.colmap import mask_file, model_shots, photo_folder
@@ -99,20 +100,24 @@ def _iphone(folder: Path) -> Capture:
         raise InputError(f"{folder / 'colmap'} has no COLMAP model; download the scene's iphone/colmap")
     model = read_model(folder / "colmap")
     video = next((Video(folder / name) for name in VIDEOS if (folder / name).is_file()), None)
-    has_photos = (folder / "rgb").is_dir()
-    if not has_photos and video is None:
+    files = listed(folder / "rgb")
+    if not files and video is None:
         raise InputError(f"{folder} has neither rgb/ nor rgb.mkv; download the scene's iPhone video")
     hidden = Video(folder / "rgb_mask.mkv") if (folder / "rgb_mask.mkv").is_file() else None
     masks = folder / "rgb_masks" if (folder / "rgb_masks").is_dir() else None
     depths = _depth_reader(folder)
     images = {image.name: image for image in model.images}
-    shots = []
+    shots, bad = [], {}
     for name in natural(images):
         image = images[name]
-        index = frame_number(image, folder)
+        try:
+            index = frame_number(image, folder)
+        except InputError as error:
+            bad[name] = str(error)
+            continue
         plain = f"frame_{index:06d}"
         path = folder / "rgb" / f"{plain}.jpg"
-        photo: Photo | None = None if has_photos or video is None else VideoFrame(video, index)
+        photo: Photo | None = None if path.name in files or video is None else VideoFrame(video, index)
         mask: Photo | None = VideoFrame(hidden, index) if hidden else None
         if masks is not None:
             file = mask_file(masks, path.name)
@@ -120,7 +125,8 @@ def _iphone(folder: Path) -> Capture:
         lens = model.cameras[image.camera]
         shots.append(Shot(name, path, image.cam_from_world, lens, photo, depths(index, plain), mask))
     points = model.points if model.has_points else None
-    return Capture(folder, "scannetpp", shots, W2C_OPENCV, why=WHY, points=points)
+    said = left_out(bad, len(images), "images of the model without a frame's number")
+    return Capture(folder, "scannetpp", shots, W2C_OPENCV, why=WHY, points=points, notes=[said] if said else [])
 
 
 def frame_number(image: ModelImage, folder: Path) -> int:
