@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from room2dgs.captures.capture import Capture
+from room2dgs.captures.capture import Capture, RawPoints
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.scene import Frame
 
@@ -20,10 +21,33 @@ def given_points(capture: Capture, frames: Sequence[Frame], shots: Mapping[str, 
         unit: metres of one unit of the capture; None: 1.
 
     Returns:
-        All points, those that no frame saw too; without tracks where the capture has none.
+        All points that are some, those that no frame saw too; without tracks where the capture has none.
     """
     raw = capture.points()
-    xyz = np.asarray(raw.xyz, np.float64)
+    xyz = np.asarray(raw.xyz, np.float64).reshape(-1, 3)
+    real = _real(xyz)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is too far to be a point is left out too
+        found = _observed(capture, raw, np.where(real[:, None], xyz, 0.0), frames, shots, unit)
+    real &= np.isfinite(found.xyz).all(axis=1)
+    if real.all():
+        return found
+    return replace(found.chosen(real), left_out=int((~real).sum()))
+
+
+def _real(xyz: np.ndarray) -> np.ndarray:
+    """(M,) bool: not those that are not finite, nor several at the origin: places that nobody filled in."""
+    empty = (xyz == 0).all(axis=1)
+    return np.isfinite(xyz).all(axis=1) & ~(empty if empty.sum() > 1 else np.zeros(len(xyz), bool))
+
+
+def _observed(
+    capture: Capture,
+    raw: RawPoints,
+    xyz: np.ndarray,
+    frames: Sequence[Frame],
+    shots: Mapping[str, str],
+    unit: float | None,
+) -> PointCloud:
     if capture.world_from_disk is not None:
         xyz = xyz @ capture.world_from_disk[:3, :3].T + capture.world_from_disk[:3, 3]
     if unit is not None:

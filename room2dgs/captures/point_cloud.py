@@ -43,12 +43,14 @@ class PointCloud:
         rgb: (M, 3) uint8.
         tracks: what photos saw; None where nobody knows, as for points from a file.
         weight: (M,) float32 in 0..1, the trust in each point; None: 1.
+        left_out: number of points of a capture that are none, and are not among these.
     """
 
     xyz: np.ndarray
     rgb: np.ndarray
     tracks: Tracks | None = None
     weight: np.ndarray | None = None
+    left_out: int = 0
 
     def __len__(self) -> int:
         return len(self.xyz)

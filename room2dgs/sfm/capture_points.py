@@ -11,6 +11,7 @@ from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
+from room2dgs.sfm.wrong_intrinsics import intrinsics_off, words
 
 # Fewer have no neighbourhood to take normals from.
 MIN_POINTS = 16
@@ -36,8 +37,18 @@ def capture_points(scene: Scene, config: PointsConfig, log: Log) -> PointCloud |
     if points.tracks is None:
         log(f"points: the capture's {len(points)} have no tracks, so photos are matched")
         return None
+    if points.left_out:
+        log(f"points: {points.left_out:,} of the capture are left out, which are not finite or lie at 0, 0, 0")
     agreeing, error = reprojected(points, scene.train)
     count, share = len(agreeing), float(agreeing.mean()) if len(agreeing) else 0.0
+    off = None
+    if count and share < LEAST_AGREEING:
+        off = intrinsics_off(points, scene.train, max(1.0, MAX_ERROR * max(scene.train[0].camera.size)))
+    if off is not None:
+        raise InputError(
+            f"{scene.path} has sparse points that do not lie where its photos saw them ({100 * share:.0f} % of "
+            f"{count} observations agree): {words(off, scene.train[0])}; correct them"
+        )
     if count >= 1000 and share < LEAST_AGREEING:
         raise InputError(
             f"{scene.path} has sparse points that do not lie where its photos saw them ({100 * share:.0f} % of "
