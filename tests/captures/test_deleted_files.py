@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -85,9 +86,9 @@ def test_any_lines_of_a_list_may_be_gone(written, settings_of, made, name, file)
 def test_every_second_photo_may_be_gone(written, settings_of, made, name):
     """What people do to a capture that is too large: it is read, and right, wherever names or numbers tell."""
     root = written(name)
-    config = settings_of(root, name)
+    config = replace(settings_of(root, name), split="every")  # the capture's own test photo would leave two
     truth = known(read_scene(config), made)
-    photos = [path for path in photo_files(root) if path.suffix in (".jpg", ".png")]
+    photos = [path for path in photo_files(root) if path.suffix.lower() in (".jpg", ".png")]
     assert len(photos) == made.count
     for path in photos[1::2]:
         path.unlink()
@@ -103,7 +104,7 @@ def photo_files(root: Path) -> list[Path]:
 
     found = []
     for file in files_of(root):
-        if Path(file).suffix not in (".jpg", ".png") or "mask" in file:
+        if Path(file).suffix.lower() not in (".jpg", ".png") or "mask" in file:
             continue
         with Image.open(root / file) as image:
             if image.mode == "RGB":
