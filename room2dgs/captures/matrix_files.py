@@ -9,9 +9,11 @@ import numpy as np
 from room2dgs.captures.capture import Lost
 from room2dgs.errors import InputError
 from room2dgs.geometry.poses import rigid_pose
+from room2dgs.regular_files import open_regular
 
 # Largest |R^T R - I| put down to rounded text and repaired; three decimals give at most 2e-3.
 ROTATION_TOLERANCE = 5e-3
+MAX_BYTES = 1 << 16  # of a file with one matrix
 
 
 class NonFinitePose(Lost):
@@ -86,12 +88,17 @@ def read_intrinsics(path: Path) -> np.ndarray:
 def _read_matrix(path: Path, sizes: tuple[int, ...]) -> np.ndarray:
     """An n x n matrix from a text file, n one of `sizes`."""
     wanted = " or ".join(f"{size}x{size}" for size in sizes)
+    with open_regular(path, f"write the {wanted} matrix there as text") as file:
+        try:
+            data = file.read(MAX_BYTES + 1)
+        except OSError as error:
+            raise InputError(f"{path} cannot be read ({error.strerror}); check the file") from error
+    if len(data) > MAX_BYTES:
+        raise InputError(
+            f"{path} has more than {MAX_BYTES >> 10} KiB, too large for a {wanted} matrix; replace the file"
+        )
     try:
-        numbers = [float(word) for word in path.read_text(encoding="utf-8").split()]
-    except FileNotFoundError as error:
-        raise InputError(f"{path} is missing; write the {wanted} matrix there as text") from error
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}); check the file") from error
+        numbers = [float(word) for word in data.decode("utf-8-sig").split()]
     except ValueError as error:
         raise InputError(f"{path} holds something that is no number; write a {wanted} matrix as text") from error
     for size in sizes:

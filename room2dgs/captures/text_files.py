@@ -10,31 +10,42 @@ from typing import Any
 import numpy as np
 
 from room2dgs.errors import InputError
+from room2dgs.regular_files import read_regular
 
-MAX_TEXT_BYTES = 2 << 30
+MAX_TEXT_BYTES = 1 << 30  # of a text model of COLMAP, which is read line by line
+MAX_TABLE_BYTES, MAX_LINES = 64 << 20, 1_000_000  # of poses and lists
+MAX_LINE_LETTERS = 1 << 20
+MAX_JSON_BYTES, MAX_JSON_VALUES = 64 << 20, 4_000_000  # 20,000 frames have 500,000 values
 
 
-def text_of(path: Path) -> str:
-    """A text file's content.
+def text_of(path: Path, longest: int = MAX_TEXT_BYTES) -> str:
+    """A text file's content; lines end in a newline alone.
+
+    Args:
+        longest: bytes that such a file may have.
 
     Raises:
-        InputError: missing, unreadable or no text.
+        InputError: no regular file, empty, too large, unreadable or no text.
     """
     try:
-        if path.stat().st_size > MAX_TEXT_BYTES:
-            raise InputError(f"{path} is too large for what it should hold; replace the file")
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise InputError(f"{path} is missing; copy the capture again") from error
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}); check the file") from error
+        text = read_regular(path, longest).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is no text; replace the file") from error
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
 def lines_of(path: Path) -> list[tuple[int, str]]:
-    """(number from 1, text) of the lines that are neither empty nor a comment (#)."""
-    lines = enumerate(text_of(path).splitlines(), start=1)
+    """(number from 1, text) of the lines that are neither empty nor a comment (#).
+
+    Raises:
+        InputError: as `text_of`, or more lines than a capture has.
+    """
+    text = text_of(path, MAX_TABLE_BYTES)
+    if text.count("\n") > MAX_LINES:
+        raise InputError(
+            f"{path} has more than {MAX_LINES:,} lines, too many for what it should hold; replace the file"
+        )
+    lines = enumerate(text.splitlines(), start=1)
     return [(number, line.strip()) for number, line in lines if line.strip() and not line.lstrip().startswith("#")]
 
 
@@ -45,6 +56,9 @@ def floats(text: str, path: object, line: int | None = None, count: int | None =
         InputError: something is no number, or there are not `count` of them.
     """
     where = f"{path} line {line}" if line else str(path)
+    if len(text) > MAX_LINE_LETTERS:
+        wanted = "" if count is None else f" where {count} numbers belong"
+        raise InputError(f"{where} has {len(text):,} letters{wanted}; replace the file")
     try:
         found = [float(word) for word in text.replace(",", " ").split()]
     except ValueError as error:
@@ -128,7 +142,12 @@ def read_json(path: Path, data: bytes | None = None) -> Any:
     Raises:
         InputError: missing or no JSON.
     """
-    text = text_of(path) if data is None else data
+    text = text_of(path, MAX_JSON_BYTES) if data is None else data
+    if len(text) > MAX_JSON_BYTES:
+        raise InputError(f"{path} has {len(text) >> 20} MiB, too large for what it should hold; replace the file")
+    marks = ("[", "{", ",") if isinstance(text, str) else (b"[", b"{", b",")
+    if sum(map(text.count, marks)) > MAX_JSON_VALUES:
+        raise InputError(f"{path} holds more than {MAX_JSON_VALUES:,} values, too many for a capture; replace the file")
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

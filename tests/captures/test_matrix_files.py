@@ -120,7 +120,7 @@ def test_a_missing_or_unreadable_file_is_refused_by_name(tmp_path):
     with pytest.raises(InputError, match=r"4\.txt is missing"):
         read_world_from_cam(tmp_path / "4.txt")
     (tmp_path / "5.txt").mkdir()
-    with pytest.raises(InputError, match=r"5\.txt cannot be read"):
+    with pytest.raises(InputError, match=r"5\.txt is a folder where a file belongs"):
         read_world_from_cam(tmp_path / "5.txt")
 
 
