@@ -23,6 +23,7 @@ from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
 RESIZED = 0.02  # relative difference of the factors by which width and height were resized
+NOT_TURNED = "(EXIF of the photo says that it is to be turned, which was not done)"
 
 
 class _Headers(NamedTuple):
@@ -93,7 +94,7 @@ def fitted(
         for entry, found in zip(entries, headers, strict=True)
         if not isinstance(found, InputError)
     ]
-    _check_depths(good)
+    _check_depths(good, {*told.stored, *told.unsure})
     dropped = [Dropped(file_name(name), why) for name, why in bad.items()]
     return good, dropped, told.notes(), [*([said] if said else []), *told.warnings()]
 
@@ -144,13 +145,13 @@ def _fitted(
         elif lens.size != size:
             lens = _scaled(lens, size, shot)
         doubt = check_principal_point(lens, sure)
+        mask = None if headers.mask is None else _mask(shot.mask, headers.mask, size)
     except InputError as error:
         if header.orientation == 1 or photo is not shot.photo:
             raise
-        raise InputError(f"{error} (EXIF of the photo says that it is to be turned, which was not done)") from error
+        raise InputError(f"{error} {NOT_TURNED}") from error
     if doubt:
         told.cropped.append(doubt)
-    mask = None if headers.mask is None else _mask(shot.mask, headers.mask, size)
     return replace(entry, lens=lens, size=size, photo=photo, mask=mask, transparent=header.transparent)
 
 
@@ -197,8 +198,12 @@ def _mask(mask: Photo, header: PhotoHeader, size: tuple[int, int]) -> Photo:
     return mask
 
 
-def _check_depths(entries: Sequence[Entry]) -> None:
-    """Depth of the photos' own camera has the photos' shape; whoever reads a map that is not whole tells."""
+def _check_depths(entries: Sequence[Entry], not_turned: set[str]) -> None:
+    """Depth of the photos' own camera has the photos' shape; whoever reads a map that is not whole tells.
+
+    Args:
+        not_turned: names of photos with an EXIF orientation that is not applied.
+    """
     present = [entry for entry in entries if entry.shot.depth is not None]
     with ThreadPoolExecutor() as pool:
         sizes = list(pool.map(lambda entry: _depth_size(entry.shot), present))
@@ -207,7 +212,12 @@ def _check_depths(entries: Sequence[Entry]) -> None:
         if size is not None:
             label = depth if isinstance(depth, Path) else depth.label
             mend = "register depth to colour or delete the depth folder"
-            check_shape(label, "depth maps", size, entry.size, mend)
+            try:
+                check_shape(label, "depth maps", size, entry.size, mend)
+            except InputError as error:
+                if entry.shot.path.name not in not_turned:
+                    raise
+                raise InputError(f"{error} {NOT_TURNED}") from error
 
 
 def _depth_size(shot: Shot) -> tuple[int, int] | None:
