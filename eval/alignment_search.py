@@ -11,12 +11,15 @@ from itertools import permutations, product
 
 import numpy as np
 
+from room2dgs.errors import InputError
+
 NEAR = np.cos(np.radians(12.0))  # normals that look the same way
 CANDIDATES = 500
 ACROSS = 0.5  # |cosine| under which a direction is another one
 EDGE = 0.03  # share of the samples at either end that may be stray
 FACING = 0.9  # |cosine| of a surface across an axis
 BIN_M = 0.05
+LONGEST_M = 1000.0  # of a room; the search takes the square of it
 
 
 def guesses(
@@ -56,6 +59,12 @@ def _shift(places: np.ndarray, truth_places: np.ndarray) -> float:
     if not len(places) or not len(truth_places):
         return 0.0
     low, truth_low = places.min(), truth_places.min()
+    across = float(max(np.ptp(places), np.ptp(truth_places)))
+    if across > LONGEST_M:
+        raise InputError(
+            f"eval.align=icp finds rooms of up to {LONGEST_M:.0f} m, and one of the meshes is {across:.3g} m across; "
+            "is it in millimetres? Scale it to metres, or give eval.align_scene=DIR to start from"
+        )
     counts, truth_counts = (
         np.convolve(np.bincount(((values - start) / BIN_M).astype(int)), (0.25, 0.5, 0.25))
         for values, start in ((places, low), (truth_places, truth_low))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+LARGEST_LATTICE = 2.0**62  # cells that can be numbered
 ALSO_AT_M = (0.01, 0.02, 0.05, 0.10)  # reported beside the protocol's own threshold
 
 
@@ -105,7 +106,11 @@ def downsample(points: np.ndarray, voxel_m: float) -> np.ndarray:
         return np.zeros((0, 3))
     cells = np.floor((points - (points.min(axis=0) - voxel_m / 2)) / voxel_m).astype(np.int64)
     shape = cells.max(axis=0) + 1
-    _, inverse, counts = np.unique(np.ravel_multi_index(cells.T, shape), return_inverse=True, return_counts=True)
+    if np.prod(shape.astype(np.float64)) < LARGEST_LATTICE:
+        _, inverse, counts = np.unique(np.ravel_multi_index(cells.T, shape), return_inverse=True, return_counts=True)
+    else:  # few points far apart: their cells have no numbers, but an order
+        _, inverse, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+        inverse = inverse.reshape(-1)
     return np.stack([np.bincount(inverse, points[:, k]) for k in range(3)], axis=1) / counts[:, None]
 
 

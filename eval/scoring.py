@@ -22,6 +22,7 @@ from room2dgs.geometry.camera import Camera
 
 PROTOCOLS: dict[str, Callable[..., Result]] = {"area": area, "neuris": neuris, "manhattan": manhattan}
 HEADLINE = ("f_score", "precision", "recall")
+MOST_SAMPLES = 100_000_000
 COARSE_EDGE_M = 0.04  # protocols that compare vertices need a ground truth about as dense as its 2 cm cells
 
 Mesh = str | Path | trimesh.Trimesh | MeshFile
@@ -55,8 +56,8 @@ class Evaluation:
         """Plain values for metrics.json.
 
         The first protocol's accuracy_m, completion_m, chamfer_m, normal_consistency, and f_score_5cm, precision_5cm,
-        recall_5cm at the threshold alone; "protocol": its name; "protocols": name -> all its scores and "constants";
-        "where_the_error_sits" with protocol `area`; "eval_seconds": stage -> seconds.
+        recall_5cm at the threshold alone; "protocol": its name; "threshold_m"; "protocols": name -> all its scores and
+        "constants"; "where_the_error_sits" with protocol `area`; "eval_seconds": stage -> seconds.
         """
         at = threshold_name(self.options.threshold_m)
         top = {
@@ -68,6 +69,7 @@ class Evaluation:
         protocols = {name: result.as_dict() for name, result in self.results.items()}
         return {
             "protocol": next(iter(self.results)),
+            "threshold_m": self.options.threshold_m,
             **top,
             "protocols": protocols,
             **sites,
@@ -106,10 +108,12 @@ def evaluate(
         cameras: all usable views of the scene; only what they see is judged.
         protocols: of `PROTOCOLS`: `area` (samples of the surfaces), `neuris`, `manhattan` (as published).
         threshold_m: of precision, recall and F-score.
-        samples, seed: protocol `area`: observed points on each mesh, and the seed that draws them.
+        samples, seed: protocol `area`: observed points on each mesh (at most 100 million), and the seed that draws
+            them.
 
     Raises:
-        InputError: a mesh is missing or unusable, there is no camera, or no protocol or an unknown one is named.
+        InputError: a mesh is missing or unusable, there is no camera, no protocol or an unknown one is named, or an
+            option cannot be.
     """
     known = ", ".join(PROTOCOLS)
     if not protocols:
@@ -119,6 +123,10 @@ def evaluate(
         raise InputError(f"protocol {unknown[0]!r} is not known; choose from {known}")
     if not len(cameras):
         raise InputError("there is no camera; protocols judge only what cameras see")
+    if not 0 < threshold_m < float("inf"):
+        raise InputError(f"threshold_m={threshold_m} is impossible; give metres above 0")
+    if not 1 <= samples <= MOST_SAMPLES or samples != int(samples):
+        raise InputError(f"samples={samples} is impossible; give a whole number from 1 to {MOST_SAMPLES}")
     pred_file, gt_file = load(pred), load(gt)
     options = Options(threshold_m, samples, seed)
     results: dict[str, Result] = {}
