@@ -66,7 +66,7 @@ def told_of_hidden(scene: Scene, hidden: Mapping[str, Hidden]) -> tuple[list[str
     mend = f"{WHITE}: invert the masks if they mean the opposite" if masked else "save the photos without alpha"
     share = 1.0 - float(np.mean([one.usable.mean() for one in hidden.values()]))
     if len(hidden) == len(frames) and not any(one.any_usable for one in hidden.values()):
-        raise InputError(f"{scene.path} has nothing to be used: {what} 100 % of the pixels of all photos; {mend}")
+        raise InputError(f"{scene.path} has nothing to be used: {what} 100% of the pixels of all photos; {mend}")
     notes = [f"{what} {share:.0%} of the pixels of {len(hidden)} photos; what they hide is not used"]
     if share > NEARLY_ALL:
         return notes, [f"{what} {share:.1%} of the pixels of {len(hidden)} photos; {mend}"]
