@@ -189,8 +189,9 @@ def _write(out: Path, frames: list[Frame], options: PriorOptions) -> dict[str, f
                 mean_angle(normal, truth.normal),
             )
         )
-        _save_depth(out / "depth" / frame.color_path.stem, depth, options.depth_format)
-        _save_png(out / "normal" / f"{frame.color_path.stem}.png", _rgb(normal)[..., ::-1])
+        name = frame.name if frame.shares_stem else frame.color_path.stem
+        _save_depth(out / "depth" / name, depth, options.depth_format)
+        _save_png(out / "normal" / f"{name}.png", _rgb(normal)[..., ::-1])
     names = ("abs_rel", "delta1", "abs_rel_aligned", "delta1_aligned", "normal_deg")
     means = np.nanmean(np.array(errors), axis=0)
     measured = {name: round(float(mean), 4) for name, mean in zip(names, means, strict=True)}

@@ -27,9 +27,9 @@ class Frame:
     """One posed photo; pixels are read when asked for, at the size of `camera`.
 
     Attributes:
-        name: unique in the scene, fit for a file's name ("000012").
+        name: unique in the scene, fit for a file's name ("000012"): files of the photo are called by it.
         camera: pose and intrinsics at the working image size, without distortion.
-        color_path: the photo's file, or what it would be called as one: its stem names maps of the photo.
+        color_path: the photo's file, or what it would be called as one.
         depth_path: depth map that a sensor measured, or the file that holds it; None without one.
         depth_unit_m: metres of one unit of the depth file (0.001 for millimetres).
         cache: where the decoded photo is kept; None: it is decoded each time.
@@ -41,6 +41,8 @@ class Frame:
         transparent: the photo has an alpha, and what it hides may not be used either.
         depth_map: how the depth is read, and its camera; None: a 16-bit image registered to the photo.
         poses: what the pose on disk was read as (`scene.poses`).
+        shares_stem: another photo of the capture has the same file name in another folder, or with another ending, so
+            that a file called by it could be of either.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Frame:
     poses: str = "camera_to_world_opencv"
     masks: Masks | None = field(default=None, repr=False, compare=False)
     transparent: bool = False
+    shares_stem: bool = False
 
     @property
     def source(self) -> Photo:

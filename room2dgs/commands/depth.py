@@ -43,8 +43,9 @@ def main(argv: list[str]) -> int:
     Where photos tell no depth, of a camera that only turned, maps and cloud are empty and there is no mesh; report and
     coverage say so.
 
-    The maps are .npy files named as the photos: depth in metres (0 = none), unit normals in the world frame, errors in
-    metres. `room2dgs run ... prior/depth=files prior.depth.path=OUT/depth prior.depth.align=false` trains with them.
+    The maps are .npy files called by the views' names (a photo's without its ending, with _ for folders): depth in
+    metres (0 = none), unit normals in the world frame, errors in metres.
+    `room2dgs run ... prior/depth=files prior.depth.path=OUT/depth prior.depth.align=false` trains with them.
     fill=true fills what stereo leaves empty with the network's depth (prior=room_prior), drawn to stereo's: filled/ and
     filled_confidence/ beside the others, and the mesh is of these.
     """
@@ -116,7 +117,7 @@ def _report(
     from room2dgs.runs.page.depth import write_depth_report
 
     photos = [
-        photo_coverage(frame.color_path.stem, view, maps.get(frame.name))
+        photo_coverage(frame.name, view, maps.get(frame.name))
         for frame, view in zip(scene.keyframes, views, strict=True)
     ]
     write_coverage(out, photos, seconds)
@@ -143,12 +144,12 @@ def _write_maps(
 ) -> None:
     for name in MAPS:
         for frame, view in zip(frames, views, strict=True):
-            _save(out / name / f"{frame.color_path.stem}.npy", getattr(view, name))
+            _save(out / name / f"{frame.name}.npy", getattr(view, name))
     for frame in frames:
         for name, field in FILLED.items():
             maps = filled.get(frame.name)
             if maps is not None and getattr(maps, field) is not None:
-                _save(out / name / f"{frame.color_path.stem}.npy", getattr(maps, field))
+                _save(out / name / f"{frame.name}.npy", getattr(maps, field))
 
 
 def _save(path: Path, values: np.ndarray) -> None:

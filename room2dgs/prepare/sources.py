@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from room2dgs.captures.depth_maps import depth_file
-from room2dgs.captures.listing import listed
+from room2dgs.captures.listing import listed, natural
+from room2dgs.captures.photo_names import shared_stems
 from room2dgs.captures.scene import Frame
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
@@ -24,9 +25,16 @@ def depth_files(folder: Path, photos: Sequence[TakenPhoto]) -> dict[str, Path]:
     """Photo's name -> its depth map: of the same name, or with the number of the video's frame.
 
     Raises:
-        InputError: there is none, or one lies on its side.
+        InputError: there is none, one lies on its side, two are of one photo, or one is of two.
     """
-    names = {Path(name).stem: folder / name for name in listed(folder) if name.lower().endswith((".png", ".npy"))}
+    maps = [name for name in natural(listed(folder)) if name.lower().endswith((".png", ".npy"))]
+    names = {Path(name).stem: folder / name for name in maps}
+    twice = min(shared_stems(maps), default=None)
+    if twice is not None:
+        raise InputError(f"{folder} has two depth maps called {twice}; delete one of them")
+    shared = min(shared_stems(photo.name for photo in photos) & names.keys(), default=None)
+    if shared is not None:
+        raise InputError(f"{names[shared]} could be of several photos called {shared}; rename them and their maps")
     by_number: dict[int, Path] = {}
     for stem, path in sorted(names.items()):
         if parts := re.findall(r"\d+", stem):

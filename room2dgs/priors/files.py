@@ -31,13 +31,24 @@ def find_map(folder: Path, frame: Frame) -> Path | None:
     """The frame's map: <name>.png or .npy, the name being the frame's or its photo's ("000012" or "12").
 
     Raises:
-        InputError: there are two.
+        InputError: there are two, or the only one is called as photos in several folders are.
     """
-    names = dict.fromkeys((frame.name, frame.color_path.stem))
-    found = [path for name in names for suffix in SUFFIXES if (path := folder / f"{name}{suffix}").is_file()]
+    own, by_photo = _called(folder, frame.name), _called(folder, frame.color_path.stem)
+    if frame.shares_stem and frame.name != frame.color_path.stem:
+        if by_photo and not own:
+            raise InputError(
+                f"{by_photo[0]} could be of {frame.color_path} or of another photo of that name; call the maps by the "
+                f"views' names ({frame.name}{by_photo[0].suffix})"
+            )
+        by_photo = []
+    found = list(dict.fromkeys([*own, *by_photo]))
     if len(found) > 1:
         raise InputError(f"{found[0]} and {found[1].name} are maps of the same frame; delete one of them")
     return found[0] if found else None
+
+
+def _called(folder: Path, name: str) -> list[Path]:
+    return [path for suffix in SUFFIXES if (path := folder / f"{name}{suffix}").is_file()]
 
 
 def read_depth(path: Path, settings: DepthPriorConfig, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -231,8 +231,8 @@ def _maps(
     found = {frame.name: file for frame in frames if (file := find_map(folder, frame))}
     if not found:
         raise InputError(
-            f"{folder} has no map for any of the {len(frames)} views; name them as the photos, "
-            f"for example {frames[0].color_path.stem}.png or .npy"
+            f"{folder} has no map for any of the {len(frames)} views; name them as the views, "
+            f"for example {frames[0].name}.png or .npy"
         )
     missing = [frame.name for frame in frames if frame.name not in found]
     if missing:

@@ -26,7 +26,7 @@ class Coverage:
     """Of one photo, or of all.
 
     Attributes:
-        photo: its file's name without the ending; "all".
+        photo: the view's name, which its maps have too; "all".
         stereo: share of the pixels that stereo kept.
         agreeing: number of agreeing photos -> share of the pixels on which so many agree; the shares add up to
             `stereo`.
