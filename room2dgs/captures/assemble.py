@@ -19,9 +19,10 @@ from room2dgs.captures.lens import pinhole_of
 from room2dgs.captures.links import links_out
 from room2dgs.captures.mask_images import Masks
 from room2dgs.captures.matrix_files import rigid
+from room2dgs.captures.photo_names import shared_stems
 from room2dgs.captures.scene import Dropped, Frame, Scene
 from room2dgs.captures.selection import evenly_spaced, hold_out
-from room2dgs.captures.world_offset import AT_ORIGIN, in_scene, offset_note, origin_beside
+from room2dgs.captures.world_offset import AT_ORIGIN, in_scene, offset_note, origin_beside, rounded_centres
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
@@ -50,6 +51,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
     _check_scale(entries, capture, config.unit)
     # of the first: other frames of the same capture do not move it
     origin_m = origin_beside(entries[0].world_from_cam[:3, 3])
+    rounded = rounded_centres([one.world_from_cam for one in entries], origin_m)
     if origin_m != AT_ORIGIN:
         entries = [replace(one, world_from_cam=in_scene(one.world_from_cam, origin_m)) for one in entries]
     entries, unreadable, notes, doubts = fitted(capture, entries, config)
@@ -59,6 +61,8 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
     poses = capture.poses if config.poses == "auto" else config.poses
     masks = Masks([entry.mask for entry in entries if entry.mask is not None])
     frames = [replace(_frame(entry, config.image_width, wide), poses=poses, masks=masks) for entry in entries]
+    shared = shared_stems(shot.path for shot in capture.shots)
+    frames = [replace(frame, shares_stem=frame.color_path.stem in shared) for frame in frames]
     _check_names(frames)
     train, test = _split(frames, capture, config)
     chosen = set(keyframes([frame.camera for frame in train], config.keyframes))
@@ -76,7 +80,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
         layout=capture.layout,
         metric=capture.metric,
         notes=(*capture.notes, *_notes(capture, config, entries), *notes, *offset_note(origin_m)),
-        warnings=(*capture.warnings, *said, *doubts, *([doubt] if doubt else [])),
+        warnings=(*capture.warnings, *said, *doubts, *rounded, *([doubt] if doubt else [])),
         given_points=points,
         matched_only=frozenset(frame.name for index, frame in enumerate(train) if index not in chosen),
         origin_m=origin_m,
@@ -184,7 +188,10 @@ def _check_names(frames: Sequence[Frame]) -> None:
     for frame in frames:
         other = seen.setdefault(frame.name.casefold(), frame)
         if other is not frame:
-            raise InputError(f"{frame.color_path} and {other.color_path} are the same frame; rename one of them")
+            raise InputError(
+                f"{other.color_path} and {frame.color_path} would both be called {other.name} (names count without "
+                "their ending, with _ for / and in any case); rename one of them"
+            )
 
 
 def _split(frames: list[Frame], capture: Capture, config: SceneConfig) -> tuple[list[Frame], list[Frame]]:

@@ -5,7 +5,7 @@ Kernels, libraries and file formats count in float32, whose steps at 500 km are 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from room2dgs.geometry.poses import inverse_pose
 Origin = tuple[float, float, float]
 AT_ORIGIN: Origin = (0.0, 0.0, 0.0)
 MAX_STEP_M = 1e-4  # steps of float32 that a room's coordinates may have; it has larger ones beyond 1024 m
+ROUNDED_M = 1e-3  # steps of poses that a person should know of
 ROUND_M = 100.0  # whole numbers are taken away and put back without an error
 
 
@@ -74,6 +75,20 @@ def points_in_scene(read: Callable[[], PointCloud], origin_m: Origin) -> PointCl
     """Points that were read in the capture's world, in the scene's frame."""
     points = read()
     return points if origin_m == AT_ORIGIN else replace(points, xyz=points.xyz - np.array(origin_m))
+
+
+def rounded_centres(world_from_cam: Sequence[np.ndarray], origin_m: Origin) -> list[str]:
+    """A warning where the poses (4, 4) were written in float32, far from the origin: their digits are gone."""
+    centres = np.stack([pose[:3, 3] for pose in world_from_cam])
+    if origin_m == AT_ORIGIN or not np.array_equal(centres, centres.astype(np.float32)):
+        return []
+    step_m = float(np.spacing(np.abs(centres).max().astype(np.float32)))
+    if step_m < ROUNDED_M:
+        return []
+    return [
+        f"the poses are written in float32, far from the origin: they are rounded to steps of {100 * step_m:.2g} cm; "
+        "write them in double, or with the offset taken out"
+    ]
 
 
 def offset_note(origin_m: Origin) -> list[str]:
