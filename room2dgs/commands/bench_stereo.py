@@ -11,6 +11,7 @@ from room2dgs.bench.stereo import measured
 from room2dgs.commands.bench_prior import scene_config, split_scenes
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.errors import InputError
+from room2dgs.report.csv_text import as_csv_text
 from room2dgs.runs.folder import last_value
 from room2dgs.runs.metrics import commit, machine
 
@@ -49,7 +50,7 @@ def main(argv: list[str] | None = None) -> int:
     if last_value(overrides, "out"):
         path = Path(scene_config(scenes[0], overrides).out) / "bench_stereo.csv"
         path.parent.mkdir(parents=True, exist_ok=True)
-        table.to_csv(path, index=False)
+        path.write_text(as_csv_text(table), encoding="utf-8")
         print(f"table: {path}")
     return 0
 

@@ -99,14 +99,12 @@ def _swept(overrides: list[str]) -> int:
 def summary(out: Path, metrics: dict[str, Any]) -> list[str]:
     """The run in a few lines: how good, how long, where to look."""
     lines = []
-    if metrics.get("f_score_5cm") is not None:
-        lines.append(
-            f"F-score @ 5 cm {metrics['f_score_5cm']:.3f} (precision {metrics['precision_5cm']:.3f}, "
-            f"recall {metrics['recall_5cm']:.3f})"
-        )
+    scores = [metrics.get(f"{name}_5cm") for name in ("f_score", "precision", "recall")]
+    if None not in scores:
+        lines.append("F-score @ 5 cm {:.3f} (precision {:.3f}, recall {:.3f})".format(*scores))
     seconds = metrics["seconds"]
     stages = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
-    surfels = f"{metrics['primitives']:,} surfels; " if "primitives" in metrics else ""
+    surfels = f"{metrics['primitives']:,} surfels; " if metrics.get("primitives") is not None else ""
     lines.append(f"{surfels}{sum(seconds.values()):.0f} s in all: {stages}")
     lines.append(f"peak memory {metrics['peak_memory_mb'] / 1000:.2f} GB")
     lines.append(f"mesh      {out / MESH}")

@@ -184,6 +184,7 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     """
     from room2dgs.files import whole_file
     from room2dgs.priors import load_priors
+    from room2dgs.report.csv_text import csv_lines
     from room2dgs.runs.trust import write_trust
     from room2dgs.stereo.anchors import StereoPoints, stereo_points
     from room2dgs.stereo.looks import FirstLook
@@ -207,11 +208,11 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     record(out, {"prior_seconds": by_stage(seconds), "stereo_coverage": share}, {})
     write_trust(out / TRUST, scene.keyframes, priors.by_frame, stereo)
     if priors.fits:
-        rows = ["view,scale,shift,median_relative_residual,points"]
+        rows = [("view", "scale", "shift", "median_relative_residual", "points")]
         for name, fit in priors.fits.items():
-            rows.append(f"{name},{fit.scale:.6g},{fit.shift:.6g},{fit.residual:.4f},{fit.points}")
+            rows.append((name, f"{fit.scale:.6g}", f"{fit.shift:.6g}", f"{fit.residual:.4f}", fit.points))
         with whole_file(out / PRIORS) as temporary:
-            temporary.write_text("\n".join(rows) + "\n", encoding="utf-8")
+            temporary.write_text(csv_lines(rows), encoding="utf-8")
     return priors
 
 

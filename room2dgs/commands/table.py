@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,9 +12,10 @@ from room2dgs.commands.stages import read, with_poses_of_run
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
-from room2dgs.json_files import update_json
+from room2dgs.json_files import read_json, update_json
 from room2dgs.runs.folder import CAPTURE, CONFIG, earlier_run, last_value
 from room2dgs.runs.metrics import earlier
+from room2dgs.runs.schema import is_number
 
 if TYPE_CHECKING:
     from room2dgs.study.score_table import Score
@@ -97,7 +97,10 @@ def _of_run(config: Config, name: str, scene: str, protocol: str) -> Score:
     from room2dgs.eval.geometry_scores import threshold_name
     from room2dgs.study.score_table import Score, values_of
 
-    metrics = earlier(Path(config.out))
+    try:
+        metrics = earlier(Path(config.out))
+    except InputError as error:
+        return Score(name, scene, {}, str(error))
     values = values_of(metrics, protocol, threshold_name(config.eval.threshold_m))
     if values is not None:
         return Score(name, scene, values)
@@ -146,10 +149,9 @@ def _scored(path: Path, config: Config, protocol: str, kept: Path) -> dict[str, 
     settings = config.eval
     key = hashlib.sha256(path.read_bytes() + gt.read_bytes())
     key.update(repr((protocol, settings.threshold_m, settings.samples, settings.seed, str(config.out))).encode())
-    if kept.is_file():
-        earlier_scores = json.loads(kept.read_text(encoding="utf-8"))
-        if earlier_scores.get("key") == key.hexdigest():
-            return earlier_scores["values"]
+    known = _kept(kept, key.hexdigest())
+    if known is not None:
+        return known
     options = {"threshold_m": settings.threshold_m, "samples": settings.samples, "seed": settings.seed}
     meshes = load(path, scene.origin_m), load(gt, scene.origin_m)
     result = evaluate(*meshes, [frame.camera for frame in scene.frames], (protocol,), **options)
@@ -160,3 +162,19 @@ def _scored(path: Path, config: Config, protocol: str, kept: Path) -> dict[str, 
     update_json(kept, {"key": key.hexdigest(), "values": values})
     print(f"scored {path}")
     return values
+
+
+def _kept(path: Path, key: str) -> dict[str, float] | None:
+    """The scores of an earlier call; None: of another mesh or setting, or damaged, and then they are made again."""
+    from room2dgs.study.score_table import FIGURES
+
+    if not path.is_file():
+        return None
+    try:
+        found = read_json(path)
+    except InputError:
+        path.unlink()
+        return None
+    values = found.get("values")
+    whole = isinstance(values, dict) and set(values) == set(FIGURES) and all(map(is_number, values.values()))
+    return values if whole and found.get("key") == key else None

@@ -8,6 +8,7 @@ import numpy as np
 
 from room2dgs.plan.floor_plan import FloorPlan
 from room2dgs.plan.outline import Side
+from room2dgs.texts import shown
 
 PX_PER_M = 100.0
 MARGIN_M = 0.8
@@ -25,7 +26,7 @@ def svg(plan: FloorPlan, title: str) -> str:
     root.set("width", f"{width / 10:.1f}mm")  # 1 : 100 on paper
     root.set("height", f"{height / 10:.1f}mm")
     root.set("font-family", "sans-serif")
-    ET.SubElement(root, "title").text = title
+    ET.SubElement(root, "title").text = shown(title)
     ET.SubElement(root, "rect", width=f"{width:.1f}", height=f"{height:.1f}", fill="white")
 
     def place(point: np.ndarray) -> tuple[float, float]:

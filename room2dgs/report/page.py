@@ -13,6 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from room2dgs.report.table import Table
+from room2dgs.texts import shown
 
 JPEG_QUALITY = 85
 
@@ -25,7 +26,7 @@ class Figure(NamedTuple):
 
 
 def page(template: str, **values: Any) -> str:
-    """A template of the folder `templates`, filled in; text is escaped."""
+    """A template of the folder `templates`, filled in; text is escaped, control characters and line breaks too."""
     return _environment().get_template(template).render(**values)
 
 
@@ -55,12 +56,24 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
+        finalize=_shown,
     )
     found.filters["data_uri"] = data_uri
     found.filters["table"] = _html
+    found.filters["lines"] = _lines
     return found
 
 
+def _shown(value: Any) -> Any:
+    return value if not isinstance(value, str) or isinstance(value, Markup) or value.isprintable() else shown(value)
+
+
+def _lines(text: str) -> Markup:
+    """Our own text of several lines."""
+    return Markup("\n").join(map(shown, text.split("\n")))
+
+
 def _html(table: Table) -> Markup:
+    frame = table.frame.map(shown).rename(columns=shown)
     with pd.option_context("display.max_colwidth", None):  # else pandas cuts long cells
-        return Markup(table.frame.to_html(index=False, border=0))  # pandas escapes the cells
+        return Markup(frame.to_html(index=False, border=0))  # pandas escapes the cells

@@ -7,6 +7,8 @@ from typing import NamedTuple, TypeVar
 
 import pandas as pd
 
+from room2dgs.texts import shown
+
 NOTHING = "-"  # a cell without a value
 Item = TypeVar("Item")
 
@@ -30,13 +32,22 @@ def table(title: str, columns: Mapping[str, Callable[[Item], str]], items: Itera
 
 def markdown(one: Table) -> str:
     """The table with its title, if it has one, in bold above it."""
-    escaped = one.frame.map(lambda cell: cell.replace("|", "\\|").replace("\n", " "))
+    escaped = one.frame.map(in_markdown).rename(columns=in_markdown)
     text = escaped.to_markdown(index=False, tablefmt="pipe", disable_numparse=True, stralign=None)
-    return f"**{one.title}**\n\n{text}" if one.title else text
+    return f"**{in_markdown(one.title)}**\n\n{text}" if one.title else text
 
 
 def terminal(one: Table) -> str:
     """The table with lines around its cells; numbers are flush right."""
     align = ["left", *["right"] * (one.frame.shape[1] - 1)]
-    text = one.frame.to_markdown(index=False, tablefmt="simple_outline", disable_numparse=True, colalign=align)
-    return f"{one.title}\n{text}"
+    text = (
+        one.frame.map(shown)
+        .rename(columns=shown)
+        .to_markdown(index=False, tablefmt="simple_outline", disable_numparse=True, colalign=align)
+    )
+    return f"{shown(one.title)}\n{text}"
+
+
+def in_markdown(text: str) -> str:
+    """Text of anybody's inside Markdown, in a cell or a line: no other cell, no line break, no control character."""
+    return shown(text).replace("|", "\\|")

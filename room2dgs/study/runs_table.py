@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,8 @@ import pandas as pd
 from room2dgs.errors import InputError
 from room2dgs.report.table import Table
 from room2dgs.report.table import markdown as as_markdown
+from room2dgs.runs.folder import METRICS
+from room2dgs.runs.metrics import earlier
 
 COLUMNS = {
     "run": lambda m: m["run"],
@@ -38,11 +39,11 @@ def row(run: Path) -> dict[str, str]:
     Raises:
         InputError: the folder holds no scored run.
     """
-    path = run / "metrics.json"
+    path = run / METRICS
     try:
-        metrics: dict[str, Any] = {"run": run.name, **json.loads(path.read_text())}
+        metrics: dict[str, Any] = {**earlier(run), "run": run.name}
         return {name: cell(metrics) for name, cell in COLUMNS.items()}
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"{path} is not that of a scored run ({error}); run `room2dgs eval out={run}` first"
         ) from error

@@ -12,7 +12,9 @@ from typing import Any
 
 import pandas as pd
 
-from room2dgs.report.table import NOTHING, Table, markdown
+from room2dgs.report.csv_text import as_csv_text
+from room2dgs.report.table import NOTHING, Table, in_markdown, markdown
+from room2dgs.texts import shown
 
 # heading -> figure, and whether more of it is better
 COLUMNS = {
@@ -22,7 +24,16 @@ COLUMNS = {
     "Recall": ("recall", True),
     "F-score": ("f_score", True),
 }
+FIGURES = tuple(figure for figure, _ in COLUMNS.values())
 SCANNET, SCANNETPP, OTHER = "ScanNet", "ScanNet++", "other scenes"
+
+
+LATEX = {
+    **{letter: f"\\{letter}" for letter in "&%$#_{}"},
+    "\\": "\\textbackslash{}",
+    "~": "\\textasciitilde{}",
+    "^": "\\textasciicircum{}",
+}
 
 
 @dataclass(frozen=True)
@@ -107,8 +118,7 @@ def as_csv(scores: Sequence[Score]) -> str:
         {"dataset": dataset_of(one.scene), "scene": one.scene, "method": one.method, **one.values, "failed": one.failed}
         for one in scores
     ]
-    figures = [figure for figure, _ in COLUMNS.values()]
-    return pd.DataFrame(rows, columns=["dataset", "scene", "method", *figures, "failed"]).to_csv(index=False)
+    return as_csv_text(pd.DataFrame(rows, columns=["dataset", "scene", "method", *FIGURES, "failed"]))
 
 
 def as_markdown(scores: Sequence[Score], title: str) -> str:
@@ -129,7 +139,7 @@ def as_markdown(scores: Sequence[Score], title: str) -> str:
         for one in sorted(scores, key=lambda one: one.scene)
     ]
     tables.append(markdown(Table("", pd.DataFrame(each, columns=["scene", "Method", *COLUMNS], dtype=str))))
-    return "\n\n".join([*tables, *(f"- {line}" for line in notes(scores))]) + "\n"
+    return "\n\n".join([*tables, *(f"- {in_markdown(line)}" for line in notes(scores))]) + "\n"
 
 
 def as_html(scores: Sequence[Score], title: str) -> str:
@@ -140,15 +150,15 @@ def as_html(scores: Sequence[Score], title: str) -> str:
     top = "".join(f'<th colspan="{len(COLUMNS)}">{html.escape(one)}</th>' for one in datasets)
     second = "".join(f"<th>{_arrowed(heading)}</th>" for _, heading in frame.columns)
     rows = "".join(
-        f"<tr><td>{html.escape(str(method))}</td>"
+        f"<tr><td>{html.escape(shown(method))}</td>"
         + "".join(
             f"<td>{_cell(frame.iloc[row, c], best.iloc[row, c], '<b>{}</b>')}</td>" for c in range(frame.shape[1])
         )
         + "</tr>\n"
         for row, method in enumerate(frame.index)
     )
-    said = "".join(f"<p>{html.escape(line)}</p>\n" for line in notes(scores))
-    said_title = html.escape(title)
+    said = "".join(f"<p>{html.escape(shown(line))}</p>\n" for line in notes(scores))
+    said_title = html.escape(shown(title))
     style = "body{font-family:sans-serif}td,th{padding:2px 8px;text-align:right}td:first-child{text-align:left}"
     return (
         f'<!doctype html>\n<html lang="en"><meta charset="utf-8"><title>{said_title}</title><style>{style}</style>\n'
@@ -177,7 +187,7 @@ def as_latex(scores: Sequence[Score], title: str) -> str:
     ]
     return "\n".join(
         [
-            *(f"% {line}" for line in notes(scores)),
+            *(f"% {shown(line)}" for line in notes(scores)),
             "\\begin{table}",
             f"\\caption{{{_escaped(title)}}}",
             f"\\begin{{tabular}}{{l{'c' * frame.shape[1]}}}",
@@ -215,4 +225,4 @@ def _arrowed(heading: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    return re.sub(r"([&%$#_{}])", r"\\\1", text)
+    return "".join(LATEX.get(letter, letter) for letter in shown(text))

@@ -17,6 +17,7 @@ from room2dgs.errors import InputError
 from room2dgs.eval.error_sites import far_m
 from room2dgs.eval.geometry_scores import threshold_name
 from room2dgs.files import whole_file
+from room2dgs.report.csv_text import as_csv_text
 from room2dgs.report.table import NOTHING, Table, markdown, table
 from room2dgs.study import suite
 from room2dgs.study.ablation import FAR_OFF, FINE, Row
@@ -167,7 +168,7 @@ def write_tables(found: Tradeoff, out: Path) -> str:
     contents = {
         MARKDOWN: text,
         JSON: json.dumps(whole, indent=1) + "\n",
-        "tradeoff.csv": scores.frame.to_csv(index=False),
+        "tradeoff.csv": as_csv_text(scores.frame),
     }
     for name, content in contents.items():
         with whole_file(out / name) as temporary:

@@ -129,7 +129,7 @@ def test_a_mesh_without_a_floor_is_refused():
 
 def test_svg_and_json_say_the_lengths(furnished):
     plan = floor_plan(furnished, Z_UP)
-    texts = [item.text for item in ET.fromstring(svg(plan, "a <room>")).iter("{http://www.w3.org/2000/svg}text")]
+    texts = [item.text for item in ET.fromstring(svg(plan, "a <room>\x1b")).iter("{http://www.w3.org/2000/svg}text")]
     assert texts.count("4.20 m") == 2 and texts.count("3.10 m") == 2 and "height 2.55 m" in texts
     told = json.loads(json.dumps(as_json(plan)))
     assert {side["wall"] for side in told["rooms"][0]["sides"]} == {"wall_1", "wall_2", "wall_3", "wall_4"}

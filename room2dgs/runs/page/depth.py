@@ -82,7 +82,7 @@ def write_depth_report(
 
 
 def _facts(whole: Coverage, count: int, metrics: dict[str, Any]) -> list[dict[str, str]]:
-    wall, cpu = (sum(metrics.get(key, {}).values()) for key in ("seconds", "cpu_seconds"))
+    wall, cpu = (sum(words.part(metrics, key).values()) for key in ("seconds", "cpu_seconds"))
     found = [(str(count), "photos"), (_share(whole.stereo), "of the pixels have stereo's depth")]
     if whole.filled is not None:
         found.append((_share(whole.filled), "were filled"))
@@ -119,7 +119,7 @@ def _totals(whole: Coverage) -> Table:
 
 
 def _seconds(metrics: dict[str, Any], count: int) -> Table:
-    wall, cpu, memory = (metrics.get(key, {}) for key in ("seconds", "cpu_seconds", "stage_peak_memory_mb"))
+    wall, cpu, memory = (words.part(metrics, key) for key in ("seconds", "cpu_seconds", "stage_peak_memory_mb"))
     columns = {
         "stage": lambda stage: stage,
         "seconds": lambda stage: f"{wall[stage]:.1f}",

@@ -82,6 +82,8 @@ def with_error(one: Solid, out: Path, origin_m: Origin) -> Solid:
     if not error_file.is_file() or earlier(out).get("protocol") is None:
         return one
     scored, align = read_mesh(error_file), earlier(out).get("align")
+    if scored.visual.kind != "vertex":  # somebody else's file
+        return one
     # a mesh that was aligned is scored, and coloured, in the truth's frame
     vertices = one.vertices + origin_m
     vertices = moved(vertices, np.array(align["truth_from_pred"])) if isinstance(align, dict) else vertices

@@ -16,6 +16,7 @@ from room2dgs.report.page import data_uri
 from room2dgs.runs.page.trust import picture as trust_picture
 from room2dgs.runs.pictures import depth_picture, normal_picture
 from room2dgs.runs.trust import Trust
+from room2dgs.texts import shown
 
 if TYPE_CHECKING:
     from room2dgs.splat.types import Rendering
@@ -63,8 +64,8 @@ def _view(frame: Frame, view: Rendering, sort: str, trusted: Trust | None) -> di
         pictures["trust"] = cv2.resize(trust_picture(trusted), frame.camera.size, interpolation=cv2.INTER_NEAREST) / 255
     quality = psnr(color, photo, frame.mask())
     return {
-        "title": f"{frame.name} ({sort})",
-        "note": f"{frame.name}, {sort}: the rendering has a PSNR of {quality:.1f} dB against the photo.",
+        "title": f"{shown(frame.name)} ({sort})",
+        "note": f"{shown(frame.name)}, {sort}: the rendering has a PSNR of {quality:.1f} dB against the photo.",
         "pictures": {kind: data_uri(small(picture, LONGEST)) for kind, picture in pictures.items()},
     }
 

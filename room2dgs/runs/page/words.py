@@ -11,6 +11,7 @@ from room2dgs.config import Config, load_config
 from room2dgs.config.keys import leaf_keys
 from room2dgs.config.sentences import shown
 from room2dgs.report.table import NOTHING, Table, table
+from room2dgs.runs.schema import is_number
 
 POOR_PSNR_DB, FEW_PHOTOS, POOR_F_SCORE = 20.0, 15, 0.7
 MADE_OF = {
@@ -32,11 +33,23 @@ SCORES = (
 
 def opening(config: Config, metrics: dict[str, Any]) -> str:
     """Which capture, by what."""
-    version = metrics.get("versions", {}).get("room2dgs", "")
+    version = part(metrics, "versions").get("room2dgs", "")
     said = f"Capture {config.scene.path}, reconstructed by room2dgs {version} in {config.out}."
     if not config.mesh.of_surfels:
         said += f" A first look: {MADE_OF[config.mesh.source]}, nothing was trained; renderings are of the mesh."
     return said
+
+
+def part(metrics: dict[str, Any], key: str) -> dict[str, Any]:
+    """An object of metrics.json; empty where it is not there, or null since what it was measured on is gone."""
+    return metrics.get(key) or {}
+
+
+def threshold_m(metrics: dict[str, Any], config: Config) -> float:
+    """At which the mesh was scored, and its error drawn: `eval` may have had another than the run's settings."""
+    constants = part(part(metrics, "protocols"), metrics.get("protocol") or "").get("constants") or {}
+    known = (metrics.get("threshold_m"), constants.get("threshold_m"))  # runs from before have the second alone
+    return next((float(value) for value in known if is_number(value) and value > 0), config.eval.threshold_m)
 
 
 def facts(scene: Scene, metrics: dict[str, Any]) -> list[dict[str, str]]:
@@ -52,7 +65,7 @@ def facts(scene: Scene, metrics: dict[str, Any]) -> list[dict[str, str]]:
         found.append((f"{metrics['primitives']:,}", "surfels"))
     if metrics.get("mesh_faces") is not None:
         found.append((f"{metrics['mesh_faces']:,}", "triangles"))
-    seconds = sum(metrics.get("seconds", {}).values())
+    seconds = sum(part(metrics, "seconds").values())
     found.append((f"{seconds / 60:.1f} min", "in all"))
     return [{"value": value, "what": what} for value, what in found]
 
@@ -117,14 +130,14 @@ def changed_settings(config: Config) -> Table:
 
 def closing(metrics: dict[str, Any]) -> str:
     """Which code, with which libraries."""
-    versions = ", ".join(f"{name} {value}" for name, value in metrics.get("versions", {}).items())
+    versions = ", ".join(f"{name} {value}" for name, value in part(metrics, "versions").items())
     commit = metrics.get("commit")
     return (f"Commit {commit}. " if commit else "") + versions
 
 
 def _scores(metrics: dict[str, Any]) -> Table:
     rows = []
-    for name, scores in metrics.get("protocols", {}).items():
+    for name, scores in part(metrics, "protocols").items():
         for start, label in SCORES:
             for key, value in scores.items():
                 if key.startswith(start) and isinstance(value, float):
@@ -138,7 +151,7 @@ def _scores(metrics: dict[str, Any]) -> Table:
 
 
 def _stages(metrics: dict[str, Any]) -> Table:
-    seconds, memory = metrics.get("seconds", {}), metrics.get("stage_peak_memory_mb", {})
+    seconds, memory = part(metrics, "seconds"), part(metrics, "stage_peak_memory_mb")
     total = sum(seconds.values()) or 1.0
     columns = {
         "stage": lambda row: row[0],
@@ -151,12 +164,12 @@ def _stages(metrics: dict[str, Any]) -> Table:
 
 def _training(metrics: dict[str, Any]) -> Table:
     columns = {"part of an iteration": lambda row: row[0], "seconds": lambda row: f"{row[1]:.1f}"}
-    return table("Training", columns, [row for row in metrics.get("training_seconds", {}).items() if row[1]])
+    return table("Training", columns, [row for row in part(metrics, "training_seconds").items() if row[1]])
 
 
 def _machine(metrics: dict[str, Any]) -> Table:
     columns = {"machine": lambda row: row[0].replace("_", " "), "": lambda row: str(row[1])}
-    return table("Machine", columns, metrics.get("machine", {}).items())
+    return table("Machine", columns, part(metrics, "machine").items())
 
 
 def _flat(config: Config) -> dict[str, Any]:

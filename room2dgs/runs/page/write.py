@@ -68,7 +68,7 @@ def write_report(scene: Scene, surfels: Surfels | None, rendered: Rendered, conf
         opening=words.opening(config, metrics),
         facts=words.facts(scene, metrics),
         warnings=words.warnings(scene, config, metrics, log),
-        solid=_solid(room, surfels, places, scene, config) if room else None,
+        solid=_solid(room, surfels, places, scene, config, words.threshold_m(metrics, config)) if room else None,
         views=view_pictures(scene, rendered, maps, settings.views),
         kinds=[kind for kind in KINDS if kind[0] != "trust" or maps],
         kind_keys=_kind_keys(source),
@@ -98,7 +98,9 @@ def _room(scene: Scene, config: Config, out: Path) -> tuple[Solid | None, Covera
     return with_photos(room, seen.photos), seen, spots(room, seen, scene.frames)
 
 
-def _solid(room: Solid, surfels: Surfels | None, places: list[Spot], scene: Scene, config: Config) -> dict[str, Any]:
+def _solid(
+    room: Solid, surfels: Surfels | None, places: list[Spot], scene: Scene, config: Config, threshold_m: float
+) -> dict[str, Any]:
     cameras = [frame.camera for frame in scene.frames]
     up = up_axis(cameras, room.normals)
     low, high = room.vertices.min(axis=0), room.vertices.max(axis=0)
@@ -119,7 +121,7 @@ def _solid(room: Solid, surfels: Surfels | None, places: list[Spot], scene: Scen
         blocks.append(("discs", disc_bytes))
         shown["discs"] = None
         said += f" and {about['discs']['count']:,} of {len(surfels.centers):,} surfels"
-    end_cm = FULL_THRESHOLDS * config.eval.threshold_m * 100
+    end_cm = FULL_THRESHOLDS * threshold_m * 100
     return {
         "buttons": [(name, label) for name, label in BUTTONS if name in shown],
         "about": about,
