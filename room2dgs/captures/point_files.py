@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
+from room2dgs.captures.ply_elements import Element, read_elements
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
@@ -24,31 +24,28 @@ def read_ply(path: Path) -> PointCloud:
         The finite points in metres; grey where the file has no colours; without tracks.
 
     Raises:
-        InputError: missing, unreadable or without a finite point.
+        InputError: missing, no regular file, unreadable or without a finite point.
     """
-    if not path.is_file():
-        raise InputError(f"{path} is missing; give points.file the path of a .ply with points")
-    try:
-        geometry = trimesh.load(path, file_type="ply", process=False)
-        xyz = np.asarray(geometry.vertices, dtype=np.float64).reshape(-1, 3)
-    except Exception as error:  # trimesh raises whatever its parser stumbles over
-        raise InputError(f"{path} cannot be read as a .ply file; write the points again") from error
-    rgb = _colors(geometry, len(xyz))
+    vertex = read_elements(path, ("vertex",), "give points.file the path of a .ply with points").get("vertex")
+    if vertex is None or not all(axis in vertex.single for axis in "xyz"):
+        raise InputError(f"{path} has no vertices with x, y and z; write the points again")
+    xyz = np.stack([vertex.single[axis].astype(np.float64) for axis in "xyz"], axis=1)
     finite = np.isfinite(xyz).all(axis=1)
     if not finite.any():
         raise InputError(f"{path} holds no finite points; give a .ply with points of the scene in metres")
-    return PointCloud(xyz[finite], rgb[finite])
+    return PointCloud(xyz[finite], _colors(vertex)[finite])
 
 
-def _colors(geometry: trimesh.PointCloud | trimesh.Trimesh, count: int) -> np.ndarray:
-    """(count, 3) uint8, grey where the file has none."""
-    if isinstance(geometry, trimesh.PointCloud):
-        colors = geometry.colors
-    else:
-        colors = geometry.visual.vertex_colors if geometry.visual.kind == "vertex" else None
-    if colors is None or len(colors) != count:
-        return np.full((count, 3), 128, dtype=np.uint8)
-    return np.asarray(colors, dtype=np.uint8)[:, :3].copy()
+def _colors(vertex: Element) -> np.ndarray:
+    """(count, 3) uint8, grey where the file has none; floats are shares of 1, long integers of their largest."""
+    channels = [vertex.single.get(name) for name in ("red", "green", "blue")]
+    if any(channel is None for channel in channels):
+        return np.full((len(vertex.single["x"]), 3), 128, dtype=np.uint8)
+    rgb = np.stack(channels, axis=1)
+    if rgb.dtype == np.uint8:
+        return rgb
+    most = 1.0 if rgb.dtype.kind == "f" else float(np.iinfo(rgb.dtype).max)
+    return np.round(np.nan_to_num(rgb.astype(np.float64) / most).clip(0, 1) * 255).astype(np.uint8)
 
 
 def save_points(path: Path, points: PointCloud) -> None:

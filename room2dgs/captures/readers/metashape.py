@@ -18,14 +18,14 @@ from room2dgs.captures.listing import Listing, gt_mesh_in, inside, natural
 from room2dgs.captures.matrix_files import rigid
 from room2dgs.captures.readers.metashape_lens import sensor_lens, xml_number
 from room2dgs.captures.readers.metashape_photos import LabelledPhotos
-from room2dgs.captures.text_files import floats, text_of
+from room2dgs.captures.text_files import floats
+from room2dgs.captures.xml_files import read_xml
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.regular_files import open_regular
 from room2dgs.texts import shown_name
 
 LAYOUT = "images/ and cameras.xml (Metashape)"
-MAX_BYTES = 1 << 28
 NO = ("false", "0", "no")
 
 
@@ -217,13 +217,7 @@ def _finite(pose: Callable[[_Camera], np.ndarray]) -> Callable[[_Camera], np.nda
 
 
 def _chunk(path: Path, notes: list[str]) -> ElementTree.Element:
-    text = text_of(path)
-    if len(text) > MAX_BYTES or "<!ENTITY" in text or "<!DOCTYPE" in text:
-        raise InputError(f"{path} is no export of cameras; export it again")
-    try:
-        root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(f"{path} is no whole XML ({error}); export it again") from error
+    root = read_xml(path)
     chunks = root.findall("chunk") or root.findall("chunks/chunk")
     if not chunks:
         raise InputError(f"{path} has no chunk; export the cameras again")

@@ -14,6 +14,7 @@ from threading import Lock
 import numpy as np
 
 from room2dgs.errors import InputError
+from room2dgs.regular_files import check_regular, open_regular
 
 HEIGHT, WIDTH = 192, 256
 METRES_BYTES, MM_BYTES = 4 * HEIGHT * WIDTH, 2 * HEIGHT * WIDTH
@@ -50,7 +51,7 @@ class DepthStream:
         return InputError(f"{self.path} cannot be unpacked up to frame {index}; download it again or delete it")
 
     def _is_one_stream(self) -> bool:
-        with self.path.open("rb") as file:
+        with open_regular(self.path) as file:
             try:
                 return len(zlib.decompressobj(-zlib.MAX_WBITS).decompress(file.read(CHUNK), METRES_BYTES)) > MM_BYTES
             except zlib.error:
@@ -60,7 +61,7 @@ class DepthStream:
         if self._file is None or index < self._next:
             if self._file is not None:
                 self._file.close()
-            self._file, self._next = self.path.open("rb"), 0
+            self._file, self._next = open_regular(self.path), 0
             self._unpacker = zlib.decompressobj(-zlib.MAX_WBITS)
         data = b""
         while self._next <= index:
@@ -87,7 +88,7 @@ class DepthStream:
         if index >= len(self._places):
             raise self._damaged(index)
         start, size = self._places[index]
-        with self.path.open("rb") as file:
+        with open_regular(self.path) as file:
             file.seek(start)
             data = file.read(size)
         try:
@@ -102,8 +103,8 @@ class DepthStream:
         return np.frombuffer(values, "<u2").reshape(HEIGHT, WIDTH).astype(np.float32) / 1000
 
     def _scanned(self) -> list[tuple[int, int]]:
-        places, length = [], self.path.stat().st_size
-        with self.path.open("rb") as file:
+        places, length = [], check_regular(self.path)
+        with open_regular(self.path) as file:
             while file.tell() + 4 <= length:
                 (size,) = struct.unpack("<I", file.read(4))
                 start = file.tell()
