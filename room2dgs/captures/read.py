@@ -10,11 +10,11 @@ from room2dgs.captures.cache import Cache
 from room2dgs.captures.checked import checked
 from room2dgs.captures.listing import Listing
 from room2dgs.captures.passed_over import tell_passed_over
+from room2dgs.captures.readers.not_known import check_there
 from room2dgs.captures.readers.registry import reader_of
 from room2dgs.captures.scene import Scene
 from room2dgs.captures.unmatched import tell_unmatched
 from room2dgs.config import SceneConfig
-from room2dgs.errors import InputError
 
 
 def read_scene(config: SceneConfig, cache: Cache | None = None) -> Scene:
@@ -48,8 +48,7 @@ def placed(config: SceneConfig) -> Scene:
         InputError: as `read_scene`, but for photos that cannot be decoded.
     """
     root = Path(config.path)
-    if not root.exists():
-        raise InputError(f"{root} is not there; give scene.path=DIR of a capture (docs/captures.md lists the layouts)")
+    check_there(root)
     capture = reader_of(config, Listing(root)).read(root, config)
     tell_unmatched(capture)
     tell_passed_over(capture)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from room2dgs.captures.capture import Capture
-from room2dgs.captures.listing import PHOTO_SUFFIXES, VIDEO_SUFFIXES, Listing, listed
+from room2dgs.captures.listing import Listing
 from room2dgs.captures.readers import (
     arkitscenes,
     colmap,
@@ -27,6 +27,7 @@ from room2dgs.captures.readers import (
     stray,
     tum,
 )
+from room2dgs.captures.readers.not_known import not_known
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
@@ -84,9 +85,7 @@ def reader_of(config: SceneConfig, files: Listing) -> Reader:
     """
     if config.layout != "auto":
         return READERS[config.layout]
-    found = [reader for reader in READERS.values() if reader.is_it(files)]
-    inner = {name for reader in found for name in reader.contains}
-    found = [reader for reader in found if reader.name not in inner]
+    found = fitting(files)
     if len(found) > 1:
         names = " and ".join(reader.name for reader in found)
         raise InputError(
@@ -94,26 +93,17 @@ def reader_of(config: SceneConfig, files: Listing) -> Reader:
             + " or ".join(f"scene.layout={reader.name}" for reader in found)
         )
     if not found:
-        raise _not_known(files)
+        raise not_known(files, _names, scannet.LAYOUT)
     return found[0]
 
 
-def _not_known(files: Listing) -> InputError:
-    root = files.root
-    photos = files.with_suffix(PHOTO_SUFFIXES) or any(
-        name.lower().endswith(PHOTO_SUFFIXES) for folder in ("images", "rgb", "color") for name in listed(root / folder)
-    )
-    videos = files.with_suffix(VIDEO_SUFFIXES)
-    if videos:
-        return InputError(
-            f"{root if root.is_file() else root / videos[0]} is a video and poses are unknown: `room2dgs prepare "
-            "video=FILE out=DIR` finds them, `room2dgs run video=FILE out=DIR` goes on to the mesh"
-        )
-    if photos:
-        return InputError(
-            f"{root} has photos and poses are unknown: `room2dgs prepare images=DIR out=DIR` finds them, `room2dgs run "
-            "images=DIR out=DIR` goes on to the mesh"
-        )
-    return InputError(
-        f"{root} is in no layout that is known; docs/captures.md lists them, one of them is {scannet.LAYOUT}"
-    )
+def fitting(files: Listing) -> list[Reader]:
+    """The readers of the layouts that a folder's or file's names look like."""
+    found = [reader for reader in READERS.values() if reader.is_it(files)]
+    inner = {name for reader in found for name in reader.contains}
+    return [reader for reader in found if reader.name not in inner]
+
+
+def _names(files: Listing) -> str | None:
+    """Of the layouts that fit, in words."""
+    return " or ".join(reader.name for reader in fitting(files)) or None
