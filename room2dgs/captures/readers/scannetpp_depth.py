@@ -10,6 +10,7 @@ import struct
 import zlib
 from pathlib import Path
 from threading import Lock
+from typing import Any
 
 import numpy as np
 
@@ -18,19 +19,26 @@ from room2dgs.regular_files import check_regular, open_regular
 
 HEIGHT, WIDTH = 192, 256
 METRES_BYTES, MM_BYTES = 4 * HEIGHT * WIDTH, 2 * HEIGHT * WIDTH
-CHUNK = 1 << 18
+CHUNK = 1 << 16
+MAX_FRAMES = 500_000
+MARK_EVERY = 64  # frames; from a mark unpacking goes on, so that a frame costs so many at most
 
 
 class DepthStream:
-    """The frames of a depth.bin by number, cheapest in rising order; one at a time is in memory."""
+    """The frames of a depth.bin by number, cheapest in rising order; one at a time is in memory.
+
+    One stream of deflate has no frames to jump to: the unpacker's state is kept at some, 0.1 MB each.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = Lock()
         self._whole: bool | None = None
-        self._next = 0
         self._file = None
+        self._next = 0
         self._unpacker = None
+        self._marks: list[tuple[int, Any]] = []  # place in the file and unpacker of frame 0, MARK_EVERY, ...
+        self._last: tuple[int, bytes] | None = None
         self._places: list[tuple[int, int]] = []
 
     def frame(self, index: int) -> np.ndarray:
@@ -45,6 +53,7 @@ class DepthStream:
                     self._whole = self._is_one_stream()
                 return self._streamed(index) if self._whole else self._packed(index)
             except (OSError, zlib.error, struct.error) as error:
+                self._unpacker = None
                 raise self._damaged(index) from error
 
     def _damaged(self, index: int) -> InputError:
@@ -58,18 +67,29 @@ class DepthStream:
                 return False
 
     def _streamed(self, index: int) -> np.ndarray:
-        if self._file is None or index < self._next:
-            if self._file is not None:
-                self._file.close()
-            self._file, self._next = open_regular(self.path), 0
-            self._unpacker = zlib.decompressobj(-zlib.MAX_WBITS)
+        if self._last is None or self._last[0] != index:
+            self._last = index, self._unpacked_to(index)
+        return np.frombuffer(self._last[1], "<f4").reshape(HEIGHT, WIDTH)
+
+    def _unpacked_to(self, index: int) -> bytes:
+        if self._file is None:
+            self._file = open_regular(self.path)
+            self._marks = [(0, zlib.decompressobj(-zlib.MAX_WBITS))]
+        mark = min(index // MARK_EVERY, len(self._marks) - 1)
+        if self._unpacker is None or not mark * MARK_EVERY <= self._next <= index:
+            place, unpacker = self._marks[mark]
+            self._file.seek(place)
+            self._next, self._unpacker = mark * MARK_EVERY, unpacker.copy()
         data = b""
         while self._next <= index:
             data = self._take(METRES_BYTES)
             if len(data) < METRES_BYTES:
+                self._unpacker = None
                 raise self._damaged(index)
             self._next += 1
-        return np.frombuffer(data, "<f4").reshape(HEIGHT, WIDTH)
+            if self._next == len(self._marks) * MARK_EVERY:
+                self._marks.append((self._file.tell(), self._unpacker.copy()))
+        return data
 
     def _take(self, size: int) -> bytes:
         parts, missing = [], size
@@ -108,7 +128,7 @@ class DepthStream:
             while file.tell() + 4 <= length:
                 (size,) = struct.unpack("<I", file.read(4))
                 start = file.tell()
-                if not 0 < size <= length - start:
+                if not 0 < size <= min(length - start, 2 * METRES_BYTES) or len(places) == MAX_FRAMES:
                     break
                 places.append((start, size))
                 file.seek(start + size)
