@@ -11,7 +11,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from room2dgs.captures.opened_images import DAMAGE as DAMAGE  # noqa: PLC0414
 from room2dgs.captures.opened_images import MEND, MOST_DEPTH_PIXELS, opened_image
 from room2dgs.errors import InputError
 from room2dgs.regular_files import open_regular
