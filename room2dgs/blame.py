@@ -1,4 +1,4 @@
-"""Whose fault an error is: the input's, the machine's (its disk, memory, limits), or ours; libraries have many words."""
+"""Whose fault an error is: the input's, the machine's (its disk, memory, limits), or ours, in libraries' words."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ WORDS = (
     (
         Lack.MEMORY,
         r"bad_alloc|bad allocation|insufficient memory|failed to allocate|can't allocate|cannot allocate memory|"
-        r"unable to allocate|not enough memory|out of memory",
+        r"unable to allocate|not enough memory|out of memory|failed to map segment",
     ),
 )
 
@@ -84,7 +84,8 @@ def told(error: BaseException, again: str = "") -> str | None:
     if found is None:
         return None
     on = f"go on with: {again}" if again else "type the same command again"
-    return f"{found.value}: {_what(error)}; {MENDS[found]}, then {on}"
+    what = _what(error)
+    return f"{found.value}{what and f': {what}'}; {MENDS[found]}, then {on}"
 
 
 def _what(error: BaseException) -> str:
@@ -95,7 +96,9 @@ def _what(error: BaseException) -> str:
     if isinstance(source, OSError) and source.errno:
         where = f"{os.fspath(source.filename)}: " if isinstance(source.filename, str | os.PathLike) else ""
         return f"{where}{os.strerror(source.errno)}"
-    return first_line(source)
+    if not str(source):
+        return ""
+    return re.sub(r"^\[[^]]*\] |; is the disk full\?$", "", first_line(source))
 
 
 def _lack_of(error: BaseException) -> Lack | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import platform
@@ -54,6 +55,10 @@ def whole_file(path: Path) -> Iterator[Path]:
         _flush(temporary)
         os.replace(temporary, path)
         _flush(path.parent)  # the rename itself
+    except OSError as error:
+        if error.errno and error.filename in (None, str(temporary)):  # writing does not say where
+            error.filename = str(path)
+        raise
     finally:
         with suppress(OSError):  # a disk that refused to write may refuse this, too, and what it said first counts
             temporary.unlink(missing_ok=True)
@@ -102,6 +107,27 @@ def scratch_folder(parent: Path, what: str) -> Iterator[Path]:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def check_room(folder: Path, size: int) -> None:
+    """Fails as writing a file of so many bytes would, before a library writes that aborts where the disk is full.
+
+    Raises:
+        OSError: there is no room, or no file may be so large.
+    """
+    check_there(folder / "room")
+    probe = folder / f".room.{_mark()}.tmp"
+    try:
+        with probe.open("wb") as file:
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, max(1, size))
+    except OSError as error:
+        if error.errno in (errno.EOPNOTSUPP, errno.EINVAL):
+            return
+        raise OSError(error.errno, error.strerror, str(folder)) from error
+    finally:
+        with suppress(OSError):
+            probe.unlink(missing_ok=True)
 
 
 def is_temporary(name: str) -> bool:

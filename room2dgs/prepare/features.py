@@ -14,11 +14,11 @@ from room2dgs.captures.principal_point import check_principal_point
 from room2dgs.colmap import pycolmap
 from room2dgs.config import PrepareConfig
 from room2dgs.cores import available_cores
-from room2dgs.files import whole_file
+from room2dgs.files import check_room, whole_file
 from room2dgs.logs import Log
 from room2dgs.prepare.photos import TakenPhoto
 from room2dgs.prepare.stages import Progress
-from room2dgs.sfm.matching import MATCHING_THREADS, IndexPairs, quiet
+from room2dgs.sfm.matching import MATCHING_THREADS, IndexPairs, database_bytes, quiet
 
 PHOTOS_AT_ONCE = 8
 PAIRS_AT_ONCE = 60
@@ -84,6 +84,8 @@ def extracted(path: Path, images: Path, photos: Sequence[TakenPhoto], config: Pr
     options.sift.peak_threshold = config.peak_threshold
     options.max_image_size = config.feature_side
     options.num_threads = config.threads or available_cores()
+    sizes = {photo.name: photo.size for photo in photos}
+    check_room(path.parent, database_bytes([sizes[name] for name in missing], 0, config.features))
     progress = Progress(log, "features", len(missing), "photos")
     with quiet():
         for start in range(0, len(missing), PHOTOS_AT_ONCE):
@@ -116,6 +118,7 @@ def matched(
     matching.num_threads = MATCHING_THREADS
     verification.ransac.random_seed = SEED
     pairing = pycolmap.ImportedPairingOptions(match_list_path=work / "pairs.txt")
+    check_room(path.parent, database_bytes([photo.size for photo in photos], len(missing), config.features))
     progress = Progress(log, "matching", len(missing), "pairs")
     # the list of pairs is parted by spaces
     plain = [name if PLAIN.fullmatch(name) else f"photo-{index}" for index, name in enumerate(names)]

@@ -15,6 +15,7 @@ import numpy as np
 from room2dgs.captures.scene import Frame
 from room2dgs.colmap import pycolmap
 from room2dgs.config import PointsConfig
+from room2dgs.files import check_room
 from room2dgs.geometry.camera import Camera
 
 # On several threads of a busy machine pycolmap now and then finds other matches; separate calls in separate threads do
@@ -22,6 +23,8 @@ from room2dgs.geometry.camera import Camera
 MATCHING_THREADS = 1
 # Looser than COLMAP's 0.8: the known poses sort out wrong matches. A tenth more points, no less exact.
 MAX_RATIO = 0.9
+# Room in the database: pixels that a feature takes at least, its bytes, and the share of them that a pair matches.
+FEATURE_PIXELS, FEATURE_BYTES, MATCHED = 16, 160, 0.3
 
 IndexPairs = Sequence[tuple[int, int]]
 
@@ -74,6 +77,7 @@ def match(
     images, database = work / "images", work / "database.db"
     with quiet():
         image_ids = _register(frames, images, database)
+        check_room(work, database_bytes([frame.camera.size for frame in frames], len(pairs), config.max_features))
         _extract(images, database, _written_masks(frames, work / "masks"), config)
         extracted()
         _match(frames, pairs, database, work / "pairs.txt")
@@ -101,6 +105,18 @@ def of_photos(matches: Matches, pairs: IndexPairs, kept: Sequence[int]) -> tuple
     )
     fewer = replace(matches, frames=frames, image_ids=image_ids, keypoints=keypoints, of_pair=found)
     return fewer, [two for pair in pairs if (two := numbered(pair))]
+
+
+def database_bytes(sizes: Iterable[tuple[int, int]], pairs: int, features: int) -> int:
+    """How much room a database of features and matches takes at most, with what SQLite writes before it is in there.
+
+    Args:
+        sizes: of the photos, pixels.
+        features: the most of a photo.
+    """
+    most = [min(features, width * height // FEATURE_PIXELS) for width, height in sizes]
+    matches = 2 * 8 * pairs * max(most, default=0) * MATCHED  # all, and those that one geometry explains
+    return int(2 * (FEATURE_BYTES * sum(most) + matches)) + (1 << 20)
 
 
 @contextmanager
