@@ -6,12 +6,18 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from torch import Tensor
 
 from room2dgs.errors import InputError
 from room2dgs.splat.types import Surfels
 from room2dgs.train.tensor_file import read_tensors, write_tensors
 
 KIND = "surfels"
+BASES = -1  # as many as the colour's degree wants
+SHAPES = {"centers": (3,), "rotations": (4,), "scales": (2,), "opacities": (), "sh": (BASES, 3)}  # of one surfel
+SH_BASES = (1, 4, 9, 16)
+FARTHEST_M = 1e9
+SHORTEST = 1e-9  # of a quaternion: its square still has digits in float32
 
 
 def save_surfels(path: Path, surfels: Surfels, meta: dict[str, Any]) -> None:
@@ -27,15 +33,13 @@ def load_surfels(path: Path) -> Surfels:
     """Read what `save_surfels` wrote.
 
     Raises:
-        InputError: missing, damaged, or not a file of surfels.
+        InputError: missing, damaged, or not a file of surfels: other tensors, shapes, numbers or none at all.
     """
     tensors, _ = read_tensors(Path(path), KIND)
-    if set(tensors) != set(Surfels._fields):
-        raise InputError(f"{path} lacks {', '.join(sorted(set(Surfels._fields) - set(tensors)))}; train again")
-    surfels = Surfels(**tensors)
-    if not all(bool(torch.isfinite(value).all()) for value in surfels):
-        raise InputError(f"{path} holds numbers that are not finite; train again")
-    return surfels
+    wrong = _wrong(tensors)
+    if wrong:
+        raise InputError(f"{path} {wrong}; train again")
+    return Surfels(**tensors)
 
 
 def surfels_meta(path: Path) -> dict[str, Any]:
@@ -45,3 +49,40 @@ def surfels_meta(path: Path) -> dict[str, Any]:
         InputError: missing, damaged, or not a file of surfels.
     """
     return read_tensors(Path(path), KIND)[1]
+
+
+def _wrong(tensors: dict[str, Tensor]) -> str:
+    """What is not as `save_surfels` writes it, or an empty string."""
+    differ = set(tensors) ^ set(SHAPES)
+    if differ:
+        return f"{'lacks' if min(differ) in SHAPES else 'has'} {min(differ)}"
+    return _wrong_shape(tensors) or _wrong_number(tensors)
+
+
+def _wrong_shape(tensors: dict[str, Tensor]) -> str:
+    count = len(tensors["opacities"]) if tensors["opacities"].dim() else 0
+    bases = tensors["sh"].shape[1] if tensors["sh"].dim() == 3 else SH_BASES[0]
+    for name, inner in SHAPES.items():
+        value, shape = tensors[name], (count, *(bases if side == BASES else side for side in inner))
+        if value.dtype != torch.float32:
+            return f"has {name} as {str(value.dtype).removeprefix('torch.')}, not float32"
+        if tuple(value.shape) != shape:
+            return f"has {name} of shape {tuple(value.shape)}, not {shape}"
+    if bases not in SH_BASES:
+        return f"has {bases} spherical harmonics, not {', '.join(map(str, SH_BASES))}"
+    return "" if count else "holds no surfels"
+
+
+def _wrong_number(tensors: dict[str, Tensor]) -> str:
+    for name, value in tensors.items():
+        if not bool(torch.isfinite(value).all()):
+            return f"has {name} that are not finite"
+    length = torch.linalg.vector_norm(tensors["rotations"], dim=1)
+    scales, opacities = tensors["scales"], tensors["opacities"]
+    within = {
+        "centers that are no metres": tensors["centers"].abs() <= FARTHEST_M,
+        "scales that are not above 0": (scales > 0) & (scales <= FARTHEST_M),
+        "opacities that are not from 0 to 1": (opacities >= 0) & (opacities <= 1),
+        "rotations that are no quaternions": (length > SHORTEST) & (length < 1 / SHORTEST),
+    }
+    return next((f"has {words}" for words, fits in within.items() if not bool(fits.all())), "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import zlib
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,13 @@ from torch import Tensor
 
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
+from room2dgs.regular_files import open_regular
 
 FORMAT = 1
+LONGEST_HEADER = 4 << 20  # bytes; ours have some thousand
+DAMAGE = (
+    SafetensorError, OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError,
+)  # fmt: skip
 KEY = "room2dgs"  # one metadata entry: safetensors does not keep the order of several
 
 
@@ -42,13 +48,12 @@ def read_tensors(path: Path, kind: str) -> tuple[dict[str, Tensor], dict[str, An
     Raises:
         InputError: missing, truncated, damaged, another kind of file or a newer format.
     """
-    if not path.is_file():
-        raise InputError(f"{path} is not there; train first, or give the folder of an earlier run")
+    _check_header(path)
     try:
         with safe_open(path, framework="pt") as file:
             meta = json.loads((file.metadata() or {})[KEY])
             tensors = {name: file.get_tensor(name) for name in sorted(file.keys())}
-    except (SafetensorError, OSError, KeyError, ValueError) as error:
+    except DAMAGE as error:
         raise InputError(f"{path} is not a whole room2dgs file; delete it and train again") from error
     if not isinstance(meta, dict) or meta.get("kind") != kind:
         raise InputError(f"{path} does not hold a {kind}; give the file that training wrote")
@@ -57,6 +62,18 @@ def read_tensors(path: Path, kind: str) -> tuple[dict[str, Tensor], dict[str, An
     if meta.get("crc32") != _checksum(tensors):
         raise InputError(f"{path} is damaged (its checksum differs); delete it and train again")
     return tensors, meta
+
+
+def _check_header(path: Path) -> None:
+    """A header that is longer than its file, or than any of ours, would be read, and its JSON built, before it is told.
+
+    Raises:
+        InputError: no regular file, or such a header.
+    """
+    with open_regular(path, "train first, or give the folder of an earlier run") as file:
+        length = int.from_bytes(file.read(8), "little")
+        if length > min(LONGEST_HEADER, os.fstat(file.fileno()).st_size):
+            raise InputError(f"{path} is not a whole room2dgs file; delete it and train again")
 
 
 def _checksum(tensors: dict[str, Tensor]) -> int:

@@ -1,0 +1,99 @@
+"""Files of tensors in a run's folder may be a stranger's: what does not hold what training writes is one sentence."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import resource
+import struct
+
+import pytest
+import torch
+from safetensors.torch import save
+
+from room2dgs.errors import InputError
+from room2dgs.splat.types import Surfels
+from room2dgs.train.surfel_file import load_surfels, save_surfels
+from room2dgs.train.tensor_file import write_tensors
+
+COUNT = 5
+GOOD = Surfels(
+    torch.zeros(COUNT, 3), torch.tensor([[1.0, 0, 0, 0]]).repeat(COUNT, 1), torch.full((COUNT, 2), 0.02),
+    torch.full((COUNT,), 0.5), torch.zeros(COUNT, 4, 3),
+)  # fmt: skip
+
+
+def refusal(path, **changed: torch.Tensor | None) -> str:
+    tensors = {name: value for name, value in {**GOOD._asdict(), **changed}.items() if value is not None}
+    write_tensors(path, "surfels", tensors, {})
+    with pytest.raises(InputError) as caught:
+        load_surfels(path)
+    assert str(caught.value).startswith(str(path)) and str(caught.value).endswith("; train again")
+    return str(caught.value)
+
+
+def test_good_ones_come_back(tmp_path):
+    save_surfels(tmp_path / "s", GOOD, {})
+    assert all(torch.equal(a, b) for a, b in zip(load_surfels(tmp_path / "s"), GOOD, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"sh": torch.zeros(COUNT, 7, 3)}, "has 7 spherical harmonics"),
+        ({"sh": torch.zeros(COUNT, 4)}, r"sh of shape \(5, 4\)"),
+        ({"sh": torch.zeros(COUNT, 4, 3, 1)}, "sh of shape"),
+        ({"centers": torch.zeros(COUNT, 3, dtype=torch.int32)}, "centers as int32, not float32"),
+        ({"centers": torch.zeros(COUNT, 3, dtype=torch.float64)}, "centers as float64"),
+        ({"scales": torch.ones(COUNT, 2).to(torch.float8_e4m3fn)}, "scales as float8"),
+        ({"opacities": torch.ones(COUNT, dtype=torch.bool)}, "opacities as bool"),
+        ({"opacities": torch.tensor(0.5)}, "of shape"),
+        ({"opacities": torch.full((COUNT - 1,), 0.5)}, r"centers of shape \(5, 3\), not \(4, 3\)"),
+        ({"rotations": torch.zeros(COUNT, 3)}, "rotations of shape"),
+        ({"rotations": None}, "lacks rotations"),
+        ({"rotatoins": torch.zeros(1)}, "has rotatoins"),
+        ({name: value[:0] for name, value in GOOD._asdict().items()}, "holds no surfels"),
+        ({"centers": torch.full((COUNT, 3), torch.nan)}, "centers that are not finite"),
+        ({"centers": torch.full((COUNT, 3), 1e30)}, "centers that are no metres"),
+        ({"scales": torch.full((COUNT, 2), -0.02)}, "scales that are not above 0"),
+        ({"scales": torch.zeros(COUNT, 2)}, "scales that are not above 0"),
+        ({"opacities": torch.full((COUNT,), 1.5)}, "opacities that are not from 0 to 1"),
+        ({"rotations": torch.zeros(COUNT, 4)}, "rotations that are no quaternions"),
+        ({"rotations": torch.full((COUNT, 4), 1e-30)}, "rotations that are no quaternions"),
+        ({"rotations": torch.full((COUNT, 4), 1e30)}, "rotations that are no quaternions"),
+    ],
+)  # fmt: skip
+def test_surfels_that_are_none_are_told(tmp_path, changed, said):
+    assert re.search(said, refusal(tmp_path / "surfels.safetensors", **changed))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"\0" * 7,
+        struct.pack("<Q", 1 << 60) + b"{}",
+        struct.pack("<Q", 5 << 20) + b" " * (5 << 20),
+        struct.pack("<Q", 2) + b"[]",
+        struct.pack("<Q", 4_000_000) + b'{"a":' * 800_000,
+        save({"centers": torch.zeros(3)}),
+        save({"centers": torch.zeros(3)}, {"room2dgs": "[" * 100_000}),
+        save({"centers": torch.zeros(3)}, {"room2dgs": json.dumps([1])}),
+        save({"centers": torch.zeros(3)}, {"room2dgs": json.dumps({"kind": ["surfels"], "format": 1})}),
+        save({"centers": torch.zeros(3)}, {"room2dgs": json.dumps({"kind": "surfels", "format": 1, "crc32": {}})}),
+    ],
+)
+def test_a_header_that_is_none_is_one_sentence_in_little_memory(tmp_path, content):
+    path = tmp_path / "surfels.safetensors"
+    path.write_bytes(content)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(InputError, match=r"surfels\.safetensors "):
+        load_surfels(path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # KiB
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "surfels.safetensors")
+    with pytest.raises(InputError, match="is a pipe"):
+        load_surfels(tmp_path / "surfels.safetensors")
