@@ -34,7 +34,7 @@ class Frame:
         depth_unit_m: metres of one unit of the depth file (0.001 for millimetres).
         cache: where the decoded photo is kept; None: it is decoded each time.
         index: place in the capture's order.
-        photo: the photo where it is no file of its own; None: `color_path`.
+        photo: the photo where it is no file of its own, or is turned; None: `color_path`.
         lens: the distortion that is taken out on reading; None: none.
         mask_photo: white where the photo may be used, of the photo's shape; None: everywhere.
         masks: of the capture, which tell what the mask's numbers mean; None: this one tells.
