@@ -24,6 +24,7 @@ from room2dgs.captures.point_files import read_ply
 from room2dgs.captures.readers.transforms_keys import keys_told
 from room2dgs.captures.readers.transforms_lens import contradictions, lens_of
 from room2dgs.captures.text_files import number, numbers, positive, read_json_object
+from room2dgs.captures.unmatched import DEPTH, FOLDERS, MASK
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
@@ -72,6 +73,7 @@ def read_nerfstudio(root: Path, config: SceneConfig) -> Capture:
             raise InputError(f"{path} and {other.name} both have the photo {min(twice)}; delete one of the frames")
         test = (test or frozenset()) | {shot.name for shot in extra}
         shots = shots + extra
+    told.warnings += _unnamed(path.parent, shots)
     named = {shot.name: shot for shot in shots}
     return Capture(
         root,
@@ -316,6 +318,19 @@ def _with_maps(shots: list[Shot], path: Path, told: Told) -> list[Shot]:
             mask=None if shot.name in no_mask else shot.mask,
         )
         for shot in shots
+    ]
+
+
+def _unnamed(folder: Path, shots: list[Shot]) -> list[str]:
+    """Folders of depth maps and masks beside the file, where its frames name none."""
+    used = {DEPTH: any(shot.depth is not None for shot in shots), MASK: any(shot.mask is not None for shot in shots)}
+    key = {DEPTH: "depth_file_path", MASK: "mask_path"}
+    return [
+        f"{folder / name} has {len(listed(folder / name))} files, and no frame names a {kind} ({key[kind]}), so "
+        "nothing in it is used"
+        for kind, pattern in FOLDERS.items()
+        for name in natural(listed(folder))
+        if not used[kind] and pattern.search(name.lower()) and listed(folder / name)
     ]
 
 
