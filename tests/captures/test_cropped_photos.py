@@ -45,6 +45,16 @@ def test_intrinsics_of_another_size_are_refused_where_nothing_tells_their_size(w
         read_scene(settings(root))
 
 
+def test_a_transforms_json_that_tells_no_size_is_not_trusted_with_one(written, settings):
+    root = written("instant_ngp")
+    known = json.loads((root / "transforms.json").read_text())
+    for frame in known["frames"]:
+        frame |= {"fl_x": 162.0, "fl_y": 168.0, "cx": 93.0, "cy": 74.5}
+    (root / "transforms.json").write_text(json.dumps(known))
+    with pytest.raises(InputError, match=r"look like those of 186x149 pixels: give scene\.intrinsics="):
+        read_scene(settings(root))
+
+
 def test_what_cannot_be_is_refused_whoever_says_it(written, settings):
     with pytest.raises(InputError, match=r"principal point at \(300, 36\), which does not fit the photos of 96x72"):
         read_scene(settings(written("colmap"), intrinsics=[81.0, 84.0, 300.0, 36.0]))

@@ -108,10 +108,12 @@ def _new_lens(values: Mapping[str, Any], path: Path, photo: Path) -> Lens | None
         model = "OPENCV_FISHEYE"
     k, p = _distortion(values, path)
     middle = (fx, fy, cx, cy)
+    # the photo's own size does not say which size these numbers are for
+    meant = size if "w" in values and "h" in values else None
     if model in FISHEYE:
         if any(k[4:]):
             raise InputError(f"{path} has a fisheye camera with k5 or k6, which is not read; undistort the photos")
-        lens = Lens("OPENCV_FISHEYE", (*middle, *k[:4]), size, str(path))
+        lens = Lens("OPENCV_FISHEYE", (*middle, *k[:4]), meant, str(path))
     elif model not in PERSPECTIVE:
         raise InputError(
             f"{path} has camera_model {shown(model, 40)!r}, which is not read; undistort the photos to PINHOLE"
@@ -123,11 +125,11 @@ def _new_lens(values: Mapping[str, Any], path: Path, photo: Path) -> Lens | None
         )
     elif any(k[2:]):
         # OpenCV's order: k1 k2 p1 p2 k3, and the divisor's k4 k5 k6
-        lens = Lens("FULL_OPENCV", (*middle, k[0], k[1], *p, *k[2:]), size, str(path))
+        lens = Lens("FULL_OPENCV", (*middle, k[0], k[1], *p, *k[2:]), meant, str(path))
     elif any(k) or any(p):
-        lens = Lens("OPENCV", (*middle, k[0], k[1], *p), size, str(path))
+        lens = Lens("OPENCV", (*middle, k[0], k[1], *p), meant, str(path))
     else:
-        lens = Lens("PINHOLE", middle, size, str(path))
+        lens = Lens("PINHOLE", middle, meant, str(path))
     lens.check()
     return lens
 
