@@ -24,7 +24,7 @@ def read_world_from_cam(path: Path) -> np.ndarray:
     """Read a camera-to-world pose.
 
     Args:
-        path: 16 numbers, row by row, any white space between them.
+        path: 16 numbers, row by row, white space or commas between them; comments (#) do not count.
 
     Returns:
         (4, 4) float64, rigid to the last digit: a rotation that text has rounded is replaced by the
@@ -98,7 +98,8 @@ def _read_matrix(path: Path, sizes: tuple[int, ...]) -> np.ndarray:
             f"{path} has more than {MAX_BYTES >> 10} KiB, too large for a {wanted} matrix; replace the file"
         )
     try:
-        numbers = [float(word) for word in data.decode("utf-8-sig").split()]
+        lines = (line.partition("#")[0] for line in data.decode("utf-8-sig").splitlines())
+        numbers = [float(word) for line in lines for word in line.replace(",", " ").split()]
     except ValueError as error:
         raise InputError(f"{path} holds something that is no number; write a {wanted} matrix as text") from error
     for size in sizes:

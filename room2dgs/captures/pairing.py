@@ -84,6 +84,7 @@ def places(
     beside: Iterable[str] = (),
     from_zero: bool = True,
     keyed: bool = False,
+    damage: InputError | None = None,
 ) -> dict[str, int]:
     """Which of a list of poses is each photo's.
 
@@ -97,15 +98,18 @@ def places(
         beside: names of depth maps, numbered as the photos: they tell of photos that are missing.
         from_zero: the layout numbers its photos from 0; False: some begin at 1.
         keyed: the list says its poses' numbers itself, so there may be photos behind its last one.
+        damage: of a line of the list, which may be one too many; then as many photos as poses must be known.
 
     Returns:
         name -> place in the list, from 0; beyond its end where it is keyed.
 
     Raises:
-        InputError: neither tells; both counts are named.
+        InputError: neither tells; both counts are named. Or there is damage, and it may have moved other poses.
     """
     numbers, other_numbers = numbers_of(photos, list(beside))
     known = sorted({*numbers.values(), *other_numbers.values()})
+    if damage is not None and count != len(known or photos):
+        raise damage
     if numbers and known[-1] < count and (from_zero or known[0] == 0):
         return numbers
     if numbers and keyed and known == list(range(len(known))):

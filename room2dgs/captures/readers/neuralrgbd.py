@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from room2dgs.captures.capture import C2W_OPENGL, Capture, Shot, pinhole_lens
 from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, photos_in
 from room2dgs.captures.pairing import alike, note_on, places
 from room2dgs.captures.photos import PhotoFile
+from room2dgs.captures.pose_rows import pose_rows
 from room2dgs.captures.text_files import floats, lines_of
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -37,14 +36,13 @@ def read_neuralrgbd(root: Path, config: SceneConfig) -> Capture:
         InputError: see `room2dgs.captures.read.read_scene`.
     """
     path = next((root / name for name in POSES if (root / name).is_file()), root / POSES[0])
-    rows = [floats(text, path, line, 4) for line, text in lines_of(path)]
+    poses, damage = pose_rows(path, 4)
     photos = photos_in(root / "images")
-    if len(rows) % 4 or not photos:
-        raise InputError(f"{path} has {len(rows)} lines for {len(photos)} photos in images/, 4 a photo belong there")
-    poses = np.array(rows).reshape(-1, 4, 4)
+    if not photos:
+        raise InputError(f"{root / 'images'} has no photos; a capture in this layout has {LAYOUT}")
     folder = next((root / name for name in DEPTHS if (root / name).is_dir()), None)
     maps = [name for name in listed(folder) if name.endswith(".png")] if folder else []
-    place, depths = places(photos, len(poses), path, maps), alike(photos, maps)
+    place, depths = places(photos, len(poses), path, maps, damage=damage), alike(photos, maps)
     width, height = PhotoFile(root / "images" / photos[0]).size()
     focal_path = root / "focal.txt"
     focal = floats(lines_of(focal_path)[0][1], focal_path, 1)[0] if _has_line(focal_path) else FOCAL * width / 640

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from room2dgs.captures.capture import Capture, Shot, pinhole_lens
 from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.known_keys import check_no_distortion, unknown_keys
 from room2dgs.captures.listing import PHOTO_SUFFIXES, Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.pairing import alike, note_on, places
-from room2dgs.captures.text_files import floats, lines_of, number, positive, read_json_object
+from room2dgs.captures.pose_rows import pose_rows
+from room2dgs.captures.text_files import number, positive, read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
@@ -40,13 +39,13 @@ def read_replica(root: Path, config: SceneConfig) -> Capture:
     unit = 1.0 / positive(params, "scale", source)
     lens = pinhole_lens(*values, size, source, config.pixel_centres == "half")
     path, folder = root / "traj.txt", root / "results"
-    poses = [np.array(floats(text, path, line, 16)).reshape(4, 4) for line, text in lines_of(path)]
+    poses, damage = pose_rows(path, 1)
     names = natural(listed(folder))
     photos = [name for name in names if name.startswith("frame") and name.lower().endswith(PHOTO_SUFFIXES)]
     maps = [name for name in names if name.startswith("depth") and name.endswith(".png")]
     if not photos:
         raise InputError(f"{folder} has no photos; they are called frame000000.jpg and so on")
-    place = places(photos, len(poses), path, maps)
+    place = places(photos, len(poses), path, maps, damage=damage)
     depths = alike(photos, maps)
     shots = [
         Shot(

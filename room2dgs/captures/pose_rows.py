@@ -1,0 +1,39 @@
+"""Lists of poses in text, a pose in one or several lines, whose places are their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from room2dgs.captures.capture import damaged
+from room2dgs.captures.text_files import floats, lines_of
+from room2dgs.errors import InputError
+
+PoseRows = list[np.ndarray | Callable[[], np.ndarray]]
+
+
+def pose_rows(path: Path, lines_a_pose: int) -> tuple[PoseRows, InputError | None]:
+    """Poses of 16 numbers each, row by row.
+
+    Returns:
+        (4, 4) for each pose, or what a damaged one's photo has instead; and the first one's damage, None: all are
+        whole. A damaged line may be one too many, which moves all that follow (`pairing.places` takes that in).
+
+    Raises:
+        InputError: the lines do not divide into poses.
+    """
+    lines = lines_of(path)
+    if len(lines) % lines_a_pose:
+        raise InputError(f"{path} has {len(lines)} lines, {lines_a_pose} a pose belong there; copy it again")
+    poses: PoseRows = []
+    first = None
+    for start in range(0, len(lines), lines_a_pose):
+        try:
+            rows = [floats(text, path, line, 16 // lines_a_pose) for line, text in lines[start : start + lines_a_pose]]
+            poses.append(np.array(rows).reshape(4, 4))
+        except InputError as error:
+            poses.append(damaged(error))
+            first = first or error
+    return poses, first
