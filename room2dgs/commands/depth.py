@@ -18,6 +18,7 @@ from room2dgs.commands.own_arguments import choices, own_arguments
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import cached, knows_metres, points_of_run, read, refined, use_threads
 from room2dgs.commands.stereo_views import colors, fused_views, stereo_views
+from room2dgs.commands.units import unit_named
 from room2dgs.config import Config
 from room2dgs.files import whole_file
 from room2dgs.logs import Log, run_log
@@ -95,7 +96,8 @@ def _write_mesh(views: Iterable[FusedView], scene: Scene, config: Config, out: P
     settings = with_voxel(config.mesh, [frame.camera for frame in scene.keyframes])
     settings = replace(settings, source="depth")  # there are no surfels here, whatever a run would mesh
     try:
-        mesh = fuse(views, settings, log, config.render.device)
+        with unit_named(scene, config, out):
+            mesh = fuse(views, settings, log, config.render.device)
     except NoSurface as error:
         log(f"WARNING: no mesh: {error}")
         return

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.stages import with_map_cache
+from room2dgs.commands.units import note_scale
 from room2dgs.config import Config
 from room2dgs.logs import Log
 from room2dgs.runs.metrics import Stages, timed
@@ -63,4 +64,6 @@ def filled(
         return StereoPoints(with_stereo(points, scene.keyframes, cameras, maps), maps)
 
     settings = with_map_cache(config, out).prior
-    return load_priors(scene.keyframes, points, settings, log, compare, partial(timed, seconds))
+    priors = load_priors(scene.keyframes, points, settings, log, compare, partial(timed, seconds))
+    note_scale(priors, points, scene, config, out, log)
+    return priors

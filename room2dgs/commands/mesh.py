@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
+from room2dgs.commands.units import unit_named
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log, run_log
@@ -52,7 +53,8 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
     settings = with_voxel(config.mesh, [frame.camera for frame in scene.train])
     with timed(seconds, "mesh"):
         trust = _trust(scene, config, out, log)
-        mesh = fuse(_Views(scene, surfels, config, trust), settings, log, config.render.device)
+        with unit_named(scene, config, out):
+            mesh = fuse(_Views(scene, surfels, config, trust), settings, log, config.render.device)
         write_in_world(out / MESH, mesh, scene.origin_m)
     # Scores of a mesh that is no longer there must not stand beside this one.
     faded = stale(out, MESH_SCORES)

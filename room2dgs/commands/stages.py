@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame, Scene
+from room2dgs.commands.units import note_scale
 from room2dgs.config import Config
 from room2dgs.logs import Log
 from room2dgs.runs.folder import CACHE, CHECKPOINTS, POINTS, POSES, PRIOR_MAPS, PRIORS, SURFELS, TRUST, required
@@ -207,6 +208,7 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     share = round(sum(covered) / len(covered), 4) if covered else None
     record(out, {"prior_seconds": by_stage(seconds), "stereo_coverage": share}, {})
     write_trust(out / TRUST, scene.keyframes, priors.by_frame, stereo)
+    note_scale(priors, points, scene, config, out, log)
     if priors.fits:
         rows = [("view", "scale", "shift", "median_relative_residual", "points")]
         for name, fit in priors.fits.items():

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.stages import points_of_run
+from room2dgs.commands.units import unit_named
 from room2dgs.config import Config, MeshConfig
 from room2dgs.logs import Log
 from room2dgs.runs.folder import MESH
@@ -59,7 +60,8 @@ def untrained_mesh(
 
     settings = with_voxel(config.mesh, [frame.camera for frame in scene.train])
     with timed(seconds, "mesh"):
-        mesh = make(settings)
+        with unit_named(scene, config, out):
+            mesh = make(settings)
         write_in_world(out / MESH, mesh, scene.origin_m)
     made = {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces), "mesh_voxel_m": settings.voxel_m}
     record(out, {**stale(out, MESH_SCORES), **made}, seconds)
