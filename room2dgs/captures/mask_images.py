@@ -184,33 +184,23 @@ def _deep(values: np.ndarray) -> np.ndarray:
 
 
 def _of_palette(image: Image.Image) -> np.ndarray:
-    labels = np.array(image if image.mode == "P" else image.getchannel(0))
-    palette = np.zeros((256, 3), np.uint8)
-    stored = np.frombuffer(bytes(image.palette.getdata()[1]), np.uint8)
-    if image.palette.mode == "RGB":
-        stored = stored[: 768 // 3 * 3].reshape(-1, 3)
-        palette[: len(stored)] = stored
-    else:  # with alpha, or another space: what Pillow makes of it
-        ramp = Image.fromarray(np.arange(256, dtype=np.uint8)[None], "P")
-        ramp.palette = image.palette
-        palette = np.array(ramp.convert("RGB"))[0]
-    used = palette[np.unique(labels)]
-    if not used.any():  # the colours say nothing: the numbers do
-        return labels
-    return _of_colours(used, True, palette)[labels]
+    colours = np.array(image.convert("RGB"))
+    if not colours.any():  # they say nothing: the labels' numbers do
+        return np.array(image if image.mode == "P" else image.getchannel(0))
+    return _of_colours(colours, True)
 
 
-def _of_colours(colours: np.ndarray, exact: bool, of: np.ndarray | None = None) -> np.ndarray:
-    """(...) uint8 brightness of (..., 3) colours; of labels, which have hues, 255 for all but black.
+def _of_colours(colours: np.ndarray, exact: bool) -> np.ndarray:
+    """(H, W) uint8 brightness of (H, W, 3) colours; of labels, which have hues, 255 for all but black.
 
     Args:
         exact: no codec has added hues of its own.
-        of: what to rate, if that is not the colours that tell labels from grey.
     """
-    greatest = colours.max(axis=-1)
-    labels = exact and bool((greatest != colours.min(axis=-1)).any())
-    rated = greatest if of is None else of.max(axis=-1)
-    return np.where(rated > 0, np.uint8(255), np.uint8(0)) if labels else rated
+    red, green, blue = np.moveaxis(colours, -1, 0)
+    greatest = np.maximum(np.maximum(red, green), blue)
+    if exact and ((red != green) | (green != blue)).any():
+        return np.where(greatest > 0, np.uint8(255), np.uint8(0))
+    return greatest
 
 
 def _small(values: np.ndarray) -> np.ndarray:

@@ -35,7 +35,7 @@ MEND = "replace the file or delete the frame"
 # each of Pillow's decoders fails its own way
 DAMAGE = (
     OSError, SyntaxError, ValueError, EOFError, TypeError, LookupError, ArithmeticError, MemoryError, struct.error,
-    zlib.error, Image.DecompressionBombError,
+    zlib.error, Image.DecompressionBombError, AssertionError,
 )  # fmt: skip
 # first bytes -> what they are called; place and bytes
 _KINDS = (

@@ -215,3 +215,13 @@ def test_zero_is_hidden_and_the_greatest_number_is_not(one, other, deep):
     assert not usable[0, 0] and usable[0].any() == (values.max() > 0)
     assert not rule.by_alpha and rule in (MaskRule(), MaskRule(labels=True))
     assert (np.diff(usable[0][np.argsort(values[0], kind="stable")].astype(int)) >= 0).all()
+
+
+def test_a_mask_of_labels_without_their_colours_is_damaged(written, settings):
+    root = written("nerfstudio")
+    with_masks(root, [palette([0, 0, 0, 0, 128, 0])])
+    path = root / "masks/2.png"
+    data = path.read_bytes()
+    start = data.index(b"PLTE") - 4
+    path.write_bytes(data[:start] + data[start + 12 + int.from_bytes(data[start : start + 4], "big") :])
+    assert "masks/2.png cannot be decoded" in read_scene(settings(root)).dropped[0].reason
