@@ -11,6 +11,7 @@ import numpy as np
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Scene
+from room2dgs.captures.seen_points import NEAR_M
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
@@ -47,8 +48,11 @@ def note_scale(priors: Priors, points: PointCloud, scene: Scene, config: Config,
 
 
 def _scale_at_points(priors: Priors, points: PointCloud, scene: Scene) -> float | None:
-    """Median of what points are away, over the prior's depth there, however near they are; None: too few tell."""
-    ratios = []
+    """Median of what points are away, over the prior's depth there, if they are too near to count as seen.
+
+    None: too few tell, or they are farther; then something else is wrong with them.
+    """
+    ratios, away = [], []
     for frame in scene.keyframes[:: max(1, len(scene.keyframes) // ASKED_VIEWS)]:
         maps = priors.by_frame.get(frame.name)
         if maps is None or maps.depth is None or not len(points):
@@ -58,8 +62,11 @@ def _scale_at_points(priors: Priors, points: PointCloud, scene: Scene) -> float 
         column, row = np.floor(pixel[shown]).astype(np.int64).T
         depth = np.asarray(maps.depth)[row, column]
         ratios.append(z[shown][depth > 0] / depth[depth > 0])
+        away.append(z[shown])
     ratio = np.concatenate(ratios) if ratios else np.zeros(0)
-    return float(np.median(ratio)) if len(ratio) >= LEAST_POINTS else None
+    if len(ratio) < LEAST_POINTS or np.median(np.concatenate(away)) > 2 * NEAR_M:
+        return None
+    return float(np.median(ratio))
 
 
 def unit_doubt(scale: float | None, scene: Scene, unit: float | None) -> str | None:
