@@ -34,7 +34,7 @@ def read_world_from_cam(path: Path) -> np.ndarray:
         NonFinitePose: a number is inf or NaN.
         InputError: the file is missing, is not a 4x4 matrix, or the matrix is not rigid.
     """
-    pose = _read_matrix(path, (4,))
+    pose = read_matrix(path, (4,))
     if not np.isfinite(pose).all():
         raise NonFinitePose(f"{path.parent.name}/{path.name} holds inf or NaN (tracking lost)")
     return rigid(pose, path, "write it row by row as 4x4")
@@ -75,7 +75,7 @@ def read_intrinsics(path: Path) -> np.ndarray:
     Raises:
         InputError: the file is missing, is not a 3x3 or 4x4 matrix, or is no pinhole camera.
     """
-    matrix = _read_matrix(path, (3, 4))
+    matrix = read_matrix(path, (3, 4))
     K = matrix[:3, :3]
     if not np.isfinite(K).all() or K[0, 0] <= 0.0 or K[1, 1] <= 0.0:
         raise InputError(f"{path} has no positive finite focal lengths; write fx 0 cx / 0 fy cy / 0 0 1")
@@ -85,8 +85,12 @@ def read_intrinsics(path: Path) -> np.ndarray:
     return np.array([[K[0, 0], 0.0, K[0, 2]], [0.0, K[1, 1], K[1, 2]], [0.0, 0.0, 1.0]])
 
 
-def _read_matrix(path: Path, sizes: tuple[int, ...]) -> np.ndarray:
-    """An n x n matrix from a text file, n one of `sizes`."""
+def read_matrix(path: Path, sizes: tuple[int, ...] = (4,)) -> np.ndarray:
+    """An n x n matrix from a text file, n one of `sizes`; its numbers may be inf or NaN.
+
+    Raises:
+        InputError: the file is missing or is no such matrix.
+    """
     wanted = " or ".join(f"{size}x{size}" for size in sizes)
     with open_regular(path, f"write the {wanted} matrix there as text") as file:
         try:

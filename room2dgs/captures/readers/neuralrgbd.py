@@ -7,6 +7,7 @@ BundleFusion estimated.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from room2dgs.captures.capture import C2W_OPENGL, Capture, Shot, pinhole_lens
@@ -22,6 +23,7 @@ from room2dgs.errors import InputError
 LAYOUT = "images/img0.png and poses.txt (Neural RGB-D)"
 FOCAL = 554.2562584220408
 POSES = ("poses.txt", "trainval_poses.txt")
+MOST_DAMAGED = 20  # photos in a row
 DEPTHS = ("depth", "depth_filtered", "depth_with_noise")
 
 
@@ -43,7 +45,7 @@ def read_neuralrgbd(root: Path, config: SceneConfig) -> Capture:
     folder = next((root / name for name in DEPTHS if (root / name).is_dir()), None)
     maps = [name for name in listed(folder) if name.endswith(".png")] if folder else []
     place, depths = places(photos, len(poses), path, maps, damage=damage), alike(photos, maps)
-    width, height = PhotoFile(root / "images" / photos[0]).size()
+    width, height = _size([root / "images" / name for name in photos])
     focal_path = root / "focal.txt"
     focal = floats(lines_of(focal_path)[0][1], focal_path, 1)[0] if _has_line(focal_path) else FOCAL * width / 640
     lens = pinhole_lens(focal, focal, width / 2, height / 2, (width, height), path, True)
@@ -62,6 +64,14 @@ def read_neuralrgbd(root: Path, config: SceneConfig) -> Capture:
     return Capture(
         root, "neuralrgbd", shots, C2W_OPENGL, gt_mesh=gt_mesh_in(root), notes=notes, why="Neural RGB-D is in metres"
     )
+
+
+def _size(photos: list[Path]) -> tuple[int, int]:
+    """(width, height) of the first photo that can be read."""
+    for path in photos[:MOST_DAMAGED]:
+        with suppress(InputError):
+            return PhotoFile(path).size()
+    return PhotoFile(photos[0]).size()
 
 
 def _has_line(path: Path) -> bool:

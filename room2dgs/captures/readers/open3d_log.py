@@ -13,7 +13,7 @@ import numpy as np
 
 from room2dgs.captures.capture import Capture, Shot, damaged, lost, pinhole_lens
 from room2dgs.captures.depth_maps import depth_file
-from room2dgs.captures.known_keys import check_no_distortion, unknown_keys
+from room2dgs.captures.known_keys import DISTORTION, check_no_distortion, unknown_keys
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, photos_in
 from room2dgs.captures.pairing import alike, note_on, places
@@ -27,6 +27,7 @@ PHOTOS = ("color", "image", "rgb", "images")
 INTRINSICS = ("intrinsic.json", "camera_intrinsic.json", "intrinsics.json")
 
 KEYS = {
+    *DISTORTION,
     *("width", "height", "intrinsic_matrix"),
     # what Open3D's recorders of RealSense and Azure Kinect say besides
     *("color_format", "color_mode", "depth_format", "depth_scale", "device_name", "fps", "serial_number"),

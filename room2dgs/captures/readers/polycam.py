@@ -17,7 +17,7 @@ from room2dgs.captures.archives import MAX_ENTRY_BYTES, Archive
 from room2dgs.captures.capture import C2W_OPENGL, Capture, Shot, damaged, pinhole_lens
 from room2dgs.captures.depth_maps import DepthMap
 from room2dgs.captures.image_files import read_numbers
-from room2dgs.captures.known_keys import check_no_distortion, unknown_in
+from room2dgs.captures.known_keys import DISTORTION, check_no_distortion, unknown_in
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.photos import PhotoBytes
 from room2dgs.captures.text_files import number, read_json_object
@@ -28,6 +28,7 @@ from room2dgs.regular_files import read_regular
 LAYOUT = "keyframes/{corrected_images,corrected_cameras} (Polycam raw data, folder or zip)"
 BORDER_PX = 15
 KEYS = {
+    *DISTORTION,
     *(f"t_{row}{column}" for row in range(3) for column in range(4)),
     *("fx", "fy", "cx", "cy", "width", "height"),
     # change nothing

@@ -16,7 +16,7 @@ import numpy as np
 from room2dgs.captures.archives import Archive
 from room2dgs.captures.capture import C2W_OPENGL, Capture, Shot, damaged, pinhole_lens
 from room2dgs.captures.depth_maps import DepthMap, depth_file
-from room2dgs.captures.known_keys import check_no_distortion, unknown_keys
+from room2dgs.captures.known_keys import DISTORTION, check_no_distortion, unknown_keys
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.lzfse import unpacked_lzfse
 from room2dgs.captures.pairing import note_on, places
@@ -31,6 +31,7 @@ METADATA = ("metadata.json", "metadata")
 PHOTOS = ("rgb", "rgbd")
 SUFFIXES, DEPTHS = (".jpg", ".jpeg", ".png"), (".depth", ".exr")
 KEYS = {
+    *DISTORTION,
     *("w", "h", "dw", "dh", "K", "poses", "perFrameIntrinsicCoeffs", "frameTimestamps"),
     *("fps", "initPose", "cameraType"),  # change nothing
 }

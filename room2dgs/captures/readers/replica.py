@@ -10,7 +10,7 @@ from pathlib import Path
 
 from room2dgs.captures.capture import Capture, Shot, pinhole_lens
 from room2dgs.captures.depth_maps import depth_file
-from room2dgs.captures.known_keys import check_no_distortion, unknown_keys
+from room2dgs.captures.known_keys import DISTORTION, check_no_distortion, unknown_keys
 from room2dgs.captures.listing import PHOTO_SUFFIXES, Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.pairing import alike, note_on, places
 from room2dgs.captures.pose_rows import pose_rows
@@ -70,6 +70,6 @@ def _params(root: Path) -> tuple[dict, Path, list[str]]:
             if not isinstance(camera, dict):
                 raise InputError(f"{path} has no object camera; copy it again")
             check_no_distortion(camera, path)
-            unknown = unknown_keys(camera, USUAL, path)
+            unknown = unknown_keys(camera, {*USUAL, *DISTORTION}, path)
             return camera, path, [unknown] if unknown else []
     return USUAL, root / "cam_params.json", []

@@ -18,7 +18,7 @@ from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.image_files import color_size, depth_size
 from room2dgs.captures.known_keys import unknown_keys
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
-from room2dgs.captures.matrix_files import read_intrinsics, read_world_from_cam
+from room2dgs.captures.matrix_files import read_intrinsics, read_matrix, read_world_from_cam
 from room2dgs.captures.pairing import alike
 from room2dgs.captures.principal_point import check_principal_point
 from room2dgs.captures.shapes import MAX_MISMATCH
@@ -37,6 +37,7 @@ INFO = frozenset(
         *("calibrationDepthExtrinsic", "frames.size"),
     )
 )
+SAME_PLACE = 1e-3  # metres and parts of a rotation
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png")
 
 
@@ -78,7 +79,20 @@ def read_scannet(root: Path, config: SceneConfig) -> Capture:
     first = next((shot for shot in shots if shot.depth is not None and depth_size(shot.depth)), None)
     if first and (folder / "intrinsic" / "intrinsic_depth.txt").exists():
         _check_registered(folder / "intrinsic" / "intrinsic_depth.txt", K, first)
-    return Capture(root, "scannet", shots, gt_mesh=scannet_mesh(root), why="ScanNet's poses are metres")
+    warnings = _extrinsics(folder / "intrinsic") if first else []
+    return Capture(
+        root, "scannet", shots, gt_mesh=scannet_mesh(root), why="ScanNet's poses are metres", warnings=warnings
+    )
+
+
+def _extrinsics(folder: Path) -> list[str]:
+    paths = [folder / f"extrinsic_{name}.txt" for name in ("color", "depth")]
+    if not all(path.is_file() for path in paths):
+        return []
+    try:
+        return not_registered(*map(read_matrix, paths), paths[1])
+    except InputError as error:
+        return [f"extrinsics are not used: {error}"]
 
 
 def _pose(folder: Path, photo: Path, names: dict[str, str]) -> Callable[[], np.ndarray]:
@@ -122,6 +136,24 @@ def _check_registered(path: Path, K: np.ndarray, first: Shot) -> None:
         )
 
 
+def not_registered(color: np.ndarray, depth: np.ndarray, label: object) -> list[str]:
+    """A warning where calibration has the depth camera in another place than the photos'.
+
+    Args:
+        color, depth: (4, 4) extrinsics; zeros or what is not finite say nothing.
+    """
+    try:
+        apart = np.linalg.inv(color) @ depth
+    except np.linalg.LinAlgError:
+        return []
+    if not np.isfinite(apart).all() or np.abs(apart - np.eye(4)).max() < SAME_PLACE:
+        return []
+    return [
+        f"{label} puts the depth camera {1000 * np.linalg.norm(apart[:3, 3]):.0f} mm from the photos' (extrinsics); "
+        "depth is taken as registered to the photos, so register it, or delete it if it is not"
+    ]
+
+
 def read_flat(root: Path, config: SceneConfig) -> Capture:
     """Read what the C++ reader of .sens writes: frame-000000.{color.jpg,depth.png,pose.txt} and _info.txt."""
     path = root / "_info.txt"
@@ -149,4 +181,16 @@ def read_flat(root: Path, config: SceneConfig) -> Capture:
     if not shots:
         raise InputError(f"{root} has no photos; a capture with _info.txt has frame-000000.color.jpg and so on")
     notes = [unknown] if unknown else []
-    return Capture(root, "scannet", shots, gt_mesh=scannet_mesh(root), why="ScanNet's poses are metres", notes=notes)
+    extrinsics = [
+        numbers(known, key, 16, path).reshape(4, 4) if key in known else np.eye(4)
+        for key in ("m_calibrationColorExtrinsic", "m_calibrationDepthExtrinsic")
+    ]
+    return Capture(
+        root,
+        "scannet",
+        shots,
+        gt_mesh=scannet_mesh(root),
+        why="ScanNet's poses are metres",
+        notes=notes,
+        warnings=not_registered(*extrinsics, path) if any(shot.depth for shot in shots) else [],
+    )

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from room2dgs.captures.capture import Capture, Shot, pinhole_lens
+from room2dgs.captures.capture import Capture, Shot, damaged, pinhole_lens
 from room2dgs.captures.depth_maps import depth_file
-from room2dgs.captures.known_keys import check_no_distortion, unknown_in, unknown_keys
+from room2dgs.captures.known_keys import DISTORTION, check_no_distortion, unknown_in, unknown_keys
 from room2dgs.captures.left_out import left_out
 from room2dgs.captures.listing import Listing, gt_mesh_in, inside, natural
 from room2dgs.captures.photos import PhotoFile
@@ -19,12 +19,14 @@ from room2dgs.errors import InputError
 
 LAYOUT = "meta_data.json (SDFStudio)"
 KEYS = {
+    *DISTORTION,
     *("height", "width", "worldtogt", "frames"),
     # what the data's loader reads and no camera needs
     *("camera_model", "scene_box", "pairs", "has_mono_prior", "has_sensor_depth", "has_foreground_mask"),
     *("has_sparse_sfm_points", "scene_box_radius", "sfm_sparse_points_view", "pairs_path"),
 }
 FRAME_KEYS = {
+    *DISTORTION,
     *("rgb_path", "camtoworld", "intrinsics", "sensor_depth_path", "foreground_mask"),
     *("mono_depth_path", "mono_normal_path", "sfm_sparse_points_view", "segmentation_path"),
 }
@@ -72,20 +74,33 @@ def read_sdfstudio(root: Path, config: SceneConfig) -> Capture:
 
 
 def _shot(frame: Any, label: str, root: Path, size: tuple[int, int], scale: float, config: SceneConfig) -> Shot:
+    """A frame's photo; with damage in place of a pose where only its name and path are good.
+
+    Raises:
+        InputError: these are not.
+    """
     name = frame.get("rgb_path") if isinstance(frame, dict) else None
     if not isinstance(name, str):
         raise InputError(f"{label} has no rgb_path; write the file again")
-    check_no_distortion(frame, label)
-    K = numbers(frame, "intrinsics", 16, label).reshape(4, 4)
-    lens = pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], size, label, config.pixel_centres == "half")
-    depth, mask = frame.get("sensor_depth_path"), frame.get("foreground_mask")
+    path = inside(root, name, label)
+    try:
+        check_no_distortion(frame, label)
+        pose = numbers(frame, "camtoworld", 16, label).reshape(4, 4)
+        K = numbers(frame, "intrinsics", 16, label).reshape(4, 4)
+        lens = pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], size, label, config.pixel_centres == "half")
+        depth, mask = (
+            inside(root, frame[key], label) if isinstance(frame.get(key), str) and frame[key] else None
+            for key in ("sensor_depth_path", "foreground_mask")
+        )
+    except InputError as error:
+        return Shot(name, path, damaged(error), None)
     return Shot(
         name,
-        inside(root, name, label),
-        numbers(frame, "camtoworld", 16, label).reshape(4, 4),
+        path,
+        pose,
         lens,
-        depth=depth_file(inside(root, depth, label), scale) if isinstance(depth, str) and depth else None,
-        mask=PhotoFile(inside(root, mask, label)) if isinstance(mask, str) and mask else None,
+        depth=depth_file(depth, scale) if depth else None,
+        mask=PhotoFile(mask) if mask else None,
     )
 
 

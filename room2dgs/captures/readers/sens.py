@@ -20,7 +20,7 @@ from room2dgs.captures.depth_maps import DepthMap
 from room2dgs.captures.listing import Listing
 from room2dgs.captures.matrix_files import rigid
 from room2dgs.captures.photos import PhotoBytes
-from room2dgs.captures.readers.scannet import scannet_mesh
+from room2dgs.captures.readers.scannet import not_registered, scannet_mesh
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.regular_files import check_regular, open_regular
@@ -39,6 +39,7 @@ MOST_PER_PIXEL, MOST_BESIDE = 16, 1 << 20
 class _Header(NamedTuple):
     K_color: np.ndarray
     K_depth: np.ndarray
+    extrinsics: tuple[np.ndarray, np.ndarray]
     color_compression: int
     depth_compression: int
     color: tuple[int, int]
@@ -93,7 +94,14 @@ def read_sens(root: Path, config: SceneConfig) -> Capture:
     ]
     gt_mesh = scannet_mesh(path.parent) if root.is_dir() else path.with_name(f"{path.stem}_vh_clean_2.ply")
     gt_mesh = gt_mesh if gt_mesh and gt_mesh.is_file() else None
-    return Capture(root, "sens", shots, gt_mesh=gt_mesh, why="ScanNet's poses are metres")
+    return Capture(
+        root,
+        "sens",
+        shots,
+        gt_mesh=gt_mesh,
+        why="ScanNet's poses are metres",
+        warnings=not_registered(*header.extrinsics, path) if any(place.depth[1] for place in places) else [],
+    )
 
 
 def the_file(root: Path, suffix: str) -> Path:
@@ -160,7 +168,10 @@ def _header(file, path: Path) -> _Header:
         raise _damaged(path, f"its images have {sizes[0]}x{sizes[1]} and {sizes[2]}x{sizes[3]} pixels")
     if not (math.isfinite(shift) and shift > 0):
         raise _damaged(path, f"its depth has {shift} units a metre")
-    return _Header(matrices[0], matrices[2], color_code, depth_code, tuple(sizes[:2]), tuple(sizes[2:]), shift, frames)
+    extrinsics = matrices[1], matrices[3]
+    return _Header(
+        matrices[0], matrices[2], extrinsics, color_code, depth_code, tuple(sizes[:2]), tuple(sizes[2:]), shift, frames
+    )
 
 
 def _read(file, size: int, path: Path) -> bytes:
