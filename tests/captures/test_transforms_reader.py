@@ -1,4 +1,4 @@
-"""transforms.json: of several things that could be meant the right one, every key used or named, bad frames left out."""
+"""transforms.json: of several meanings the right one, every key used or named, a bad frame left out."""
 
 from __future__ import annotations
 
