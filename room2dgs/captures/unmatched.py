@@ -95,7 +95,7 @@ def _file(shot: Shot, kind: str) -> str | None:
     """Where a shot's depth or mask lies."""
     if kind == DEPTH:
         return None if shot.depth is None else str(getattr(shot.depth, "label", shot.depth))
-    path = getattr(shot.mask, "path", None)
+    path = getattr(getattr(shot.mask, "photo", shot.mask), "path", None)  # which may be turned
     return None if path is None else str(path)
 
 

@@ -19,6 +19,7 @@ from room2dgs.captures.pairing import note_on, places
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE
+from room2dgs.regular_files import check_regular
 
 LAYOUT = "000000_rgb.png and cameras.npz (MonoSDF, NeuS)"
 FOLDERS = ("image", "images", "rgb")
@@ -95,6 +96,7 @@ def decomposed(world_mat: np.ndarray, label: str) -> tuple[np.ndarray, np.ndarra
 
 def _matrices(path: Path) -> dict[str, np.ndarray]:
     """The small arrays of an archive; what is larger than a matrix is not unpacked."""
+    check_regular(path, "copy the scan again")
     try:
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()

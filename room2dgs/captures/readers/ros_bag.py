@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from room2dgs.captures.listing import Listing
 from room2dgs.errors import InputError
+from room2dgs.regular_files import check_regular
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
@@ -87,6 +88,7 @@ class Bag:
         self.topics: dict[str, str] = {}
         self.other: set[str] = set()
         for file in self._files:
+            check_regular(file, "copy the recording again")
             with self._guarded():
                 reader = (library.Reader1 if self.ros1 else library.Reader2)(file)
                 reader.open()
