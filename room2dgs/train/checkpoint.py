@@ -5,6 +5,7 @@ Nothing random needs saving: every draw in training comes from (seed, iteration)
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +18,7 @@ from room2dgs.logs import Log
 from room2dgs.train.tensor_file import read_tensors, write_tensors
 
 KIND = "checkpoint"
-NAME = re.compile(r"iteration_(\d+)\.safetensors")
+NAME = re.compile(r"iteration_([0-9]{1,15})\.safetensors")
 PARTS = ("parameter", "fixed", "adam", "extra")
 
 
@@ -72,14 +73,22 @@ def load(path: Path) -> Checkpoint:
     groups: dict[str, dict[str, Tensor]] = {part: {} for part in PARTS}
     for name, tensor in tensors.items():
         part, _, key = name.partition("/")
+        if part not in groups:
+            raise InputError(f"{path} has {name}, which no checkpoint has; delete it and train again")
         groups[part][key] = tensor
+    iteration, seconds = meta.get("iteration"), meta.get("seconds")
+    named = NAME.fullmatch(Path(path).name)
+    whole = type(iteration) is int and iteration >= 0 and (named is None or int(named[1]) == iteration)
+    whole = whole and isinstance(meta.get("fingerprint"), dict) and isinstance(seconds, dict)
+    if not whole or not all(type(value) in (int, float) and 0 <= value < math.inf for value in seconds.values()):
+        raise InputError(f"{path} does not say of which iteration and run it is; delete it and train again")
     return Checkpoint(
-        meta["iteration"],
+        iteration,
         groups["parameter"],
         groups["fixed"],
         groups["adam"],
         meta["fingerprint"],
-        meta["seconds"],
+        seconds,
         groups["extra"],
     )
 

@@ -22,6 +22,7 @@ from room2dgs.seeds.seeds import joined, seed_points, surface_seeds
 from room2dgs.seeds.spawn import first_opacity, spawn
 from room2dgs.splat.types import Surfels
 from room2dgs.train.checkpoint import Checkpoint
+from room2dgs.train.state_check import check_state
 
 EPSILON = 1e-15  # of Adam, 2DGS: gradients of a mean over pixels are tiny
 
@@ -72,7 +73,12 @@ def new_model(scene: Scene, points: PointCloud, config: Config, priors: Mapping[
 
 
 def restored_model(state: Checkpoint, config: Config) -> Model:
-    """The model that `checkpoint_of` was given."""
+    """The model that `checkpoint_of` was given.
+
+    Raises:
+        InputError: the checkpoint's tensors are not those that these settings make.
+    """
+    check_state(state, config)
     decoder = restored_decoder(config.seeds, state.fixed, state.parameters)
     adam = make_adam(decoder.parameters())
     load_adam_state(adam, state.adam)

@@ -46,7 +46,14 @@ class Rows:
         }
 
     def load(self, state: dict[str, Tensor]) -> None:
-        """The way back from `state`."""
+        """The way back from `state`.
+
+        Raises:
+            ValueError: it is of another number of views.
+        """
+        for name, mine in self.state().items():
+            if state[name].shape != mine.shape or state[name].dtype != mine.dtype:
+                raise ValueError(f"{name} is of shape {tuple(state[name].shape)}, not {tuple(mine.shape)}")
         self.values, self._mean, self._square = (
             state[name].clone().to(self.values.device) for name in ("values", "mean", "square")
         )

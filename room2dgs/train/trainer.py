@@ -14,6 +14,7 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Scene
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
+from room2dgs.errors import InputError, first_line
 from room2dgs.files import remove_leftovers
 from room2dgs.logs import Log
 from room2dgs.splat.types import Surfels
@@ -186,9 +187,19 @@ class Trainer:
                 prefix = f"{hook.name}/"
                 state = {k.removeprefix(prefix): v for k, v in self._resumed_state.items() if k.startswith(prefix)}
                 if state:
-                    hook.load(self, state)
+                    self._load(hook, state)
             while not self.finished:
                 self._iterate()
+
+    def _load(self, hook: Hook, state: dict[str, Tensor]) -> None:
+        """Raises InputError where the checkpoint's state is none of this hook's."""
+        try:
+            hook.load(self, state)
+        except (LookupError, TypeError, ValueError, RuntimeError) as error:
+            raise InputError(
+                f"the checkpoint of iteration {self.model.iteration} does not fit {hook.name} ({first_line(error)}); "
+                "delete it and go on with another"
+            ) from error
 
     def surfels(self) -> Surfels:
         """As the last iteration saw them, activated, without gradients, on the CPU."""

@@ -7,15 +7,21 @@ import os
 import re
 import resource
 import struct
+from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from safetensors.torch import save
 
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.read import read_scene
+from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.splat.types import Surfels
+from room2dgs.train import checkpoint, train
 from room2dgs.train.surfel_file import load_surfels, save_surfels
-from room2dgs.train.tensor_file import write_tensors
+from room2dgs.train.tensor_file import read_tensors, write_tensors
 
 COUNT = 5
 GOOD = Surfels(
@@ -97,3 +103,73 @@ def test_a_pipe_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "surfels.safetensors")
     with pytest.raises(InputError, match="is a pipe"):
         load_surfels(tmp_path / "surfels.safetensors")
+
+
+@pytest.fixture(scope="module")
+def trained(wall, tmp_path_factory):
+    """A small run's folder with one checkpoint, its settings, and what it takes to go on with it."""
+    out = tmp_path_factory.mktemp("trained")
+    config = load_config(
+        [f"scene.path={wall}", f"out={out}", "experiment=quick", "train.iterations=4", "train.exposure=true",
+         "prior=none", "seeds.init=sfm"]
+    )  # fmt: skip
+    scene = read_scene(config.scene)
+    xyz = np.random.default_rng(0).uniform((-1, -1, 1), (1, 1, 3), (60, 3))
+    points = PointCloud(xyz, np.zeros((60, 3), np.uint8))
+    train(scene, points, config, out, log=lambda line: None)
+    return out, config, scene, points
+
+
+def resumed(trained, tmp_path, change) -> str:
+    """What is said when a run goes on with a checkpoint that `change` was done to."""
+    out, config, scene, points = trained
+    (path,) = checkpoint.on_disk(out)
+    tensors, meta = read_tensors(path, checkpoint.KIND)
+    meta = {name: meta[name] for name in ("iteration", "fingerprint", "seconds")}
+    change(tensors, meta)
+    write_tensors(checkpoint.folder_of(tmp_path) / path.name, checkpoint.KIND, tensors, meta)
+    lines: list[str] = []
+    try:
+        train(scene, points, replace(config, resume=True), tmp_path, log=lines.append)
+    except InputError as error:
+        return str(error)
+    return "\n".join(lines)
+
+
+def put(name: str, *shape: int, value: float = 0.0):
+    return lambda tensors, meta: tensors.update({name: torch.full(shape or tensors[name].shape, value)})
+
+
+def drop(name: str):
+    return lambda tensors, meta: tensors.pop(name)
+
+
+def say(**values):
+    return lambda tensors, meta: meta.update(values)
+
+
+EXPOSURE = "extra/exposure_corrections"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (drop("parameter/offsets"), "lacks offsets"),
+        (put("parameter/more", 1), "has more, which the settings do not make"),
+        (put("other/offsets", 1), "has other/offsets, which no checkpoint has"),
+        (put("fixed/positions", 3, 3), "of shape"),
+        (put("fixed/positions", 0, 3), "holds no seeds"),
+        (put("parameter/rotations", value=torch.nan), "has rotations that is not finite"),
+        (put("adam/exp_avg/offsets", 2), "has exp_avg/offsets of shape"),
+        (put("adam/step/offsets", 2), "not one number"),
+        (drop(f"{EXPOSURE}/mean"), "does not fit exposure_corrections"),
+        (put(f"{EXPOSURE}/values", 1, 6), "does not fit exposure_corrections"),
+        (say(iteration="4"), "does not say of which iteration"),
+        (say(iteration=3), "does not say of which iteration"),
+        (say(fingerprint=[]), "does not say of which iteration"),
+        (say(seconds={"render": "long"}), "does not say of which iteration"),
+        (say(), "resuming after iteration 4 of 4"),
+    ],
+)
+def test_a_checkpoint_that_is_none_of_the_run_is_told(trained, tmp_path, change, said):
+    assert said in resumed(trained, tmp_path, change)
