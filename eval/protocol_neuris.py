@@ -68,8 +68,8 @@ def _fine(pred: MeshFile) -> trimesh.Trimesh:
     if too_many_pieces(vertices, faces, edges.max(axis=1)):
         raise InputError(
             f"{pred.path or 'the prediction'} has an area of {area_m2(vertices, faces):.3g} m2, of which protocol "
-            f"neuris would make more than {MOST_PIECES // 10**6} million faces of 2 cm; is it in millimetres? Scale it to "
-            "metres, or leave neuris out of eval.protocols"
+            f"neuris would make more than {MOST_PIECES // 10**6} million faces of 2 cm; is it in millimetres? Scale it "
+            "to metres, or leave neuris out of eval.protocols"
         )
     fine = trimesh.remesh.subdivide_to_size(vertices, faces, DOWNSAMPLE_M, max_iter=MOST_HALVINGS)
     return trimesh.Trimesh(*fine, process=False)

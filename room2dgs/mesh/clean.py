@@ -7,7 +7,9 @@ import trimesh
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from room2dgs.geometry.arguments import whole_number
 from room2dgs.mesh.area import twice_areas
+from room2dgs.mesh.checks import check_mesh
 
 
 def clean(mesh: trimesh.Trimesh, min_triangles: int = 0, keep_clusters: int | None = None) -> trimesh.Trimesh:
@@ -19,7 +21,14 @@ def clean(mesh: trimesh.Trimesh, min_triangles: int = 0, keep_clusters: int | No
 
     Returns:
         A new mesh with colours kept and winding unchanged; possibly without faces.
+
+    Raises:
+        TypeError, ValueError: no mesh, or faces that name vertices which are not there; numbers that are none.
     """
+    check_mesh(mesh, finite=False)
+    whole_number("min_triangles", min_triangles)
+    if keep_clusters is not None:
+        whole_number("keep_clusters", keep_clusters)
     vertices, colors, faces = _sorted_vertices(mesh)
     faces = _sorted_faces(vertices, faces)
     faces = faces[_large_pieces(faces, len(vertices), min_triangles, keep_clusters)]

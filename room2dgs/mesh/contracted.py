@@ -14,6 +14,8 @@ import numpy as np
 import trimesh
 
 from room2dgs.config import MeshConfig
+from room2dgs.geometry.arguments import number
+from room2dgs.mesh.checks import check_points
 from room2dgs.mesh.marching import extracted
 from room2dgs.mesh.views import FusedView
 from room2dgs.mesh.voxel_table import BLOCK, VOXELS, Voxels, VoxelTable, block_coordinates, keys_of
@@ -24,7 +26,12 @@ STEP = 4  # pixels between those that say how large the room is
 
 
 def contracted(points: np.ndarray, radius: float) -> np.ndarray:
-    """(N, 3) about the room's centre, metres, into the ball of twice the radius."""
+    """(N, 3) about the room's centre, metres, into the ball of twice the radius.
+
+    Raises:
+        TypeError, ValueError: no such points, or a radius that is not above 0.
+    """
+    points, radius = check_points("points", points), number("radius", radius, above=0.0)
     distance = np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-12)
     return np.where(
         distance <= radius, points, points * (2 - radius / np.maximum(distance, radius)) * radius / distance
@@ -32,7 +39,12 @@ def contracted(points: np.ndarray, radius: float) -> np.ndarray:
 
 
 def expanded(points: np.ndarray, radius: float) -> np.ndarray:
-    """The other way; points are to lie within twice the radius."""
+    """The other way; points are to lie within twice the radius.
+
+    Raises:
+        TypeError, ValueError: as `contracted`.
+    """
+    points, radius = check_points("points", points), number("radius", radius, above=0.0)
     length = np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-12)
     away = radius / np.maximum(2 - length / radius, 1e-6)  # of those outside
     return np.where(length <= radius, points, points * away / length)

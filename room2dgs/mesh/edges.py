@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from room2dgs.geometry.arguments import whole_number
+from room2dgs.mesh.checks import check_faces
+
 
 def edges_and_faces(faces: np.ndarray, vertices: int) -> tuple[np.ndarray, np.ndarray]:
     """(E, 2) int32 edges, each once, smaller vertex first; (E,) how many faces each is of.
@@ -11,7 +14,12 @@ def edges_and_faces(faces: np.ndarray, vertices: int) -> tuple[np.ndarray, np.nd
     Args:
         faces: (F, 3).
         vertices: how many there are.
+
+    Raises:
+        TypeError, ValueError: faces that name vertices which are not there, or no such numbers.
     """
+    vertices = whole_number("vertices", vertices)
+    faces = check_faces(faces, vertices)
     keys = np.empty((3, len(faces)), dtype=np.int64)
     for side in range(3):
         a, b = faces[:, side], faces[:, (side + 1) % 3]
@@ -27,4 +35,5 @@ def edges_and_faces(faces: np.ndarray, vertices: int) -> tuple[np.ndarray, np.nd
 
 def is_closed(faces: np.ndarray, vertices: int) -> bool:
     """Whether there are faces, and each edge is of two."""
-    return len(faces) > 0 and bool((edges_and_faces(faces, vertices)[1] == 2).all())
+    edges, count = edges_and_faces(faces, vertices)
+    return len(edges) > 0 and bool((count == 2).all())

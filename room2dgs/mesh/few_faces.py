@@ -14,6 +14,8 @@ import numpy as np
 import trimesh
 
 from room2dgs.freed_memory import give_back
+from room2dgs.geometry.arguments import number
+from room2dgs.mesh.checks import check_mesh
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.simplify import Measure, Simplified, colors_at
 
@@ -41,7 +43,12 @@ def few_faces(mesh: trimesh.Trimesh, max_error_m: float) -> Simplified:
 
     Returns:
         The mesh as it is, if it is small or nothing within the bound was found. `most_m` is the worst part's.
+
+    Raises:
+        TypeError, ValueError: no mesh, or one of faces or vertices that cannot be; no such number.
     """
+    check_mesh(mesh)
+    number("max_error_m", max_error_m, above=0.0)
     vertices, faces, aside = np.asarray(mesh.vertices), np.asarray(mesh.faces), _contrasting(mesh)
     pieces, share = [_piece(vertices, faces[aside])], FIRST
     found = []

@@ -6,6 +6,8 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
+from room2dgs.geometry.arguments import number
+from room2dgs.mesh.checks import check_mesh, check_surface
 from room2dgs.mesh.open3d import o3c, o3d
 from room2dgs.mesh.poisson import screened_poisson
 
@@ -17,12 +19,20 @@ def holes_filled(mesh: trimesh.Trimesh, hole_m: float) -> trimesh.Trimesh:
 
     Args:
         hole_m: the largest hole, by the diagonal of the box around its rim (open3d judges nearly so).
+
+    Raises:
+        TypeError, ValueError: no mesh, or one of faces or vertices that cannot be; no such number.
     """
+    check_mesh(mesh)
+    number("hole_m", hole_m, least=0.0)
     whole = o3d.t.geometry.TriangleMesh(
         o3c.Tensor(np.asarray(mesh.vertices).astype(np.float32)), o3c.Tensor(np.asarray(mesh.faces).astype(np.int64))
     )
     filled = whole.fill_holes(hole_size=hole_m / 2)
-    return _colored(filled.vertex.positions.numpy(), filled.triangle.indices.numpy(), mesh)
+    if "positions" not in filled.vertex or "indices" not in filled.triangle:  # open3d drops faces without an area
+        return mesh.copy()
+    # a copy: what open3d has filled is gone with `filled`, whatever still points to it
+    return _colored(filled.vertex.positions.numpy(), filled.triangle.indices.numpy().copy(), mesh)
 
 
 def watertight(mesh: trimesh.Trimesh, voxel_m: float) -> trimesh.Trimesh:
@@ -34,12 +44,19 @@ def watertight(mesh: trimesh.Trimesh, voxel_m: float) -> trimesh.Trimesh:
 
     Args:
         voxel_m: size of the detail to keep, as far as memory allows.
+
+    Raises:
+        TypeError, ValueError: no mesh, or one of faces or vertices that cannot be, or of no size; no such number.
     """
+    check_surface(mesh)
+    number("voxel_m", voxel_m, above=0.0)
     points = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.asarray(mesh.vertices)))
     normals = -np.asarray(mesh.vertex_normals)
     points.normals = o3d.utility.Vector3dVector(normals)
     points = points.select_by_index(np.flatnonzero(np.linalg.norm(normals, axis=1) > 0.5))
     extent = float(np.ptp(np.asarray(mesh.vertices), axis=0).max())
+    if not extent > 0 or not len(points.points):
+        raise ValueError("the mesh has no size: all its faces are at one place or without an area")
     solid, _ = screened_poisson(points, extent, voxel_m, MARGIN)
     solid.triangles = o3d.utility.Vector3iVector(np.asarray(solid.triangles)[:, ::-1])
     solid = _largest(solid)

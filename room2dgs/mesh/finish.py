@@ -10,6 +10,7 @@ from room2dgs.errors import InputError
 from room2dgs.freed_memory import give_back
 from room2dgs.logs import Log
 from room2dgs.mesh.area import area_m2
+from room2dgs.mesh.checks import check_mesh
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.edges import is_closed
 
@@ -45,7 +46,11 @@ def finished(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Tri
 
     Args:
         mesh: cleaned (`cleaned`).
+
+    Raises:
+        TypeError, ValueError: no mesh, or one of faces or vertices that cannot be.
     """
+    check_mesh(mesh)
     give_back()  # what was cleaned away
     mesh = _smooth(mesh, config)
     give_back()

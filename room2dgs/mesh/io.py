@@ -11,6 +11,7 @@ from trimesh.resolvers import Resolver
 
 from room2dgs.errors import InputError, first_line
 from room2dgs.files import whole_file
+from room2dgs.mesh.checks import FARTHEST
 from room2dgs.mesh.glb_counts import check_glb
 from room2dgs.mesh.ply_bytes import ply_bytes
 from room2dgs.mesh.ply_mesh import read_ply_mesh
@@ -18,7 +19,6 @@ from room2dgs.regular_files import check_regular, open_regular
 from room2dgs.texts import shown_name
 
 KINDS = (".ply", ".obj", ".off", ".stl", ".glb")
-FARTHEST = 1e12  # of a coordinate, in whatever unit
 MEND = "give the path of a triangle mesh (.ply)"
 
 

@@ -14,6 +14,8 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
+from room2dgs.geometry.arguments import number, whole_number
+from room2dgs.mesh.checks import check_mesh, check_points, check_surface
 from room2dgs.mesh.open3d import o3c, o3d
 
 FEWEST = 100  # faces
@@ -61,7 +63,15 @@ def simplified(mesh: trimesh.Trimesh, faces: int | None = None, max_error_m: flo
 
     Returns:
         The mesh as it is, if it has no more faces than wanted or every step would exceed the error.
+
+    Raises:
+        TypeError, ValueError: no mesh, or one of faces or vertices that cannot be; no such numbers.
     """
+    check_mesh(mesh)
+    if faces is not None:
+        faces = whole_number("faces", faces)
+    if max_error_m is not None:
+        number("max_error_m", max_error_m, least=0.0)
     best = Simplified(mesh, 0.0, 0.0, 0.0)
     fewest = max(faces or FEWEST, FEWEST)
     if len(mesh.faces) <= fewest:
@@ -86,7 +96,12 @@ def decimated(mesh: trimesh.Trimesh, faces: int, careful: bool = False) -> trime
 
     Args:
         careful: by open3d alone.
+
+    Raises:
+        TypeError, ValueError: no mesh, or one of faces or vertices that cannot be; no such number.
     """
+    check_mesh(mesh)
+    faces = whole_number("faces", faces, 1)
     vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if not careful:
         vertices, triangles = _sooner(vertices, triangles, max(faces, LARGE))
@@ -111,7 +126,11 @@ def _sooner(vertices: np.ndarray, triangles: np.ndarray, faces: int) -> tuple[np
 
 
 def measured(whole: trimesh.Trimesh, less: trimesh.Trimesh) -> Simplified:
-    """How far two meshes are from each other."""
+    """How far two meshes are from each other.
+
+    Raises:
+        TypeError, ValueError: the first has no faces, or one of them cannot be.
+    """
     return Measure(whole)(less)
 
 
@@ -120,7 +139,14 @@ def colors_at(mesh: trimesh.Trimesh, vertices: np.ndarray) -> np.ndarray:
     otherwise, which mixes nothing across an edge.
 
     Decimation heeds shape alone: on a flat wall its own colours would come from anywhere.
+
+    Raises:
+        TypeError, ValueError: no mesh with vertices and their colours; no (V, 3) finite numbers.
     """
+    check_mesh(mesh)
+    vertices = check_points("vertices", vertices)
+    if mesh.visual.kind != "vertex" or not len(mesh.vertices):
+        raise ValueError("the mesh has no colours of vertices")
     count = min(NEAR, len(mesh.vertices))
     distances, near = KDTree(np.asarray(mesh.vertices)).query(vertices, k=list(range(1, count + 1)))
     colors = np.asarray(mesh.visual.vertex_colors)[near, :3]
@@ -132,12 +158,14 @@ class Measure:
     """Distances from one mesh, whose tree is built once."""
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
+        check_surface(mesh)
         vertices = np.asarray(mesh.vertices)
         self.middle = vertices.mean(axis=0)
         self.points = vertices[:: max(1, len(vertices) // SAMPLES)]
         self.tree = self._tree(mesh)
 
     def __call__(self, less: trimesh.Trimesh) -> Simplified:
+        check_mesh(less)
         if not len(less.faces):
             return Simplified(less, np.inf, np.inf, np.inf)
         there = self._distances(self._tree(less), self.points)

@@ -10,6 +10,8 @@ import numpy as np
 import trimesh
 from scipy.sparse import csr_matrix
 
+from room2dgs.geometry.arguments import whole_number
+from room2dgs.mesh.checks import check_mesh
 from room2dgs.mesh.edges import edges_and_faces
 
 SHRINK, GROW = 0.5, 0.53
@@ -22,7 +24,13 @@ def smoothed(mesh: trimesh.Trimesh, steps: int) -> trimesh.Trimesh:
 
     Args:
         mesh: with vertices at the same place made one (`clean`), or each face is a surface of its own.
+        steps: 0 or more.
+
+    Raises:
+        TypeError, ValueError: no mesh, or one of faces or vertices that cannot be; no such number.
     """
+    check_mesh(mesh)
+    whole_number("steps", steps)
     vertices = np.array(mesh.vertices, dtype=np.float64)
     edges, faces = edges_and_faces(np.asarray(mesh.faces), len(vertices))
     pinned = np.zeros(len(vertices), dtype=bool)

@@ -1,0 +1,88 @@
+"""Numbers and tensors that public functions are given: what cannot be meant is refused with a sentence.
+
+Types and shapes alone are looked at, which costs microseconds; values of large tensors are not.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from typing import Any
+
+import torch
+from torch import Tensor
+
+
+def number(name: str, value: Any, above: float | None = None, least: float | None = None) -> float:
+    """A finite number.
+
+    Raises:
+        TypeError: it is no number.
+        ValueError: it is not finite, or too small.
+    """
+    if isinstance(value, bool | str | bytes) or not hasattr(value, "__float__"):
+        raise TypeError(f"{name} is {value!r}, not a number")
+    try:
+        plain = float(value)
+    except (TypeError, ValueError, RuntimeError) as error:  # an array of several
+        raise TypeError(f"{name} is no single number") from error
+    if not math.isfinite(plain):
+        raise ValueError(f"{name} is {plain}; it is to be finite")
+    if above is not None and not plain > above:
+        raise ValueError(f"{name} is {plain}; it is to be above {above:g}")
+    if least is not None and not plain >= least:
+        raise ValueError(f"{name} is {plain}; it is to be {least:g} or more")
+    return plain
+
+
+def whole_number(name: str, value: Any, least: int = 0) -> int:
+    """A whole number, not a float.
+
+    Raises:
+        TypeError: it is none.
+        ValueError: it is too small.
+    """
+    try:
+        plain = operator.index(value)
+    except TypeError as error:
+        raise TypeError(f"{name} is {value!r}, not a whole number") from error
+    if isinstance(value, bool) or plain < least:
+        raise ValueError(f"{name} is {value}; it is to be a whole number, {least} or more")
+    return plain
+
+
+def check_tensor(name: str, value: Any, shape: tuple[int | None, ...], kind: str = "floating point") -> None:
+    """A tensor with values.
+
+    Args:
+        shape: None: any size of 1 or more.
+        kind: "floating point", or "bool" or "bool or numbers" as masks have it.
+
+    Raises:
+        TypeError: it is no tensor, or one of another type.
+        ValueError: it has another shape, or no values: it is empty or on the device `meta`.
+    """
+    if not isinstance(value, Tensor):
+        raise TypeError(f"{name} is of the type {type(value).__name__}, not a torch.Tensor")
+    dtype = value.dtype
+    fits = dtype.is_floating_point if kind == "floating point" else dtype == torch.bool
+    if not fits:
+        raise TypeError(f"{name} is of {dtype}, not {kind}")
+    if value.ndim != len(shape) or any(
+        size < 1 if wanted is None else size != wanted for size, wanted in zip(value.shape, shape, strict=True)
+    ):
+        wanted = ", ".join("any" if side is None else str(side) for side in shape)
+        raise ValueError(f"{name} has shape {tuple(value.shape)}, not ({wanted})")
+    if value.device.type == "meta":
+        raise ValueError(f"{name} is on the device meta, where tensors have no values")
+
+
+def check_same_device(**tensors: Tensor | None) -> None:
+    """Of tensors that are used together.
+
+    Raises:
+        ValueError: they are on several.
+    """
+    places = {name: tensor.device for name, tensor in tensors.items() if tensor is not None}
+    if len(set(places.values())) > 1:
+        raise ValueError("tensors are on several devices: " + ", ".join(f"{n} on {d}" for n, d in places.items()))
