@@ -16,11 +16,16 @@ from room2dgs.captures.with_lens import with_lens
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
+from room2dgs.regular_files import check_regular, read_regular
 
 KIND = "room2dgs poses"
 LEFT_OUT = "left_out"  # what a report calls the frames that take no part
 LENS = "lens"  # and the lens that was found: model, params, size
 NO_POSE = "its photo does not tell its pose, and the given poses are off"
+MEND = "delete it and start the run anew"
+LONGEST, LONGEST_FRAME = 16 << 20, 16 << 10  # bytes of the file, and more of them for each frame
+FARTHEST_M = 1e9
+RIGID = 1e-6  # of R R^T - I: refined rotations are so to 1e-12
 SAME = 1e-9  # given poses are read from text each time and are the same then
 
 
@@ -75,24 +80,28 @@ def read_poses(path: Path, scene: Scene) -> tuple[Scene, dict[str, Any]]:
     Frames not in it keep their poses; those that its report calls left out are not in the scene.
 
     Raises:
-        InputError: the file is missing, damaged, or belongs to other given poses.
+        InputError: the file is missing, damaged or too large, holds poses that are not rigid or leaves out every
+            photo, or belongs to other given poses.
     """
+    longest = LONGEST + len(scene.frames) * LONGEST_FRAME
+    raw = read_regular(path, longest, MEND) if check_regular(path, MEND) else b""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        kind, report = content["kind"], dict(content["report"])
+        content = json.loads(raw)
+        report = dict(content["report"])
         poses = {
-            name: tuple(np.array(pose[which], dtype=np.float64) for which in ("given", "refined"))
-            for name, pose in content["cam_from_world"].items()
+            name: (_matrix(two["given"]), _matrix(two["refined"])) for name, two in content["cam_from_world"].items()
         }
-        found = report.get(LENS)
-        lens = found and Lens(str(found["model"]), tuple(map(float, found["params"])), tuple(map(int, found["size"])))
-        whole = kind == KIND and all(m.shape == (4, 4) and np.isfinite(m).all() for two in poses.values() for m in two)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        lens, left_out = _lens(report.get(LENS), path), _names(report.get(LEFT_OUT) or ())
+        whole = content["kind"] == KIND
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
         whole = False
     if not whole:
-        raise InputError(f"{path} is not a file of refined poses; delete it and start the run anew")
+        raise InputError(f"{path} is not a file of refined poses; {MEND}")
+    for name, (_, refined) in poses.items():
+        if not _is_rigid(refined):
+            raise InputError(f"{path} gives {name} a pose that is not rigid; {MEND}")
     if lens:
-        scene = with_lens(scene, replace(lens, source=str(path)))
+        scene = with_lens(scene, lens)
     cameras = {}
     for frame in scene.frames:
         if frame.name not in poses:
@@ -104,4 +113,33 @@ def read_poses(path: Path, scene: Scene) -> tuple[Scene, dict[str, Any]]:
                 "restore the capture's poses or start a new run"
             )
         cameras[frame.name] = replace(frame.camera, cam_from_world=refined)
-    return without(with_cameras(scene, cameras), report.get(LEFT_OUT, ())), report
+    found = without(with_cameras(scene, cameras), left_out)
+    if scene.train and not found.train:
+        raise InputError(f"{path} leaves out every training photo; {MEND}")
+    return found, report
+
+
+def _matrix(rows: Any) -> np.ndarray:
+    found = np.array(rows, dtype=np.float64)
+    if found.shape != (4, 4) or not (np.abs(found) <= FARTHEST_M).all():
+        raise ValueError
+    return found
+
+
+def _is_rigid(pose: np.ndarray) -> bool:
+    rotation = pose[:3, :3]
+    error = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    return bool(error <= RIGID and np.linalg.det(rotation) > 0 and (pose[3] == (0, 0, 0, 1)).all())
+
+
+def _lens(found: Any, path: Path) -> Lens | None:
+    if not found:
+        return None
+    width, height = map(int, found["size"])
+    return Lens(str(found["model"]), tuple(map(float, found["params"])), (width, height), str(path))
+
+
+def _names(found: Any) -> tuple[str, ...]:
+    if not isinstance(found, list | tuple | dict) or not all(isinstance(name, str) for name in found):
+        raise TypeError
+    return tuple(found)
