@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from room2dgs.captures.cache import Cache
-from room2dgs.captures.packed_maps import digest, pack, unpack
+from room2dgs.captures.packed_maps import Packed, digest, pack, unpack
 from room2dgs.captures.view_maps import ViewMaps
 
 
@@ -29,20 +29,34 @@ class StoredMaps(Mapping[str, ViewMaps[np.ndarray]]):
         Raises:
             InputError: the disk refuses (`Cache.put`).
         """
-        packed = pack(maps)
-        self._known[name] = maps.source, digest(packed)
+        self.put_packed(name, pack(maps), maps.source)
+
+    def put_packed(self, name: str, packed: Packed, source: str) -> None:
+        """Take a view's maps as `packed` gave them.
+
+        Raises:
+            InputError: the disk refuses (`Cache.put`).
+        """
+        self._known[name] = source, digest(packed)
         self.cache.put((self._mine, name), packed)
+
+    def packed(self, name: str) -> Packed:
+        """A view's maps in the bytes that they are kept in."""
+        packed = self.cache.get((self._mine, name))
+        if packed is None:
+            raise RuntimeError(f"the maps of {name} are no longer in the cache; this is a fault of room2dgs")
+        return packed
+
+    def source(self, name: str) -> str:
+        """What made a view's maps."""
+        return self._known[name][0]
 
     def digest(self, name: str) -> str:
         """Hex digits that stand for a view's maps."""
         return self._known[name][1]
 
     def __getitem__(self, name: str) -> ViewMaps[np.ndarray]:
-        source, _ = self._known[name]
-        packed = self.cache.get((self._mine, name))
-        if packed is None:
-            raise RuntimeError(f"the maps of {name} are no longer in the cache; this is a fault of room2dgs")
-        return unpack(packed, source)
+        return unpack(self.packed(name), self.source(name))
 
     def __contains__(self, name: object) -> bool:
         return name in self._known

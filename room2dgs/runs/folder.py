@@ -25,10 +25,11 @@ CONFIG, MESH, METRICS = "config.yaml", "mesh.ply", "metrics.json"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
 PRIORS, PRIOR_MAPS, CACHE, POSES = "priors.csv", "priors", "cache", "poses.json"
 REPORT, TRUST, EXPORTS = "report.html", "trust.npz", "export"
+KEPT = "kept"  # priors, until the run ends
 CAPTURE = "capture"  # what `run video=...` made of the video, before the run itself
 # What a run may have made before anything is finished; nothing else in its folder is ever removed.
 MADE = {
-    *(CONFIG, METRICS, CHECKPOINTS, POINTS, PRIORS, PRIOR_MAPS, CACHE, POSES, TRUST, LOG_FILE, "tensorboard"),
+    *(KEPT, CONFIG, METRICS, CHECKPOINTS, POINTS, PRIORS, PRIOR_MAPS, CACHE, POSES, TRUST, LOG_FILE, "tensorboard"),
     *("depth", "normal", "error", "agreeing", "filled", "filled_confidence", "dense.ply", "coverage.json"),
 }
 
@@ -105,6 +106,7 @@ def claimed(config: Config) -> Iterator[Path]:
             raise InputError(f"{out} cannot be written ({error.strerror}); choose another out=DIR") from error
         try:
             yield out
+            shutil.rmtree(out / KEPT, ignore_errors=True)
         except InputError as error:
             if by_the_machine(error) or isinstance(error, FolderGone):
                 raise
