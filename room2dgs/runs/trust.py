@@ -11,9 +11,12 @@ import numpy as np
 
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
+from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE, whole_file
+from room2dgs.regular_files import open_regular
 
 COLUMNS = 160
+LARGEST = 1 << 20  # bytes of a map, which has 160 columns, and of a name
 
 
 class Trust(NamedTuple):
@@ -68,12 +71,25 @@ def write_trust(
 
 
 def read_trust(path: Path) -> dict[str, Trust]:
-    """Frame name -> maps; none without the file, or when it is damaged: the page does without."""
+    """Frame name -> maps; none without the file, or when it is damaged or no such file: the page does without."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with open_regular(path) as raw, np.load(raw, allow_pickle=False) as file:
+            if not _is_small(file):
+                return {}
             names = [str(name) for name in file["names"]]
-            return {
-                name: Trust(file[f"{index}/confidence"], file[f"{index}/agreeing"]) for index, name in enumerate(names)
-            }
-    except NUMPY_DAMAGE:
+            maps = [Trust(file[f"{index}/confidence"], file[f"{index}/agreeing"]) for index in range(len(names))]
+    except (InputError, *NUMPY_DAMAGE):
         return {}
+    return dict(zip(names, maps, strict=True)) if all(map(_fits, maps)) else {}
+
+
+def _is_small(file: np.lib.npyio.NpzFile) -> bool:
+    """Whether each map, unpacked, has no more bytes than a small map can: what is packed may be of any size."""
+    sizes = {info.filename: info.file_size for info in file.zip.infolist()}
+    names = sizes.pop("names.npy", 0)
+    return names <= LARGEST * (1 + len(sizes)) and all(size <= LARGEST for size in sizes.values())
+
+
+def _fits(maps: Trust) -> bool:
+    whole = all(one.dtype == np.uint8 and one.ndim == 2 and one.size for one in maps)
+    return whole and maps.confidence.shape == maps.agreeing.shape

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-STEP = re.compile(r"^iteration (\d+)/\d+: (.*)$")
+STEP = re.compile(r"^iteration ([0-9]{1,12})/[0-9]+: (.*)$")
 LOSS = re.compile(r"^loss ([\d.e+-]+|nan|inf) \((.*?)\)")
 TRAIN_PSNR = re.compile(r"(?:^|, )PSNR ([\d.]+) dB")
 TEST_PSNR = re.compile(r"^held-out PSNR ([\d.]+) dB")
 COUNT = re.compile(r", (\d+) surfels")
 COLORS = ("#1565c0", "#c2185b")
 LEFT, RIGHT, TOP, BOTTOM = 56.0, 310.0, 10.0, 150.0  # of the drawing
+LARGEST = 1e30
 PSNR, HELD_OUT, SURFELS, WHOLE = "PSNR, dB", "held-out views", "surfels", "loss"
 
 Line = dict[int, float]
@@ -24,8 +24,11 @@ def read_curves(log: Iterable[str]) -> dict[str, dict[str, Line]]:
     found: dict[str, dict[str, Line]] = {}
 
     def put(title: str, name: str, iteration: int, value: str) -> None:
-        number = float(value)
-        if math.isfinite(number):
+        try:
+            number = float(value)
+        except ValueError:  # a line that is not ours
+            return
+        if abs(number) <= LARGEST:
             found.setdefault(title, {}).setdefault(name, {})[iteration] = number
 
     for line in log:
