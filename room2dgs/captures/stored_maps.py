@@ -56,7 +56,8 @@ class StoredMaps(Mapping[str, ViewMaps[np.ndarray]]):
         return self._known[name][1]
 
     def __getitem__(self, name: str) -> ViewMaps[np.ndarray]:
-        return unpack(self.packed(name), self.source(name))
+        source = self.source(name)  # first: a KeyError where there is none
+        return unpack(self.packed(name), source)
 
     def __contains__(self, name: object) -> bool:
         return name in self._known
