@@ -120,10 +120,10 @@ def overview() -> str:
 
 def _our_fault(error: Exception) -> str:
     """Keeps the traceback in the run's log, or else in a file of its own, and says where."""
-    from room2dgs.logs import open_log
+    from room2dgs.logs import append, open_log
 
     name = type(error).__name__
-    reason = next(iter(str(error).splitlines()), "")
+    reason = shown(next(iter(str(error).splitlines()), ""))
     text = "".join(traceback.format_exception(error))
     path = open_log()
     try:
@@ -134,9 +134,8 @@ def _our_fault(error: Exception) -> str:
                 file.write(text)
             path = Path(file.name)
         else:
-            with path.open("a", encoding="utf-8") as file:
-                file.write(text)
-    except OSError:  # a full disk, perhaps what went wrong in the first place
+            append(path, text)
+    except (OSError, InputError):  # a full disk, perhaps what went wrong in the first place
         return f"{text}room2dgs: {name}: {reason}; this is not your fault"
     return f"room2dgs: {name}: {reason}; this is not your fault, the traceback is in {path}"
 
