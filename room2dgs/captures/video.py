@@ -88,7 +88,7 @@ class Video:
         self._found: dict[int, np.ndarray] = {}  # of those that are wanted
         self._kept: OrderedDict[int, np.ndarray] = OrderedDict()
         self._end: int | None = None
-        self._goes_back = False
+        self._out_of_order = False
         self._capture: cv2.VideoCapture | None = None
         self._next = 0
 
@@ -159,7 +159,7 @@ class Video:
         """Decode up to a frame, and keep what anybody waits for on the way."""
         if self._capture is not None and index < self._next:
             self._release()
-            self._goes_back = True
+            self._out_of_order = True
         capture = self._opened()
         while self._next <= index:
             good = capture.grab()
@@ -177,14 +177,14 @@ class Video:
             self._next += 1
 
     def _is_wanted(self, number: int, index: int) -> bool:
-        """Frames on the way to `index` that others wait for, or may ask for next: who asks out of order once may again.
-
-        So little is known of the latter that only those right before it are kept.
+        """Frames on the way to `index` that others wait for, or may ask for next: who asks out of order once, or
+        several together, may do so again. Of the latter only those right before it are kept.
         """
         with self._changed:
+            self._out_of_order |= len(self._wanted) > 1
             if number == index or number in self._wanted:
                 return True
-            return (self._goes_back or len(self._wanted) > 1) and index - number < self._room()
+            return self._out_of_order and index - number < self._room()
 
     def _room(self) -> int:
         """Frames that fit into what is kept."""
