@@ -33,10 +33,9 @@ class _RunHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         # errors reach the caller, unlike those of logging's own handlers: a full disk ends a run with its sentence
-        line = shown(self.format(record))
-        encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
-        print(line.encode(encoding, "backslashreplace").decode(encoding), flush=True)
-        append(self.path, line + "\n")
+        line = self.format(record)
+        to_terminal(line)
+        append(self.path, shown(line) + "\n")
 
 
 def run_log(out: Path | str) -> Log:
@@ -59,6 +58,12 @@ def run_log(out: Path | str) -> Log:
 
     _use(handler)
     return log
+
+
+def to_terminal(line: str) -> None:
+    """One line to the standard output, with control characters escaped: for commands that keep no log."""
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    print(shown(line).encode(encoding, "backslashreplace").decode(encoding), flush=True)
 
 
 def in_lines(log: Log, text: str) -> None:

@@ -13,7 +13,7 @@ from room2dgs.commands.short_keys import written_out
 from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
 from room2dgs.config import Config, EvalConfig, load_config
 from room2dgs.errors import InputError
-from room2dgs.logs import Log, run_log
+from room2dgs.logs import Log, in_lines, run_log, to_terminal
 from room2dgs.owner import owned
 from room2dgs.runs.folder import (
     CONFIG,
@@ -78,9 +78,9 @@ def score_mesh(overrides: list[str], out: str | None) -> None:
     seconds: dict[str, float] = {}
     with owned(folder):
         with timed(seconds, "eval"):
-            part = _mesh_part(Path(config.eval.pred), gt, scene, config.eval, folder, print)
+            part = _mesh_part(Path(config.eval.pred), gt, scene, config.eval, folder, to_terminal)
         record(folder, stale(folder, MESH_SCORES) | part, seconds)
-    print(f"scores: {folder / METRICS}, pictures: {folder / 'eval'}")
+    to_terminal(f"scores: {folder / METRICS}, pictures: {folder / 'eval'}")
 
 
 def score_run(scene: Scene, surfels: Surfels | None, config: Config, out: Path, seconds: dict[str, float]) -> None:
@@ -134,7 +134,7 @@ def _mesh_part(pred: Path, gt: Path, scene: Scene, settings: EvalConfig, out: Pa
     found = evaluate(*meshes, [frame.camera for frame in frames], settings.protocols, **options)
     write_pictures(found, frames, out / "eval", origin_m)
     for line in found.lines():
-        log(line)
+        in_lines(log, line)
     return part | found.as_dict()
 
 

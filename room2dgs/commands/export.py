@@ -13,7 +13,7 @@ from room2dgs.commands.settings_help import asked_for_help, settings
 from room2dgs.commands.stages import points_may_lack, read, rendered, trained_surfels, use_threads, with_poses_of_run
 from room2dgs.config import Config
 from room2dgs.errors import InputError
-from room2dgs.logs import Log
+from room2dgs.logs import Log, to_terminal
 from room2dgs.runs.folder import EXPORTS, MESH, POINTS, SURFELS, at_work_beside, earlier_run, last_value, required
 from room2dgs.runs.metrics import origin_of_run, record, timed
 
@@ -47,7 +47,7 @@ def main(argv: list[str]) -> int:
     _check_place(out, formats, config)
     use_threads(config)
     with at_work_beside(config, out):
-        write(source_of(config, print), formats, out, print)
+        write(source_of(config, to_terminal), formats, out, to_terminal)
     return 0
 
 

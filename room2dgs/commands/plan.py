@@ -10,6 +10,7 @@ from room2dgs.commands.export import source_of
 from room2dgs.commands.settings_help import asked_for_help
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
+from room2dgs.logs import to_terminal
 from room2dgs.runs.folder import MESH, at_work_beside, earlier_run, last_value, required
 
 USAGE = "room2dgs plan run=DIR [out=DIR] [up=auto|x|y|z|-x|-y|-z]"
@@ -35,7 +36,7 @@ def main(argv: list[str]) -> int:
     config = earlier_run([*(_written_out(text) for text in rest), f"out={run}"])
     folder = Path(config.out)
     required(folder / MESH, "mesh")
-    source = source_of(config, print)
+    source = source_of(config, to_terminal)
     if source.up is None:
         raise InputError("export.up=keep does not say which way is up; give up=auto or up=z")
     from room2dgs.plan.dxf import dxf
@@ -44,7 +45,7 @@ def main(argv: list[str]) -> int:
 
     plan = plan_in_world(floor_plan(source.mesh, source.up), source.origin_m)
     for line in sentences(plan):
-        print(line)
+        to_terminal(line)
     out = Path(last_value(argv, "out") or folder / PLAN).expanduser().absolute()
     texts = {
         "plan.json": json.dumps(as_json(plan), indent=1) + "\n",
@@ -58,7 +59,7 @@ def main(argv: list[str]) -> int:
                     temporary.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"{out} cannot be written ({error.strerror}); choose another out=DIR") from error
-    print(f"floor plan: {out / 'plan.svg'}, {out / 'plan.dxf'}, planes: {out / 'plan.json'}")
+    to_terminal(f"floor plan: {out / 'plan.svg'}, {out / 'plan.dxf'}, planes: {out / 'plan.json'}")
     return 0
 
 

@@ -11,7 +11,7 @@ from room2dgs.commands.short_keys import written_out
 from room2dgs.config import Config, load_config
 from room2dgs.errors import InputError
 from room2dgs.files import is_temporary, remove_leftovers
-from room2dgs.logs import LOG_FILE, run_log
+from room2dgs.logs import LOG_FILE, run_log, to_terminal
 from room2dgs.owner import LOCK, owned
 from room2dgs.runs.folder import CAPTURE, absolute, check_out, last_value
 
@@ -38,7 +38,7 @@ def main(argv: list[str]) -> int:
         raise InputError("scene.path has poses already; give video=FILE or images=DIR")
     config = absolute(load_config([*overrides, f"scene.path={out}"]))
     prepared(config, Path(config.out))
-    print(f"go on with: room2dgs run scene.path={config.out} out=DIR")
+    to_terminal(f"go on with: room2dgs run scene.path={config.out} out=DIR")
     return 0
 
 

@@ -13,6 +13,7 @@ from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.json_files import read_json, update_json
+from room2dgs.logs import to_terminal
 from room2dgs.runs.folder import CAPTURE, CONFIG, earlier_run, last_value
 from room2dgs.runs.metrics import earlier
 from room2dgs.runs.schema import is_number
@@ -64,7 +65,7 @@ def _written(scores: list[Score], title: str, out: Path) -> int:
         with whole_file(out / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
     print(texts["table.md"])
-    print(f"tables: {out}")
+    to_terminal(f"tables: {out}")
     return 2 if any(score.failed for score in scores) else 0
 
 
@@ -160,7 +161,7 @@ def _scored(path: Path, config: Config, protocol: str, kept: Path) -> dict[str, 
         raise InputError(f"{path} has no surface that a camera sees; check its frame and its units")
     kept.parent.mkdir(parents=True, exist_ok=True)
     update_json(kept, {"key": key.hexdigest(), "values": values})
-    print(f"scored {path}")
+    to_terminal(f"scored {path}")
     return values
 
 
