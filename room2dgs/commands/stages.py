@@ -14,7 +14,7 @@ from room2dgs.captures.scene import Frame, Scene
 from room2dgs.commands.units import note_scale
 from room2dgs.config import Config
 from room2dgs.logs import Log
-from room2dgs.runs.folder import CACHE, CHECKPOINTS, POINTS, POSES, PRIOR_MAPS, PRIORS, SURFELS, TRUST, required
+from room2dgs.runs.folder import CACHE, CHECKPOINTS, KEPT, POINTS, POSES, PRIOR_MAPS, PRIORS, SURFELS, TRUST, required
 from room2dgs.runs.metrics import Stages, by_stage, record, timed
 
 if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be reported at once
@@ -144,11 +144,20 @@ def points_and_priors(
     Raises:
         InputError: as `sparse_points` and `read_priors`.
     """
+    from room2dgs.runs.kept_priors import keep_priors, key_of
+
     some = f", {len(scene.keyframes)} of them keyframes" if scene.beside else ""
     log(f"{len(scene.train)} training views{some}, {len(scene.test)} held out")
     points = points_of_run(scene, config, out, log, seconds, may_lack=points_may_lack(config))
-    with timed(seconds, "priors"):
-        priors = read_priors(scene, points, config, out, log)
+    key = key_of(scene, points, config)
+    priors = _kept(scene, key, out)
+    if priors is None:
+        with timed(seconds, "priors"):
+            priors = read_priors(scene, points, config, out, log)
+            keep_priors(out / KEPT, key, priors, log)
+    else:  # which took its time then
+        log("priors are there from before")
+        note_scale(priors, points, scene, config, out, log)
     part = {
         "points": len(points),
         "priors": priors.label,
@@ -157,6 +166,17 @@ def points_and_priors(
     }
     record(out, part, seconds)
     return points, priors
+
+
+def _kept(scene: Scene, key: str, out: Path) -> Priors | None:
+    """What `read_priors` gave before the run was killed, if all is there that it writes."""
+    from room2dgs.runs.kept_priors import kept_priors
+
+    priors = kept_priors(out / KEPT, key, scene)
+    if priors is None or (priors.fits and not (out / PRIORS).exists()):
+        return None
+    has_depth = any(maps.depth is not None for maps in priors.by_frame.values())
+    return priors if (out / TRUST).exists() or not has_depth else None
 
 
 def knows_metres(config: Config) -> bool:
