@@ -77,7 +77,7 @@ def read_regular(path: Path, longest: int, mend: str = COPY_AGAIN) -> bytes:
         if size > longest:
             raise InputError(f"{path} has {size >> 20} MiB, too large for what it should hold; replace the file")
         try:
-            return file.read(longest + 1)
+            return file.read(size)  # memory for no more than there is
         except OSError as error:
             raise InputError(f"{path} cannot be read ({error.strerror}); check the file") from error
 

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 from room2dgs.captures.text_files import text_of
 from room2dgs.errors import InputError
 
-MAX_BYTES = 1 << 26
+MAX_BYTES, CHUNK = 1 << 26, 1 << 16
 MAX_ELEMENTS, MAX_DEPTH = 1_000_000, 64
 
 
@@ -23,7 +23,8 @@ def read_xml(path: Path, mend: str = "export it again") -> ElementTree.Element:
         raise InputError(f"{path} declares a document type or entities, which an export has not; {mend}")
     parser = ElementTree.XMLParser(target=_Bounded(path, mend))
     try:
-        parser.feed(text)
+        for start in range(0, len(text), CHUNK):  # the parser stops for an error at the end of what it is fed
+            parser.feed(text[start : start + CHUNK])
         return parser.close()
     except (ElementTree.ParseError, ValueError) as error:
         if isinstance(error, InputError):
