@@ -117,8 +117,10 @@ def places(
     if numbers and len(known) == count:
         place = {number: index for index, number in enumerate(known)}
         return {name: place[number] for name, number in numbers.items()}
-    if not numbers and len(photos) == count:
-        return {name: index for index, name in enumerate(natural(photos))}
+    in_order = natural(photos)
+    # a copy among numbered photos ("frame000004 (1).jpg") has no place of its own; and programs sort by letters too
+    if not numbers and len(photos) == count and in_order == sorted(photos) and (_runs(photos) or not from_zero):
+        return {name: index for index, name in enumerate(in_order)}
     told = f", numbered {known[0]} to {known[-1]}" if numbers else ""
     raise InputError(
         f"{label} has {count} poses for {len(photos)} photos{told}, and which is whose cannot be told; "

@@ -13,6 +13,10 @@ from room2dgs.captures.listing import listed, natural
 
 DEPTH, MASK = "depth map", "mask"
 FOLDERS = {DEPTH: re.compile(r"(^|[_-])depths?([_-]|$)"), MASK: re.compile(r"(^|[_-])masks?([_-]|$)")}
+FILES = {
+    DEPTH: re.compile(r"(^|[^a-z])depths?([^a-z]|$)"),
+    MASK: re.compile(r"(^|[^a-z])masks?([^a-z]|$)"),
+}
 # what such a folder may hold besides
 OTHER_FILES = (".txt", ".json", ".md", ".csv", ".yaml", ".yml", ".xml", ".ini", ".db", ".log", ".html", ".pdf")
 MOST_FOLDERS = 1000  # that are looked through below one
@@ -56,6 +60,24 @@ def tell_unmatched(capture: Capture, instead: str = "") -> None:
         said = unmatched(shown, names, kind, instead) if f"{shown} " not in told else None  # the reader knows more
         if said:
             (capture.notes if names or used[kind] else capture.warnings).append(said)
+    capture.notes.extend(_beside_photos(capture, used))
+
+
+def _beside_photos(capture: Capture, used: dict[str, dict[str, set[str]]]) -> Iterator[str]:
+    """Notes on files in the photos' own folders that are called depth or mask and are not used."""
+    photos: dict[str, set[str]] = {}
+    for shot in capture.shots:
+        folder, name = os.path.split(os.path.abspath(shot.path))
+        photos.setdefault(folder, set()).add(name)
+    for folder in list(photos)[:MOST_FOLDERS]:
+        names = listed(Path(folder)) - photos[folder]
+        for kind, pattern in FILES.items():
+            found = {name for name in names if pattern.search(name.lower()) and not name.lower().endswith(OTHER_FILES)}
+            left = natural(found - used[kind].get(folder, set()))
+            left = [name for name in left if os.path.isfile(os.path.join(folder, name))]
+            if left:
+                words = "one file that is" if len(left) == 1 else f"{len(left)} files that are"
+                yield f"{folder} has {words} called a {kind} and no photo's: {some(left)}"
 
 
 def _beside(capture: Capture) -> Iterator[tuple[Path, str]]:

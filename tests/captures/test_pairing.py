@@ -78,6 +78,12 @@ def test_names_without_numbers_need_as_many_poses():
             places(names, 2, "poses")
 
 
+def test_a_copy_among_numbered_photos_takes_no_pose():
+    names = [*(f"frame{i}.jpg" for i in range(5)), "frame3 (1).jpg"]
+    with pytest.raises(InputError, match="6 poses for 6 photos"):
+        places(names, 6, "traj.txt")
+
+
 @given(photos=SUBSETS, maps=SUBSETS)
 def test_depth_by_number_whatever_is_gone(photos, maps):
     found = alike([f"frame{i:06d}.jpg" for i in photos], [f"depth{i}.png" for i in maps])

@@ -193,3 +193,9 @@ def test_a_hold_out_that_leaves_too_few(refused):
 
 def test_a_given_ground_truth_that_is_missing(refused, tmp_path):
     refused("absent.ply is missing", gt_mesh=str(tmp_path / "absent.ply"))
+
+
+def test_photos_whose_names_are_no_numbers_are_told(scene_config, capture):
+    shutil.copy(capture / "color" / "5.jpg", capture / "color" / "five.jpg")
+    scene = read_scene(scene_config())
+    assert len(scene.frames) == 8 and any("1 photos whose names are no numbers" in note for note in scene.notes)

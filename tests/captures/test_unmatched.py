@@ -67,6 +67,16 @@ def test_what_is_used_is_no_news_and_what_lies_beside_it_is_noted(tmp_path):
     assert "3 files, 1 of them" in capture.notes[0] and "depth_filtered" in capture.notes[1]
 
 
+def test_files_beside_the_photos_that_are_called_depth_or_mask_are_noted(tmp_path):
+    capture = capture_of(tmp_path, ["frame1.color.png", "frame2.color.png", "depth_charge.png"])
+    touched(
+        *(tmp_path / f"frame{i}.depth.npy" for i in (1, 2)), tmp_path / "frame1_mask.png", tmp_path / "unmasked.png"
+    )
+    tell_unmatched(capture)
+    assert not capture.warnings and len(capture.notes) == 2
+    assert "2 files that are called a depth map" in capture.notes[0] and "frame1_mask.png" in capture.notes[1]
+
+
 def test_what_the_reader_told_of_a_folder_is_not_told_again(tmp_path):
     capture = capture_of(tmp_path, ["color/1.jpg", "color/2.jpg"])
     touched(tmp_path / "depth/1.png", tmp_path / "masks/1.png")

@@ -17,7 +17,8 @@ from room2dgs.captures.capture import Capture, Shot, lost, pinhole_lens
 from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.image_files import color_size, depth_size
 from room2dgs.captures.known_keys import unknown_keys
-from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
+from room2dgs.captures.left_out import some
+from room2dgs.captures.listing import PHOTO_SUFFIXES, Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.matrix_files import read_intrinsics, read_matrix, read_world_from_cam
 from room2dgs.captures.pairing import alike
 from room2dgs.captures.principal_point import check_principal_point
@@ -38,7 +39,6 @@ INFO = frozenset(
     )
 )
 SAME_PLACE = 1e-3  # metres and parts of a rotation
-PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png")
 
 
 def is_scannet(files: Listing) -> bool:
@@ -62,7 +62,7 @@ def read_scannet(root: Path, config: SceneConfig) -> Capture:
     path = folder / "intrinsic" / "intrinsic_color.txt"
     K = read_intrinsics(path)
     lens = pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], None, path, config.pixel_centres == "half")
-    photos = _photos(folder / "color")
+    photos, notes = _photos(folder / "color")
     names = [photo.name for _, photo in photos]
     depths = alike(names, [name for name in listed(folder / "depth") if name.lower().endswith(".png")])
     poses = alike(names, [name for name in listed(folder / "pose") if name.endswith(".txt")])
@@ -81,7 +81,13 @@ def read_scannet(root: Path, config: SceneConfig) -> Capture:
         _check_registered(folder / "intrinsic" / "intrinsic_depth.txt", K, first)
     warnings = _extrinsics(folder / "intrinsic") if first else []
     return Capture(
-        root, "scannet", shots, gt_mesh=scannet_mesh(root), why="ScanNet's poses are metres", warnings=warnings
+        root,
+        "scannet",
+        shots,
+        gt_mesh=scannet_mesh(root),
+        why="ScanNet's poses are metres",
+        notes=notes,
+        warnings=warnings,
     )
 
 
@@ -108,12 +114,16 @@ def scannet_mesh(root: Path) -> Path | None:
     )
 
 
-def _photos(folder: Path) -> list[tuple[int, Path]]:
-    """(index, path) of every photo, in numerical order."""
+def _photos(folder: Path) -> tuple[list[tuple[int, Path]], list[str]]:
+    """(index, path) of every photo, in numerical order; and a note on photos of other names."""
     photos: dict[int, Path] = {}
+    other: list[str] = []
     for name in sorted(listed(folder)):
         path = folder / name
-        if path.suffix.lower() not in PHOTO_SUFFIXES or not (path.stem.isascii() and path.stem.isdigit()):
+        if path.suffix.lower() not in PHOTO_SUFFIXES:
+            continue
+        if not (path.stem.isascii() and path.stem.isdigit()):
+            other.append(name)
             continue
         index = int(path.stem)
         if index in photos:
@@ -121,7 +131,8 @@ def _photos(folder: Path) -> list[tuple[int, Path]]:
         photos[index] = path
     if not photos:
         raise InputError(f"{folder} has no photos; name them <number>.jpg or <number>.png")
-    return sorted(photos.items())
+    told = f"{folder} has {len(other)} photos whose names are no numbers, which are not used: {some(other)}"
+    return sorted(photos.items()), [told] if other else []
 
 
 def _check_registered(path: Path, K: np.ndarray, first: Shot) -> None:
