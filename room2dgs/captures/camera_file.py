@@ -52,7 +52,8 @@ def _of_transforms(path: Path) -> list[tuple[str, Camera]]:
     for shot in shots_of(meta, frames, path, lambda name: path.parent / name):
         if shot.lens is None:
             raise InputError(f"{path} says no focal length of {shot.name}; add fl_x, fl_y or camera_angle_x")
-        pose = rigid(shot.pose() if callable(shot.pose) else shot.pose, f"{path} (frame {shot.name})")
+        pose = _finite(shot.pose() if callable(shot.pose) else shot.pose, f"frame {shot.name}", path)
+        pose = rigid(pose, f"{path} (frame {shot.name})")
         found.append((shot.name, _camera(pose, C2W_OPENGL, shot.lens, world)))
     return [(file_name(name), camera) for name, camera in found]
 
@@ -60,9 +61,21 @@ def _of_transforms(path: Path) -> list[tuple[str, Camera]]:
 def _of_model(path: Path) -> list[tuple[str, Camera]]:
     model = read_model(path)
     return [
-        (file_name(image.name), _camera(image.cam_from_world, W2C_OPENCV, model.cameras[image.camera]))
+        (
+            file_name(image.name),
+            _camera(
+                _finite(image.cam_from_world, f"image {image.name}", path), W2C_OPENCV, model.cameras[image.camera]
+            ),
+        )
         for image in model.images
     ]
+
+
+def _finite(pose: np.ndarray, what: str, path: Path) -> np.ndarray:
+    """Here each camera was asked for, so none is left out."""
+    if not np.isfinite(pose).all():
+        raise InputError(f"{path} has no usable pose of {what}; write the pose again or delete it")
+    return pose
 
 
 def _camera(pose: np.ndarray, poses: Poses, lens: Lens, world: np.ndarray | None = None) -> Camera:

@@ -18,6 +18,7 @@ import numpy as np
 from room2dgs.captures.capture import RawPoints
 from room2dgs.captures.left_out import left_out
 from room2dgs.captures.lens import MODELS, Lens
+from room2dgs.captures.photo_names import check_count
 from room2dgs.captures.text_files import floats, quaternion_pose, text_of
 from room2dgs.errors import InputError
 from room2dgs.regular_files import check_regular
@@ -242,7 +243,9 @@ def _binary_cameras(path: Path, wanted: Collection[int]) -> dict[int, Lens]:
 
 def _binary_images(path: Path, bad: dict[str, str]) -> Iterator[ModelImage]:
     file = _Bytes(path)
-    for _ in range(file.count(73)):
+    count = file.count(73)
+    check_count(count, path)
+    for _ in range(count):
         number, w, x, y, z, *t, camera = file.values("I7dI")
         name = file.name()
         count = file.count(OBSERVATION.itemsize)
@@ -310,10 +313,13 @@ def _text_cameras(path: Path, wanted: Collection[int]) -> dict[int, Lens]:
 def _text_images(path: Path, bad: dict[str, str]) -> Iterator[ModelImage]:
     """Two lines an image; the second, its features, may be empty."""
     lines = _lines(path)
+    count = 0
     for line, text in lines:
         words = text.split(maxsplit=9)
         if not words:
             continue
+        count += 1
+        check_count(count, path)
         if len(words) < 10:
             raise InputError(f"{path} line {line} is no image; export the model again")
         values = floats(" ".join(words[1:8]), path, line, 7)

@@ -6,6 +6,20 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path, PurePath
 
+from room2dgs.errors import InputError
+
+MOST_PHOTOS = 200_000  # of a capture; files that name more are damaged, or made to fill memory
+
+
+def check_count(count: int, source: object) -> None:
+    """Refuse more photos than a capture can have, before anything is made of each.
+
+    Raises:
+        InputError: there are more than `MOST_PHOTOS`.
+    """
+    if count > MOST_PHOTOS:
+        raise InputError(f"{source} names {count:,} photos, more than the {MOST_PHOTOS:,} that are read; thin them out")
+
 
 def shared_stems(photos: Iterable[str | PurePath]) -> frozenset[str]:
     """File names without their ending that more than one of some photos has: left/0000.jpg and right/0000.jpg."""

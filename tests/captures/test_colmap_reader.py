@@ -342,3 +342,52 @@ def test_more_photos_gone_than_half_are_refused_with_the_numbers(written, settin
         (root / f"images/walk one/IMG_{index + 7}.jpg").unlink()
     with pytest.raises(InputError, match=r"4.* of 6"):
         read_scene(settings(root))
+
+
+def test_a_camera_file_with_a_pose_that_is_none_is_refused(written):
+    root = written("colmap")
+    path = root / "sparse/0/images.txt"
+    lines = path.read_text().split("\n")
+    words = lines[1].split(" ")
+    lines[1] = " ".join([*words[:5], "nan", *words[6:]])
+    path.write_text("\n".join(lines))
+    with pytest.raises(InputError, match="no usable pose of image walk one/IMG_7"):
+        read_cameras(root / "sparse/0")
+
+
+def test_more_images_than_a_capture_has_are_refused_before_they_are_made(tmp_path):
+    record = struct.pack("<I7dI", 1, 1, 0, 0, 0, 0, 0, 0, 1) + b"\0" + struct.pack("<Q", 0)
+    (tmp_path / "images.bin").write_bytes(struct.pack("<Q", 200_001) + record * 200_001)
+    (tmp_path / "cameras.bin").write_bytes(struct.pack("<Q", 0))
+    with pytest.raises(InputError, match="names 200,001 photos"):
+        read_model(tmp_path)
+
+
+def test_some_photos_without_poses_are_noted(written, settings):
+    root = written("colmap")
+    shutil.copy(root / "images/walk one/IMG_7.jpg", root / "images/more.jpg")
+    scene = read_scene(settings(root))
+    assert any("poses of 6 of the 7 photos" in note for note in scene.notes) and scene.warnings == ()
+
+
+def test_a_model_with_rigs_and_frames_is_the_same(written, settings, tmp_path):
+    from room2dgs.colmap import pycolmap
+
+    root = written("colmap")
+    (root / "images/walk one").rename(root / "images/walk")  # its reader of text ends names at a space
+    text = root / "sparse/0/images.txt"
+    text.write_text(text.read_text().replace("walk one/", "walk/"))
+    before = read_scene(settings(root))
+    (root / "again").mkdir()
+    pycolmap.Reconstruction(str(root / "sparse/0")).write_binary(str(root / "again"))
+    assert (root / "again/rigs.bin").exists() and (root / "again/frames.bin").exists()
+    shutil.rmtree(root / "sparse/0")
+    shutil.move(root / "again", root / "sparse/0")
+    after = read_scene(settings(root))
+    for old, new in zip(before.frames, after.frames, strict=True):
+        np.testing.assert_allclose(new.camera.cam_from_world, old.camera.cam_from_world, atol=1e-12)
+        np.testing.assert_allclose(new.camera.K, old.camera.K, atol=1e-12)
+    np.testing.assert_allclose(
+        np.sort(after.given_points().xyz, axis=0), np.sort(before.given_points().xyz, axis=0), atol=1e-12
+    )
+    assert len(after.given_points().tracks) == len(before.given_points().tracks)

@@ -47,6 +47,7 @@ def read_colmap(root: Path, config: SceneConfig) -> Capture:
         InputError: see `room2dgs.captures.read.read_scene`.
     """
     model, photos, notes = _model(root)
+    warnings = [*_warnings(root), *model.warnings]
     notes += _two_forms(model)
     names = [image.name for image in model.images]
     prepared = prepared_scale(root)
@@ -62,6 +63,9 @@ def read_colmap(root: Path, config: SceneConfig) -> Capture:
             f"{depths} has {len(listed(depths))} files and is not read: a COLMAP model does not tell their unit; "
             f"prior/depth=files prior.depth.path={depths} takes maps that are called as the photos"
         )
+    if not (root / PREPARED).is_file():
+        said, few = _posed(model, photos)
+        (warnings if few else notes).extend(said)
     return Capture(
         root,
         "colmap",
@@ -72,7 +76,7 @@ def read_colmap(root: Path, config: SceneConfig) -> Capture:
         points=model.points if model.has_points else None,
         gt_mesh=gt_mesh_in(root),
         notes=notes,
-        warnings=[*_warnings(root), *model.warnings, *([] if prepared else _few_posed(model, photos))],
+        warnings=warnings,
     )
 
 
@@ -146,18 +150,18 @@ def _two_forms(model: Model) -> list[str]:
     ]
 
 
-def _few_posed(model: Model, photos: Path) -> list[str]:
-    """A warning where the model has poses of few of the photos."""
+def _posed(model: Model, photos: Path) -> tuple[list[str], bool]:
+    """A word where the model has poses of some of the photos alone, and whether they are few."""
     if photos.name not in PHOTOS:  # a folder of other things too
-        return []
+        return [], False
     there = {name for name in in_folder(photos) if name.lower().endswith(PHOTO_SUFFIXES)}
     posed = sum(image.name.replace("\\", "/") in there for image in model.images)
-    if not there or posed >= FEW_POSED * len(there):
-        return []
-    return [
-        f"{model.folder} has poses of {posed} of the {len(there)} photos in {photos}; the others are not used; map "
-        "them again (room2dgs prepare), or give scene.path of another model"
-    ]
+    if posed >= len(there):
+        return [], False
+    said = f"{model.folder} has poses of {posed} of the {len(there)} photos in {photos}; the others are not used"
+    if posed >= FEW_POSED * len(there):
+        return [said], False
+    return [f"{said}; map them again (room2dgs prepare), or give scene.path of another model"], True
 
 
 def _warnings(root: Path) -> list[str]:

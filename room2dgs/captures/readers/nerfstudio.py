@@ -19,6 +19,7 @@ from room2dgs.captures.depth_maps import DepthMap, depth_file
 from room2dgs.captures.hidden_where import HiddenWhere
 from room2dgs.captures.left_out import absence, left_out, some
 from room2dgs.captures.listing import Listing, gt_mesh_in, inside, listed, natural
+from room2dgs.captures.photo_names import check_count
 from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.point_files import read_ply
 from room2dgs.captures.readers.transforms_keys import keys_told
@@ -231,6 +232,7 @@ def _frames(meta: Mapping[str, Any], path: Path) -> list[dict[str, Any]]:
     frames = meta.get("frames")
     if not isinstance(frames, list) or not any(isinstance(frame, dict) for frame in frames):
         raise InputError(f"{path} has no list of frames; write the file again")
+    check_count(len(frames), path)
     return [frame if isinstance(frame, dict) else {} for frame in frames]
 
 

@@ -28,6 +28,7 @@ LENS_KEYS = (*FOCAL, *COEFFICIENTS, "distortion_params", *MODEL, *SINGLE)
 # what instant-ngp's other cameras are told by
 OTHER_CAMERAS = ("latlong", "equirectangular", "ftheta_p0")
 SAME = 1e-6  # relative
+LARGEST = 1e15  # of what is compared; nothing of a camera is larger
 
 
 def lens_of(
@@ -85,7 +86,7 @@ def contradictions(meta: Mapping[str, Any], frames: Sequence[Mapping[str, Any]],
 
 
 def _differ(top: Any, own: Any) -> bool:
-    if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in (top, own)):
+    if not all(type(value) in (int, float) and abs(value) < LARGEST for value in (top, own)):
         return False
     return abs(top - own) > SAME * max(abs(top), abs(own))
 
