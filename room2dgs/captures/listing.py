@@ -10,7 +10,7 @@ from fnmatch import fnmatch
 from functools import lru_cache
 from pathlib import Path
 
-from room2dgs.captures.opened_images import HEIC_IS_READ_BY, heic_is_read
+from room2dgs.captures.opened_images import HEIC_IS_READ_BY, heic_is_read, opened_image
 from room2dgs.errors import InputError
 
 HEIC_SUFFIXES = (".heic", ".heif", ".hif")
@@ -79,11 +79,16 @@ def _part(text: str) -> tuple[int, int, str]:
 
 
 def photos_in(folder: Path) -> list[str]:
-    """Names of the photos in a folder, in natural order; of a photo that is there as HEIC and converted, the latter."""
-    names = [name for name in listed(folder) if Path(name).suffix.lower() in PHOTO_SUFFIXES]
-    others = {Path(name).stem for name in names if Path(name).suffix.lower() not in HEIC_SUFFIXES}
+    """Names of the photos in a folder, in natural order.
+
+    Of a photo that is there as HEIC and converted, the latter; of HEIC only what can be opened (`unread_photos`).
+    """
+    names = [name for name in listed(folder) if _suffix(name) in PHOTO_SUFFIXES]
+    others = {Path(name).stem for name in names if _suffix(name) not in HEIC_SUFFIXES}
     return natural(
-        name for name in names if Path(name).suffix.lower() not in HEIC_SUFFIXES or Path(name).stem not in others
+        name
+        for name in names
+        if _suffix(name) not in HEIC_SUFFIXES or (Path(name).stem not in others and _opens(folder / name))
     )
 
 
@@ -93,27 +98,37 @@ def unread_photos(folder: Path) -> str | None:
     Those do not count that are there in a format that is read too: a camera's raw files beside its JPEGs.
     """
     names = listed(folder)
-    read = {Path(name).stem for name in names if Path(name).suffix.lower() in PHOTO_SUFFIXES}
-    kinds: Counter[str] = Counter()
-    for name in names:
-        kind = _unread_kind(Path(name).suffix.lower())
-        if kind and Path(name).stem not in read:
-            kinds[kind] += 1
+    read = {Path(name).stem for name in names if _suffix(name) in PHOTO_SUFFIXES and _suffix(name) not in HEIC_SUFFIXES}
+    kinds = Counter(kind for name in names if Path(name).stem not in read and (kind := _unread_kind(folder / name)))
     if not kinds:
         return None
     (first, count), *more = sorted(kinds.items())
     told = f"{count} {'file' if count == 1 else 'files'} in {folder} {'is' if count == 1 else 'are'} {first}"
     told += "".join(f", {count} {kind}" for kind, count in more)
-    mend = f"{HEIC_IS_READ_BY} or convert them" if set(kinds) == {"HEIC"} else "convert them to JPEG or PNG"
-    return f"{told}, which is not read; {mend}"
+    if set(kinds) == {"HEIC"}:
+        mend = "none of them can be opened, copy them again" if heic_is_read() else HEIC_IS_READ_BY
+        return f"{told}, which is not read; {mend} or convert them"
+    return f"{told}, which is not read; convert them to JPEG or PNG"
 
 
-def _unread_kind(suffix: str) -> str | None:
-    if suffix in PHOTO_SUFFIXES:
-        return None
+def _unread_kind(path: Path) -> str | None:
+    """What a file is called that is a photo by its ending and is not read."""
+    suffix = _suffix(path.name)
     if suffix in HEIC_SUFFIXES:
-        return "HEIC"
+        return None if suffix in PHOTO_SUFFIXES and _opens(path) else "HEIC"
     return suffix if suffix in RAW_SUFFIXES or suffix in OTHER_SUFFIXES else None
+
+
+def _opens(path: Path) -> bool:
+    try:
+        with opened_image(path):
+            return True
+    except InputError:
+        return False
+
+
+def _suffix(name: str) -> str:
+    return Path(name).suffix.lower()
 
 
 def gt_mesh_in(root: Path, *patterns: str, own: bool = True) -> Path | None:

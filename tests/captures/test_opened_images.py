@@ -216,7 +216,14 @@ def test_heic_is_read_and_counted_where_it_is_not(tmp_path, monkeypatch, photo):
     assert photos_in(tmp_path) == ["IMG_1.jpg", "photo.jpg"]  # converted: the same photo
     (tmp_path / "IMG_1.jpg").unlink()
 
+    damaged = tmp_path / "IMG_9.heic"
+    damaged.write_bytes(HEIC[:60] + bytes(400))
+    assert photos_in(tmp_path) == ["IMG_1.HEIC", "photo.jpg"]
+    assert unread_photos(tmp_path).startswith(f"1 file in {tmp_path} is HEIC, which is not read; none of them can be")
+    damaged.unlink()
+
     without = lambda: False  # noqa: E731
+    monkeypatch.setattr(listing, "heic_is_read", without)
     monkeypatch.setattr(listing, "PHOTO_SUFFIXES", (".jpg", ".png"))
     monkeypatch.setattr(opened_images, "heic_is_read", without)
     opened_images.formats.cache_clear()
