@@ -20,6 +20,7 @@ from room2dgs.captures.links import links_out
 from room2dgs.captures.mask_images import Masks
 from room2dgs.captures.matrix_files import rigid
 from room2dgs.captures.photo_names import shared_stems
+from room2dgs.captures.reach import near_each_other
 from room2dgs.captures.scene import Dropped, Frame, Scene
 from room2dgs.captures.selection import evenly_spaced, hold_out
 from room2dgs.captures.world_offset import AT_ORIGIN, in_scene, offset_note, origin_beside, rounded_centres
@@ -29,10 +30,6 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.poses import inverse_pose
 
 MIN_VIEWS = 3
-# A room's path of cameras is shorter; lengths in millimetres are a thousand times as long.
-LONGEST_PATH_M = 300.0
-USUAL_PATH_M = 2.5
-SMALL_UNITS = {"millimetres": 0.001, "centimetres": 0.01}
 
 
 def assembled(capture: Capture, config: SceneConfig) -> Scene:
@@ -48,7 +45,9 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
     entries, dropped, said = _posed(capture, config)
     entries = evenly_spaced(entries, config.frames)
     _check_enough(entries, dropped, root)
-    _check_scale(entries, capture, config.unit)
+    entries, elsewhere, alone = near_each_other(entries, capture, config)
+    dropped += elsewhere
+    _check_enough(entries, dropped, root)
     # of the first: other frames of the same capture do not move it
     origin_m = origin_beside(entries[0].world_from_cam[:3, 3])
     rounded = rounded_centres([one.world_from_cam for one in entries], origin_m)
@@ -80,7 +79,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
         layout=capture.layout,
         metric=capture.metric,
         notes=(*capture.notes, *_notes(capture, config, entries), *notes, *offset_note(origin_m)),
-        warnings=(*capture.warnings, *said, *doubts, *rounded, *([doubt] if doubt else [])),
+        warnings=(*capture.warnings, *said, *doubts, *alone, *rounded, *([doubt] if doubt else [])),
         given_points=points,
         matched_only=frozenset(frame.name for index, frame in enumerate(train) if index not in chosen),
         origin_m=origin_m,
@@ -132,18 +131,6 @@ def _disk_pose(shot: Shot) -> np.ndarray:
     if not np.isfinite(shot.pose).all():
         raise Lost("its pose holds inf or NaN (tracking lost)")
     return rigid(np.asarray(shot.pose, np.float64), f"the pose of {shot.path}")
-
-
-def _check_scale(entries: list[Entry], capture: Capture, unit: float | None) -> None:
-    """Metres against millimetres and centimetres, by how long the way of the cameras is."""
-    centres = np.stack([entry.world_from_cam[:3, 3] for entry in entries])
-    reach = float(np.linalg.norm(np.ptp(centres, axis=0)))
-    if reach > LONGEST_PATH_M and (capture.metric or unit is None):
-        name, metres = min(SMALL_UNITS.items(), key=lambda entry: abs(np.log(reach * entry[1] / USUAL_PATH_M)))
-        raise InputError(
-            f"{capture.root} has cameras {reach:,.0f} m apart: its poses look like {name}; give scene.unit={metres:g} "
-            "(metres of one unit of the poses)"
-        )
 
 
 def _frame(entry: Entry, image_width: int | None, wide: bool) -> Frame:

@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 from room2dgs.captures.point_files import read_ply
 from room2dgs.captures.read import placed
 from room2dgs.config import PointsConfig, load_config
+from room2dgs.errors import InputError
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.tools.capture_layouts.registry import LAYOUTS
 
@@ -77,3 +78,37 @@ def test_units_come_first(written, settings, made):
     scene = placed(settings(written("scannet", made=replace(made, poses=poses)), unit=0.001))
     assert scene.origin_m == (500000.0, 5400000.0, 300.0)
     assert np.abs(scene.frames[0].camera.centre + scene.origin_m - made.poses[0, :3, 3] - UTM).max() < 1e-6
+
+
+def test_a_lone_pose_of_zeros_costs_itself(written, settings, made):
+    root = written("scannet", made=elsewhere(made, UTM))
+    poses = sorted((root / "pose").iterdir())
+    np.savetxt(poses[0], np.eye(4))
+    scene = placed(settings(root))
+    assert len(scene.frames) == made.count - 1 and scene.origin_m == (500000.0, 5400000.0, 300.0)
+    (dropped,) = scene.dropped
+    assert int(dropped.name) == int(poses[0].stem) and "from the others" in dropped.reason
+    assert any("poses far from all others (1 of 6)" in warning for warning in scene.warnings)
+    for path in poses[1:2]:
+        np.savetxt(path, np.eye(4))
+    with pytest.raises(InputError, match=r"first of 2 poses far from all others, of 6"):
+        placed(settings(root))
+
+
+def test_poses_that_mean_the_inverse_are_named_before_units(written, settings, made):
+    """Far from the origin the wrong reading throws cameras about by thousands of kilometres, as no unit does."""
+    root = written("scannet", made=elsewhere(made, UTM))
+    for path in (root / "pose").iterdir():
+        np.savetxt(path, np.linalg.inv(np.loadtxt(path)))
+    with pytest.raises(InputError, match=r"give scene\.poses=world_to_camera_opencv"):
+        placed(settings(root))
+    scene = placed(settings(root, poses="world_to_camera_opencv"))
+    assert np.abs(scene.frames[0].camera.centre + scene.origin_m - made.poses[0, :3, 3] - UTM).max() < 1e-6
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1000, "0.001"), (3e4, "0.001")])
+def test_millimetres_are_still_named(written, settings, made, factor, unit):
+    poses = made.poses.copy()
+    poses[:, :3, 3] *= factor
+    with pytest.raises(InputError, match=rf"give scene\.unit={unit}"):
+        placed(settings(written("scannet", made=replace(made, poses=poses))))
