@@ -100,14 +100,14 @@ def _beside(capture: Capture) -> Iterator[tuple[Path, str]]:
 
 
 def _by_folder(capture: Capture, kind: str) -> dict[str, set[str]]:
-    """Files that the shots use, by each folder above them within the capture."""
+    """Files that the shots use, by each folder above them, up to the capture's."""
     root = os.path.abspath(capture.root)
     found: dict[str, set[str]] = {}
     for shot in capture.shots:
         file = _file(shot, kind)
         path = os.path.abspath(file) if file else ""
         folder = os.path.dirname(path)
-        while len(folder) > len(root) and folder.startswith(root):
+        while len(folder) >= len(root) and folder.startswith(root):
             found.setdefault(folder, set()).add(path[len(folder) + 1 :].replace(os.sep, "/"))
             folder = os.path.dirname(folder)
     return found

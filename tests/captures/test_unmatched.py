@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from room2dgs.captures.capture import Capture, Shot
 from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.photos import PhotoFile
+from room2dgs.captures.read import read_scene
 from room2dgs.captures.unmatched import tell_unmatched, unmatched
+from room2dgs.tools.capture_layouts.registry import LAYOUTS
 
 
 def touched(*paths: Path) -> None:
@@ -91,3 +94,10 @@ def test_a_path_with_dots_and_a_relative_one_are_the_same_folder(tmp_path, monke
     capture = capture_of(Path("x/../room"), ["1.jpg", "2.jpg"], depth="depth")
     tell_unmatched(capture)
     assert not capture.notes and not capture.warnings
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_a_whole_capture_has_nothing_unused(written, settings_of, name):
+    scene = read_scene(settings_of(written(name), name))
+    told = " | ".join((*scene.notes, *scene.warnings))
+    assert not any(words in told for words in ("photo's", "no photo", "none is", "does not know", "left out")), told
