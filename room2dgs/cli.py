@@ -23,6 +23,8 @@ from room2dgs.thread_limit import check_threads
 DONE, OUR_FAULT, BAD_INPUT = 0, 1, 2
 RESUMABLE = ("run", "train", "depth")
 INTERRUPTED, UNREAD, TERMINATED = 130, 141, 143  # 128 + SIGINT, SIGPIPE, SIGTERM, as shells have it
+NO_HOME = "Could not determine home directory"  # what pathlib says of ~name
+NOBODY = "a path begins with ~ and a name that no user has; write ./~... for a folder that is called so"
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -86,7 +88,7 @@ def _told(error: Exception, again: str) -> tuple[str, int]:
     """What is said of an error, and the exit code."""
     if isinstance(error, RunFailed):
         return f"room2dgs: a run failed: {error}", error.code
-    said = told(error, again)
+    said = NOBODY if isinstance(error, RuntimeError) and NO_HOME in str(error) else told(error, again)
     return (_our_fault(error), OUR_FAULT) if said is None else (f"room2dgs: {shown(said)}", BAD_INPUT)
 
 

@@ -11,6 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
+from room2dgs import cli
 from room2dgs.config import dump_config, load_config
 from room2dgs.config.composing import composed
 from room2dgs.config.keys import path_keys
@@ -134,3 +135,9 @@ def test_a_value_that_cannot_be_read_is_one_sentence(value):
 def test_a_setting_that_is_asked_for_again_is_not_given(saved):
     with pytest.raises(InputError, match=r"scene\.stride is not given"):
         load_config(["scene.stride=???"], saved)
+
+
+@pytest.mark.parametrize("argv", [["run", "scene.path=~no.such.user/x", "out=x"], ["report", "out=~no.such.user"]])
+def test_the_home_of_nobody_is_one_sentence(argv, capsys):
+    assert cli.main(argv) == 2
+    assert "begins with ~ and a name that no user has" in capsys.readouterr().err

@@ -39,7 +39,7 @@ def test_no_door_out_lets_a_name_through(hostile, tmp_path, capsys):
     settings += ["train.iterations=4", "mesh.voxel_m=0.1", "mesh.min_triangles=1", "scene.test_every=4"]
     settings += ["eval.samples=500", "report.views=2", "sfm.refine_poses=false", f"eval.gt={hostile / 'gt_mesh.ply'}"]
     assert cli.main(["run", f"scene.path={hostile}", f"out={out}", *settings]) == 0
-    assert cli.main(["export", f"run={out}", "to=transforms,ply,colmap_text,inria,depth,textured_obj"]) == 0
+    assert cli.main(["export", f"run={out}", "to=transforms,ply,colmap_text"]) == 0
     assert cli.main(["table", str(out), f"out={tmp_path / 'table'}"]) == 0
     said = capsys.readouterr()
     for text in (said.out, said.err, (out / "log.txt").read_text()):
