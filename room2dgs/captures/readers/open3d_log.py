@@ -31,6 +31,7 @@ KEYS = {
     *("width", "height", "intrinsic_matrix"),
     # what Open3D's recorders of RealSense and Azure Kinect say besides
     *("color_format", "color_mode", "depth_format", "depth_scale", "device_name", "fps", "serial_number"),
+    *("serial_number_", "depth_mode"),
     *("stream_length_usec", "is_k4a", "class_name", "version_major", "version_minor"),
 }
 

@@ -29,6 +29,7 @@ FRAME_KEYS = {
     *DISTORTION,
     *("rgb_path", "camtoworld", "intrinsics", "sensor_depth_path", "foreground_mask"),
     *("mono_depth_path", "mono_normal_path", "sfm_sparse_points_view", "segmentation_path"),
+    *("label_path", "group_path"),
 }
 
 
