@@ -27,7 +27,8 @@ from room2dgs.texts import shown
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "GIF", "PPM")  # of a JPEG Pillow makes an MPO where it is one
 HEIC_PACKAGES = ("pi_heif", "pillow_heif")
 HEIC_IS_READ_BY = "install room2dgs[heic]"
-MOST_PIXELS = 160 << 20  # of a photo
+MOST_PIXELS = 160 << 20  # of a photo, decoding of which takes ten bytes a pixel; more than the next number
+ANY_PIXELS, PIXELS_PER_BYTE = 64 << 20, 32  # only if its file has a byte for so many: photos have ten times as many
 MOST_DEPTH_PIXELS = 1 << 25  # of a map of numbers, which takes more bytes a pixel: 7680x4320 has less
 MOST_BYTES = 1 << 31  # of a file
 HEAD = 64  # bytes by which a file is told
@@ -69,6 +70,7 @@ def opened_image(source: Path | BytesIO, label: object = None, most: int = MOST_
             raise InputError(f"{label} cannot be decoded: it is empty (0 bytes); {MEND}")
         if size > MOST_BYTES:
             raise InputError(f"{label} has {size >> 20} MiB, too large for an image; {MEND}")
+        most = min(most, max(ANY_PIXELS, PIXELS_PER_BYTE * size))
         try:
             with Image.open(file, formats=formats()) as image:
                 if image.width * image.height > most:
@@ -125,7 +127,7 @@ def begins(head: bytes) -> str:
 
 
 def _too_large(label: object, what: str, most: int) -> InputError:
-    return InputError(f"{label} has {what}, and {most >> 20} million are read at most; make it smaller")
+    return InputError(f"{label} has {what}, and {most >> 20} million are read at most of such a file; make it smaller")
 
 
 def _refusal(label: object, head: bytes, file: BinaryIO, error: BaseException) -> InputError:

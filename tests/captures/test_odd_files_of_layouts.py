@@ -17,9 +17,9 @@ from room2dgs.tools.capture_layouts.registry import LAYOUTS
 
 SECONDS = 30
 NAMES = [
-    "${out}", "${oc.env:HOME}", "$HOME", "a,b", "it's", 'q"q', "[x]", "{y}", "new\nline", "-dash", "u\u0308 \u6f22\u5b57",
-    "a=b", "a:b", "#c", "x\\y", "trail\\", "null", "1e5", "true", "~", " lead", "trail ", "(p)", "*", "?", "%d", "<x>",
-    "a;b&c|d", "'",
+    "${out}", "${oc.env:HOME}", "$HOME", "a,b", "it's", 'q"q', "[x]", "{y}", "new\nline", "-dash", "u\u0308 \u6f22",
+    "a=b", "a:b", "#c", "x\\y", "trail\\", "null", "1e5", "true", "~", " lead", "trail ", "(p)", "*", "?", "%d",
+    "<x>", "a;b&c|d", "'",
 ]  # fmt: skip
 
 
