@@ -11,6 +11,7 @@ from typing import Any
 from room2dgs.bench.calibration import Bin, Calibration
 from room2dgs.files import whole_file
 from room2dgs.json_files import plain
+from room2dgs.report.page import in_drawing
 from room2dgs.report.table import NOTHING, Table, table
 
 JSON, MARKDOWN, DRAWING = "bench_calibration.json", "bench_calibration.md", "bench_calibration.png"
@@ -80,7 +81,7 @@ def drawing(found: Found) -> Any:
     for row, kind in zip(figure.subplots(2, len(found), squeeze=False), TITLES, strict=True):
         for axes, (scene, sources) in zip(row, found.items(), strict=True):
             _draw(axes, kind, [one for one in sources if one.kind == kind and one.bins])
-            axes.set_title(f"{scene}, {kind}", fontsize=10)
+            axes.set_title(f"{in_drawing(scene)}, {kind}", fontsize=10)
     return figure
 
 

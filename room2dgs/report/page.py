@@ -47,6 +47,11 @@ def drawn(figure: Any, dpi: int) -> np.ndarray:
     return np.asarray(canvas.buffer_rgba())[..., :3] / 255.0
 
 
+def in_drawing(text: str) -> str:
+    """Text of anybody's for matplotlib, which takes what stands between two dollars for mathematics."""
+    return shown(text).replace("$", "\\$")
+
+
 @cache
 def _environment() -> Environment:
     found = Environment(

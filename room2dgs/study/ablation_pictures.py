@@ -13,6 +13,7 @@ from room2dgs.eval.pictures import COLUMNS, inside_rows, top_row, write_sheet
 from room2dgs.eval.surface import Surface
 from room2dgs.eval.upright import up_axis
 from room2dgs.mesh.world import read_in_scene
+from room2dgs.report.page import in_drawing
 from room2dgs.study.ablation import Study
 
 ERROR = 1  # index of the error's picture in COLUMNS
@@ -63,7 +64,7 @@ def write_error_sheet(path: Path, views: Sequence[MeshView], study: Study) -> No
     """The errors of all rows as one PNG: a line for each of the capture's views, a column for each row."""
     inside = [view for view in views if view.photo is not None]
     priors = {row.name: row.priors for row in study.rows}
-    titles = [f"{name}\npriors: {priors[name]}" for name in inside[0].tiles]
+    titles = [f"{in_drawing(name)}\npriors: {in_drawing(priors[name])}" for name in inside[0].tiles]
     lines = [[tiles[ERROR] for tiles in view.tiles.values()] for view in inside]
     write_sheet(path, lines, titles, study.threshold_m)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from room2dgs.files import whole_file
-from room2dgs.report.page import drawn
+from room2dgs.report.page import drawn, in_drawing
 from room2dgs.report.page import page as filled
 from room2dgs.study.ablation import FINE
 from room2dgs.study.tradeoff import Tradeoff, score_table, sentences
@@ -60,6 +60,6 @@ def drawing(found: Tradeoff) -> Any:
         axes.margins(x=0.15)  # room for the names
         axes.grid(alpha=0.3)
     for index, capture in enumerate(captures):
-        figure.axes[0].plot([], [], "o", color=f"C{index % 10}", label=capture)
+        figure.axes[0].plot([], [], "o", color=f"C{index % 10}", label=in_drawing(capture))
     figure.legend(frameon=False, fontsize=8, loc="outside upper center", ncols=6)  # over no mark
     return figure

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from room2dgs.report.csv_text import as_csv_text, csv_lines
-from room2dgs.report.page import page
+from room2dgs.report.page import drawn, in_drawing, page
 from room2dgs.report.table import Table, markdown, table, terminal
 from room2dgs.study.score_table import Score, as_csv, as_html, as_latex, as_markdown
 
@@ -75,3 +75,11 @@ def test_tables_of_scores_escape_methods_and_scenes():
     assert "\\textbackslash{}input\\{x\\}" in latex
     for line in latex.splitlines():  # what is not escaped stands behind a comment's sign
         assert "\\input" not in line or line.startswith("% ")
+
+
+def test_a_name_in_a_drawing_is_no_mathematics():
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    figure.suptitle(in_drawing("room $\\no{such}$ \x1b of ${out}"))
+    assert drawn(figure, dpi=20).ndim == 3
