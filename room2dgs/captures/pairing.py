@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 from room2dgs.captures.listing import natural
@@ -89,7 +90,8 @@ def places(
     """Which of a list of poses is each photo's.
 
     It is the one of the photo's number, if the list is long enough for all numbers; then photos may be missing. Else
-    it is the one at the photo's place, and as many photos as poses must be known.
+    it is the one at the photo's place, if as many photos as poses are known and their numbers do not look as if some
+    were missing.
 
     Args:
         photos: names of the files.
@@ -114,7 +116,7 @@ def places(
         return numbers
     if numbers and keyed and known == list(range(len(known))):
         return numbers
-    if numbers and len(known) == count:
+    if numbers and len(known) == count and _counts_alone(known, from_zero):
         place = {number: index for index, number in enumerate(known)}
         return {name: place[number] for name, number in numbers.items()}
     in_order = natural(photos)
@@ -126,6 +128,16 @@ def places(
         f"{label} has {count} poses for {len(photos)} photos{told}, and which is whose cannot be told; "
         "give as many of both, or number the photos by the poses' places, the first being 0"
     )
+
+
+def _counts_alone(known: list[int], from_zero: bool) -> bool:
+    """Whether photos' numbers, of which there are as many as poses, are no poses' places: all are larger than those, or
+    they go in even steps, as those of a video's every tenth frame do. Else both may have lost some, and not the same.
+    """
+    steps = {after - before for before, after in pairwise(known)}
+    if known[0] >= len(known):
+        return True
+    return len(steps) == 1 and (not from_zero or (known[0] == 0 and steps != {1}))
 
 
 def note_on(used: int, count: int, label: object) -> list[str]:

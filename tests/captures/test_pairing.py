@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,27 +35,44 @@ def test_a_list_of_poses_that_is_too_short_is_refused_or_whole(photos, maps, lin
     """Numbers from 0: whatever is missing of photos, maps and poses' ends, no photo gets another's pose."""
     names, beside = [f"frame{i}.jpg" for i in photos], [f"depth{i}.png" for i in maps]
     known = sorted(photos | maps)
+    even = known[0] == 0 and len(set(np.diff(known))) == 1
     try:
         found = places(names, lines, "traj.txt", beside)
     except InputError as error:
         assert f"{lines} poses for {len(photos)} photos" in str(error)
-        assert known[-1] >= lines and len(known) != lines
+        assert known[-1] >= lines and (len(known) != lines or (known[0] < lines and not even))
         return
     if known[-1] < lines:
         assert found == {f"frame{i}.jpg": i for i in photos}
     else:
-        assert len(known) == lines and found == {f"frame{i}.jpg": known.index(i) for i in photos}
+        assert (
+            len(known) == lines
+            and (known[0] >= lines or even)
+            and found == {f"frame{i}.jpg": known.index(i) for i in photos}
+        )
 
 
 @pytest.mark.parametrize("first", [1, 8, 1000])
 def test_photos_that_are_numbered_from_elsewhere_need_as_many_poses(first):
     names = [f"img{i}.png" for i in range(first, first + 6)]
-    assert places(names, 6, "poses.txt") == {name: i for i, name in enumerate(names)}
-    assert places(names[::2], 6, "poses.txt", names) == {name: 2 * i for i, name in enumerate(names[::2])}
+    pair = partial(places, label="poses.txt", from_zero=first > 1)
+    assert pair(names, 6) == {name: i for i, name in enumerate(names)}
+    assert pair(names[::2], 6, beside=names) == {name: 2 * i for i, name in enumerate(names[::2])}
     with pytest.raises(InputError, match=r"poses\.txt has 6 poses for 3 photos, numbered"):
-        places([names[1], names[3], names[5]], 6, "poses.txt")
+        pair([names[1], names[3], names[5]], 6)
     with pytest.raises(InputError, match=r"poses\.txt has 5 poses for 6 photos"):
-        places(names, 5, "poses.txt")
+        pair(names, 5)
+
+
+def test_as_many_poses_as_photos_may_still_not_be_theirs():
+    """Photo 0 and another line of the list are gone; every tenth frame of a video is no such case."""
+    for known in ([1, 2, 3, 4, 5], [0, 1, 2, 3, 5], [1, 3, 5]):
+        with pytest.raises(InputError, match="which is whose cannot be told"):
+            places([f"frame{i}.jpg" for i in known], len(known), "traj.txt")
+    with pytest.raises(InputError, match="which is whose cannot be told"):
+        places(["0.jpg", "2.jpg", "3.jpg", "5.jpg"], 4, "trajectory.log", from_zero=False, keyed=True)
+    tenth = [f"frame{i:06d}.jpg" for i in range(0, 60, 10)]
+    assert list(places(tenth, 6, "traj.txt").values()) == [0, 1, 2, 3, 4, 5]
 
 
 def test_photos_without_0_in_a_layout_that_may_begin_at_1_are_not_guessed():
