@@ -40,7 +40,7 @@ def read_json(path: Path) -> dict[str, Any]:
     """
     raw = read_regular(path, LONGEST, MEND)
     try:
-        found = json.loads(raw, parse_constant=_no_number)
+        found = json.loads(raw, parse_float=_finite, parse_constant=_finite)
     except (ValueError, RecursionError) as error:  # JSON, UTF-8, digits without end; brackets without end
         raise InputError(f"{path} holds no JSON ({first_line(error)}); {MEND}") from error
     if not isinstance(found, dict):
@@ -61,5 +61,8 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def _no_number(word: str) -> None:
-    raise ValueError(f"{word} is no number of JSON")
+def _finite(word: str) -> float:
+    number = float(word)
+    if not math.isfinite(number):
+        raise ValueError(f"{word} is no number of JSON")
+    return number

@@ -62,6 +62,7 @@ def test_a_figure_of_another_kind_is_one_sentence_or_does_no_harm(tmp_path, stra
         ("[" * 100_000, "holds no JSON"),
         ('{"a":' * 100_000, "holds no JSON"),
         ('{"psnr_db": NaN}', "NaN is no number of JSON"),
+        ('{"any": {"x": 1e400}}', "1e400 is no number of JSON"),
         ('{"psnr_db": ' + "9" * 5000 + "}", "holds no JSON"),
         ("[1]", "holds no JSON object"),
         ("", "is empty"),
