@@ -19,7 +19,7 @@ from room2dgs.regular_files import check_regular, open_regular
 
 HEIGHT, WIDTH = 192, 256
 METRES_BYTES, MM_BYTES = 4 * HEIGHT * WIDTH, 2 * HEIGHT * WIDTH
-CHUNK = 1 << 16
+FIRST, CHUNK = 1 << 18, 1 << 16  # bytes by which one stream is told, and that are unpacked at a time
 MAX_FRAMES = 500_000
 MARK_EVERY = 64  # frames; from a mark unpacking goes on, so that a frame costs so many at most
 
@@ -62,7 +62,7 @@ class DepthStream:
     def _is_one_stream(self) -> bool:
         with open_regular(self.path) as file:
             try:
-                return len(zlib.decompressobj(-zlib.MAX_WBITS).decompress(file.read(CHUNK), METRES_BYTES)) > MM_BYTES
+                return len(zlib.decompressobj(-zlib.MAX_WBITS).decompress(file.read(FIRST), METRES_BYTES)) > MM_BYTES
             except zlib.error:
                 return False
 
