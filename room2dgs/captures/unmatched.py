@@ -17,6 +17,25 @@ FILES = {
     DEPTH: re.compile(r"(^|[^a-z])depths?([^a-z]|$)"),
     MASK: re.compile(r"(^|[^a-z])masks?([^a-z]|$)"),
 }
+# how a layout calls them; the others have none
+BY_NAME = "it is called as its photo or by its number"
+BY_LIST = "the capture's own list names each with its {}"
+INSTEAD = {
+    DEPTH: {
+        **dict.fromkeys(("scannet", "neuralrgbd", "open3d", "polycam", "record3d", "scannetpp"), BY_NAME),
+        **dict.fromkeys(("sevenscenes", "arkitscenes"), "it is called as its photo"),
+        "replica": "it is called results/depth<number>.png by its photo's number",
+        "stray": "it is called by the number of the video's frame, 000000.png",
+        "tum": BY_LIST.format("time in depth.txt"),
+        "nerfstudio": BY_LIST.format("photo as depth_file_path"),
+        "sdfstudio": BY_LIST.format("photo as sensor_depth_path"),
+    },
+    MASK: {
+        **dict.fromkeys(("colmap", "scannetpp"), "it is called as its photo, NAME.png or NAME.jpg.png"),
+        "nerfstudio": BY_LIST.format("photo as mask_path"),
+        "sdfstudio": BY_LIST.format("photo as foreground_mask"),
+    },
+}
 # what such a folder may hold besides
 OTHER_FILES = (".txt", ".json", ".md", ".csv", ".yaml", ".yml", ".xml", ".ini", ".db", ".log", ".html", ".pdf")
 MOST_FOLDERS = 1000  # that are looked through below one
@@ -42,12 +61,9 @@ def unmatched(folder: Path, used: Collection[str], of_what: str, instead: str = 
     return f"{folder} has {len(names)} files, {len(left)} of them are the {of_what} of no photo ({some(left)}); {mend}"
 
 
-def tell_unmatched(capture: Capture, instead: str = "") -> None:
+def tell_unmatched(capture: Capture) -> None:
     """Add what `unmatched` says of the folders of depth maps and masks beside a capture's photos: a warning where none
     of a folder's files is used, a note where some are, or where another such folder is used in its place.
-
-    Args:
-        instead: as for `unmatched`.
     """
     if not capture.root.is_dir():
         return
@@ -57,6 +73,7 @@ def tell_unmatched(capture: Capture, instead: str = "") -> None:
     for folder, kind in _beside(capture):
         names = used[kind].get(str(folder), set())
         shown = capture.root / os.path.relpath(folder, root)
+        instead = INSTEAD[kind].get(capture.layout, f"the layout {capture.layout} reads no {kind}s from files")
         said = unmatched(shown, names, kind, instead) if f"{shown} " not in told else None  # the reader knows more
         if said:
             (capture.notes if names or used[kind] else capture.warnings).append(said)

@@ -101,3 +101,20 @@ def test_a_whole_capture_has_nothing_unused(written, settings_of, name):
     scene = read_scene(settings_of(written(name), name))
     told = " | ".join((*scene.notes, *scene.warnings))
     assert not any(words in told for words in ("photo's", "no photo", "none is", "does not know", "left out")), told
+
+
+@pytest.mark.parametrize(
+    ("name", "folder", "words"),
+    [
+        ("replica", "masks", "the layout replica reads no masks from files"),
+        ("replica", "depth", "results/depth<number>.png"),
+        ("monosdf", "depth", "the layout monosdf reads no depth maps from files"),
+        ("sdfstudio", "masks", "as foreground_mask"),
+        ("tum", "depth_raw", "in depth.txt"),
+    ],
+)
+def test_what_would_help_is_what_the_layout_reads(written, settings_of, name, folder, words):
+    root = written(name)
+    touched(root / folder / "left.png", root / folder / "right.png")
+    scene = read_scene(settings_of(root, name))
+    assert any(f"{folder} has 2 files" in said and words in said for said in (*scene.warnings, *scene.notes))
