@@ -309,3 +309,22 @@ def test_a_bag_without_an_index_and_one_packed_as_a_whole_are_told_how_to_mend(r
     (tmp_path / "whole/walk_0.db3.zstd").write_bytes(bz2.compress(b""))
     with pytest.raises(InputError, match="packed as a whole; unpack it with `zstd -d"):
         placed(settings(tmp_path / "whole"))
+
+
+def test_odometry_that_is_lost_costs_its_pictures(bag):
+    """RTAB-Map sends zeros, others NaN."""
+
+    def messages(ros):
+        yield from walk(ros)
+        for i in range(8):
+            stamp = START + i * TENTH
+            message = ros.odometry("odom", "optical", stamp, turned(0.0, 0.1 * i, 0, 0))
+            turn = message.pose.pose.orientation
+            if i in (3, 4, 5):
+                turn.x = turn.y = turn.z = turn.w = 0.0 if i < 5 else float("nan")
+            yield "/odom", stamp, message
+
+    scene = bag(messages)
+    assert [one.name for one in scene.dropped] == ["000003", "000004", "000005"]
+    assert [round(float(frame.camera.centre[0]), 6) for frame in scene.frames] == [0.0, 0.1, 0.2, 0.6, 0.7]
+    assert any("3 in /odom are none" in note for note in scene.notes)

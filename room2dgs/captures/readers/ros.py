@@ -84,6 +84,7 @@ def read_ros(root: Path, config: SceneConfig) -> Capture:
     tree = poses.tree()
     source, world_from_colour = _poses(bag, config, poses, tree, colour_sensor.frame)
     notes = [f"topics: {colour_sensor.topic}, {source}" + (f", {depth_sensor.topic}" if depth_sensor else "")]
+    notes += [f"poses: {count} in {topic} are none (lost) and left out" for topic, count in poses.lost.items()]
     depth_at = None
     if depth is not None:
         depth_at, note = _depth_at(bag, depth, tree, colour_sensor)

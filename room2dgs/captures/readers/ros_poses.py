@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -79,7 +79,11 @@ class Tree(NamedTuple):
 
 
 class Collector:
-    """Takes messages with poses, one by one."""
+    """Takes messages with poses, one by one. Those without a rotation are how odometry says that it is lost.
+
+    Attributes:
+        lost: topic -> how many poses were none.
+    """
 
     def __init__(self, label: str, start: int) -> None:
         """Args:
@@ -87,17 +91,14 @@ class Collector:
         """
         self.label = label
         self.start = start
+        self.lost: Counter[str] = Counter()
         self._edges: dict[tuple[str, str], list[tuple[float, np.ndarray]]] = defaultdict(list)
         self._topics: dict[str, dict[tuple[str, str], list[tuple[float, np.ndarray]]]] = defaultdict(
             lambda: defaultdict(list)
         )
 
     def take(self, message: Message, kind: str) -> None:
-        """Keep what a message tells.
-
-        Raises:
-            InputError: it has no rotation.
-        """
+        """Keep what a message tells."""
         content, label = message.content, f"{self.label} ({message.topic})"
         if kind in TF:
             for each in content.transforms:
@@ -114,7 +115,9 @@ class Collector:
             self._add(into, content, child, _pose(inner.position, inner.orientation, label), message)
 
     def _add(self, into: Any, content: Any, child: str, pose: np.ndarray, message: Message, static: bool = False):
-        if np.isfinite(pose).all():
+        if not np.isfinite(pose).all():
+            self.lost[message.topic] += 1
+        else:
             key = clean(content.header.frame_id), clean(child)
             seconds = (stamp_of(content.header, message.place.time) - self.start) * 1e-9
             known = into[key]
@@ -161,7 +164,11 @@ def _track(parent: str, known: list[tuple[float, np.ndarray]]) -> Track:
 
 
 def _pose(t: Any, q: Any, label: str) -> np.ndarray:
-    return quaternion_pose(q.x, q.y, q.z, q.w, [t.x, t.y, t.z], label)
+    """(4, 4); NaN: it is none."""
+    try:
+        return quaternion_pose(q.x, q.y, q.z, q.w, [t.x, t.y, t.z], label)
+    except InputError:
+        return np.full((4, 4), np.nan)
 
 
 def clean(frame: str) -> str:
