@@ -58,7 +58,19 @@ FLOW = (
     ),
 )
 # `eval` is a library of its own: these alone.
-EVAL_NEEDS = {"errors", "owner", "files", "regular_files", "texts", "json_files", "config", "geometry", "captures", "mesh", "eval"}
+EVAL_NEEDS = {
+    "errors",
+    "owner",
+    "files",
+    "regular_files",
+    "texts",
+    "json_files",
+    "config",
+    "geometry",
+    "captures",
+    "mesh",
+    "eval",
+}
 EXTENSION = "room2dgs._C"
 
 
