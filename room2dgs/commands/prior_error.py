@@ -19,6 +19,7 @@ from room2dgs.config import Config, load_config
 from room2dgs.config.overrides import quoted
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
+from room2dgs.json_files import read_json
 from room2dgs.logs import Log, in_lines, run_log
 from room2dgs.priors.network.maps import read_models
 from room2dgs.runs.folder import POINTS, PRIOR_MAPS, absolute
@@ -238,10 +239,9 @@ def _file_name(row: str) -> str:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return read_json(path)
+    except InputError:
         return {}
-    return found if isinstance(found, dict) else {}
 
 
 def _curve(

@@ -8,8 +8,9 @@ import time
 from pathlib import Path
 from typing import Any
 
+from room2dgs.errors import InputError
 from room2dgs.files import whole_file
-from room2dgs.json_files import plain
+from room2dgs.json_files import plain, read_json
 from room2dgs.logs import Log
 
 REPORT_SECONDS = 8.0
@@ -31,10 +32,10 @@ class Stages:
     def found(self, name: str, key: str) -> dict[str, Any] | None:
         """What a finished stage left, if it was made from the same."""
         try:
-            known = json.loads(self._path(name).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            known = read_json(self._path(name))
+        except InputError:
             return None
-        if not isinstance(known, dict) or known.get("key") != key or not isinstance(known.get("result"), dict):
+        if known.get("key") != key or not isinstance(known.get("result"), dict):
             return None
         return known["result"]
 

@@ -12,6 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from room2dgs.logs import logged
+from room2dgs.prepare.stages import Stages
+from room2dgs.priors.network.map_cache import is_cached
 from room2dgs.runs.page.curves import drawings, read_curves
 from room2dgs.runs.trust import read_trust
 
@@ -73,3 +75,32 @@ def test_any_log_gives_curves_of_numbers_or_none(text):
         assert all(
             "nan" not in line["points"] and "inf" not in line["points"] for one in drawn for line in one["lines"]
         )
+
+
+SHAPE = (6, 8)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "kept"),
+    [
+        ({"map": np.ones(SHAPE, np.float16)}, True),
+        ({"map": np.ones(SHAPE, np.float32), "error": np.ones(SHAPE, np.float16)}, True),
+        ({"map": np.ones(SHAPE)}, False),
+        ({"map": np.ones(SHAPE, np.complex64)}, False),
+        ({"map": np.full(SHAPE, "a")}, False),
+        ({"map": np.ones((6, 9), np.float16)}, False),
+        ({"map": np.ones(SHAPE, np.float16), "error": np.ones((2000, 2000), np.float16)}, False),
+        ({"error": np.ones(SHAPE, np.float16)}, False),
+    ],
+)
+def test_a_networks_map_of_another_kind_is_made_again(tmp_path, arrays, kept):
+    assert is_cached(written(tmp_path / "0.npz", **arrays), SHAPE) == kept
+
+
+def test_what_stages_left_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "0.npz")
+    os.mkfifo(tmp_path / "match.json")
+    assert not is_cached(tmp_path / "0.npz", SHAPE)
+    assert Stages(tmp_path).found("match", "key") is None
+    (tmp_path / "poses.json").write_text("[" * 100_000)
+    assert Stages(tmp_path).found("poses", "key") is None

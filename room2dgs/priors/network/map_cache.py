@@ -9,22 +9,25 @@ import numpy as np
 
 from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE, whole_file
+from room2dgs.regular_files import open_regular
 
 SUFFIX = ".npz"
+KINDS = (np.dtype(np.float16), np.dtype(np.float32))
 # Marks a photo for which the network has no valid pixel.
 _EMPTY = ".empty"
 
 
 def is_cached(path: Path, shape: tuple[int, ...]) -> bool:
-    """Whether a whole map of this shape is cached, or is known to be empty; reads its header alone."""
+    """Whether a whole map of this shape is cached, or is known to be empty; reads its headers alone."""
     if is_empty(path):
         return True
     try:
-        with zipfile.ZipFile(path) as archive, archive.open("map.npy") as file:
-            np.lib.format.read_magic(file)
-            return np.lib.format.read_array_header_1_0(file)[0] == shape
-    except NUMPY_DAMAGE:
+        with open_regular(path) as raw, zipfile.ZipFile(raw) as archive:
+            known = {name: _header(archive, name) for name in ("map.npy", "error.npy") if name in archive.namelist()}
+    except (InputError, *NUMPY_DAMAGE):
         return False
+    shapes = [known.get("map.npy", ((), None))[0], known.get("error.npy", (shape[:2], None))[0]]
+    return shapes == [shape, shape[:2]] and all(kind in KINDS for _, kind in known.values())
 
 
 def is_empty(path: Path) -> bool:
@@ -54,6 +57,13 @@ def write_map(path: Path, values: np.ndarray, valid: np.ndarray, error: np.ndarr
         np.savez(file, **arrays)
 
 
+def _header(archive: zipfile.ZipFile, name: str) -> tuple[tuple[int, ...], np.dtype]:
+    with archive.open(name) as file:
+        np.lib.format.read_magic(file)
+        shape, _, kind = np.lib.format.read_array_header_1_0(file)
+    return shape, kind
+
+
 def has_array(path: Path, name: str) -> bool:
     """Whether the file has "map" or "error"; its numbers are not read.
 
@@ -61,7 +71,7 @@ def has_array(path: Path, name: str) -> bool:
         InputError: the file is damaged.
     """
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with open_regular(path) as raw, np.load(raw, allow_pickle=False) as arrays:
             return name in arrays
     except NUMPY_DAMAGE as error:
         raise InputError(f"{path} cannot be read; delete it, and it is made again") from error
@@ -74,7 +84,7 @@ def read_array(path: Path, name: str) -> np.ndarray | None:
         InputError: the file is damaged.
     """
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with open_regular(path) as raw, np.load(raw, allow_pickle=False) as arrays:
             return arrays[name].astype(np.float32) if name in arrays else None
     except NUMPY_DAMAGE as error:
         raise InputError(f"{path} cannot be read; delete it, and it is made again") from error
