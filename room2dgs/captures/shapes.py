@@ -36,5 +36,5 @@ def same_shape(one: tuple[int, int], other: tuple[int, int]) -> bool:
     """Is one the other, scaled? Sizes are whole pixels, so that small ones are off by up to one."""
     if abs(one[0] * other[1] / (one[1] * other[0]) - 1.0) <= MAX_MISMATCH:
         return True
-    scale = max(one[0] / other[0], one[1] / other[1])
-    return abs(other[0] * scale - one[0]) <= 1.0 and abs(other[1] * scale - one[1]) <= 1.0
+    pairs = list(zip(one, other, strict=True))
+    return max((small - 1) / full for small, full in pairs) <= min((small + 1) / full for small, full in pairs)

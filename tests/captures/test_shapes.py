@@ -8,7 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from room2dgs.captures.read import read_scene
@@ -83,6 +83,7 @@ def test_masks_of_half_the_size_are_resized(written, settings):
     assert read_scene(settings(root)).frames[0].mask().all()
 
 
+@settings(max_examples=400)
 @given(st.integers(16, 6000), st.integers(16, 6000), st.floats(0.02, 1.0))
 def test_a_picture_made_smaller_has_its_shape_and_turned_ones_have_not(width, height, factor):
     small = max(1, round(width * factor)), max(1, round(height * factor))
