@@ -56,7 +56,7 @@ def check_tensor(name: str, value: Any, shape: tuple[int | None, ...], kind: str
 
     Args:
         shape: None: any size of 1 or more.
-        kind: "floating point", or "bool" or "bool or numbers" as masks have it.
+        kind: "floating point" or "bool".
 
     Raises:
         TypeError: it is no tensor, or one of another type.

@@ -15,10 +15,13 @@ import torch
 from torch import Tensor
 
 from room2dgs.block_code import PLAIN, build_for
+from room2dgs.geometry.arguments import check_same_device, check_tensor, whole_number
 from room2dgs.kernel_calls import call
+from room2dgs.losses.checks import check_grey, check_images, check_intrinsics, check_mask, check_pose, check_step
 from room2dgs.losses.known_gradients import with_gradients
 
 LEVELS = 4  # of the depth prior's differences, at most
+MOST_SAMPLES = 31  # of a patch's side
 
 
 def rgb_loss(rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
@@ -139,11 +142,60 @@ def multiview(
         depth: (H, W) rendered z-depth, metres, above 0 where a pixel is drawn.
         normal: (H, W, 3) rendered, world frame, of any length; None: the second value is 0.
         pixels: (M,) int32, row * W + column; below 0: none.
-        grey: (H, W) of the photo.
+        grey: (H, W) of the photo, about 0..1.
         K, pose: of the view.
         patch: side, pixels, odd, 31 at most.
+
+    Raises:
+        TypeError, ValueError: tensors of other types and shapes, cameras or a patch that cannot be; on the CPU, where
+            a look costs no wait, pixels outside of the image and levels far from 0..1.
     """
-    return _Multiview.apply(depth, normal, pixels, grey, K, pose, other, patch)
+    _check_multiview(depth, normal, pixels, grey, K, pose, other, patch)
+    other = other._replace(
+        grey=_plain(other.grey),
+        usable=None if other.usable is None else _plain(other.usable),
+        inverse_depth=_plain(other.inverse_depth),
+    )
+    return _Multiview.apply(depth, normal, pixels.contiguous(), _plain(grey), K, pose, other, patch)
+
+
+def _check_multiview(
+    depth: Tensor,
+    normal: Tensor | None,
+    pixels: Tensor,
+    grey: Tensor,
+    K: Tensor,
+    pose: Tensor,
+    other: Other,
+    patch: int,
+) -> None:
+    maps = {"depth": depth, "grey": grey, "the other's grey": other.grey, "inverse_depth": other.inverse_depth}
+    check_images(**maps)
+    step = check_step(other.step)
+    if grey.shape != depth.shape or other.inverse_depth.shape != tuple(-(-side // step) for side in other.grey.shape):
+        raise ValueError("depth and photos differ in size")
+    if normal is not None:
+        check_tensor("normal", normal, (*depth.shape, 3))
+        check_same_device(depth=depth, normal=normal)
+    if any(x.dtype != torch.float32 for x in (*maps.values(), *([] if normal is None else [normal]))):
+        raise TypeError("maps and photos are to be of float32")
+    if other.usable is not None:
+        check_mask("usable", other.usable)
+        check_same_device(depth=depth, usable=other.usable)
+        if other.usable.shape != other.grey.shape:
+            raise ValueError("usable and the other's photo differ in size")
+    check_intrinsics(**{"K": K, "the other's K": other.K})
+    check_pose("pose", pose)
+    check_pose("the other's pose", other.pose)
+    if whole_number("patch", patch, 1) > MOST_SAMPLES or patch % 2 == 0:
+        raise ValueError(f"patch is {patch}; it is to be odd and {MOST_SAMPLES} at most")
+    if not isinstance(pixels, Tensor) or pixels.dtype != torch.int32 or pixels.ndim != 1:
+        raise TypeError("pixels are no tensor (M,) of int32")
+    check_same_device(depth=depth, pixels=pixels)
+    if depth.device.type == "cpu":
+        if len(pixels) and pixels.max().item() >= depth.numel():
+            raise ValueError(f"pixels name {pixels.max().item()}, but the image has {depth.numel()}, counted from 0")
+        check_grey(**{"grey": grey, "the other's grey": other.grey})
 
 
 def _losses(like: Tensor):

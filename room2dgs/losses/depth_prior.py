@@ -10,9 +10,11 @@ from torch.nn.functional import hardshrink
 
 from room2dgs import _C
 from room2dgs.block_code import build_for
+from room2dgs.geometry.arguments import number, whole_number
 from room2dgs.geometry.kernel_arguments import plain_map, runs_compiled
 from room2dgs.kernel_calls import call
 from room2dgs.losses import blocks
+from room2dgs.losses.checks import check_images, check_mask, check_step
 from room2dgs.losses.known_gradients import with_gradients
 
 MIN_ALPHA = 0.5  # pixels less covered have no depth worth comparing
@@ -68,8 +70,14 @@ def depth_prior_loss(
         scalar, differentiable once with respect to `depth`.
 
     Raises:
-        ValueError: unknown `space`, or maps of different sizes.
+        TypeError: a map is no tensor of the type it should have.
+        ValueError: unknown `space`, maps that are empty or of different sizes, numbers that cannot be.
     """
+    maps = {"depth": depth, "alpha": alpha, "prior": prior}
+    check_images(**maps if confidence is None else {**maps, "confidence": confidence})
+    check_mask("valid", valid)
+    step, scales = check_step(step), whole_number("scales", scales)
+    number("gradient_weight", gradient_weight)
     if space not in ("depth", "disparity"):
         raise ValueError(f"space={space!r} is not known; choose depth or disparity")
     compared = tuple(-(-pixels // step) for pixels in depth.shape)
@@ -113,14 +121,25 @@ def scale_and_shift(prior: Tensor, rendered: Tensor, weight: Tensor) -> tuple[fl
 
     Args:
         prior, rendered: (H, W), with positive means over the pixels that have a weight.
-        weight: (H, W), 0 or more; where all are 0 the fit is s = 1, t = 0.
+        weight: (H, W), 0 or more, or bool; where all are 0 the fit is s = 1, t = 0, and so it is for a prior of mean 0.
+
+    Raises:
+        TypeError, ValueError: maps that are no tensors in floating point, empty or of different sizes.
     """
+    check_images(prior=prior, rendered=rendered)
+    if isinstance(weight, Tensor) and weight.dtype == torch.bool:
+        weight = weight.to(rendered.dtype)
+    check_images(weight=weight)
+    if not prior.shape == rendered.shape == weight.shape:
+        raise ValueError("prior, rendered and weight differ in size")
     weight = weight.to(rendered.dtype).flatten()
-    prior, rendered = prior.detach().flatten(), rendered.detach().flatten()
+    prior, rendered = prior.detach().to(rendered.dtype).flatten(), rendered.detach().flatten()
     count = float(weight.sum())
     if not count > 0:
         return 1.0, 0.0
     mean_prior, mean_rendered = float(prior.dot(weight)) / count, float(rendered.dot(weight)) / count
+    if mean_prior == 0:
+        return 1.0, 0.0
     root = weight.sqrt()
     from_mean, rendered_from_mean = (prior - mean_prior) * root, (rendered - mean_rendered) * root
     spread = (float(from_mean.dot(from_mean)) / count) ** 0.5
@@ -149,7 +168,17 @@ def edge_band(prior: np.ndarray, relative_jump: float, width_px: int) -> np.ndar
 
     Returns:
         (H, W) bool.
+
+    Raises:
+        TypeError, ValueError: no map of numbers, or an empty one; numbers that cannot be.
     """
+    prior = np.asarray(prior)
+    if prior.dtype.kind not in "iuf":
+        raise TypeError(f"prior is of {prior.dtype}, not numbers")
+    if prior.ndim != 2 or not prior.size:
+        raise ValueError(f"prior has shape {prior.shape}, not (H, W)")
+    number("relative_jump", relative_jump, least=0.0)
+    width_px = min(whole_number("width_px", width_px), max(prior.shape))
     present = np.isfinite(prior) & (prior > 0)
     inverse = np.zeros(prior.shape)
     np.divide(1.0, prior, out=inverse, where=present)
@@ -171,7 +200,8 @@ def _penalty(
     weighted = r_all * weight
     value = (weighted * r_all).sum() / count
     gradient = weighted * (2 / count)
-    for level in range(scales if gradient_weight else 0):
+    levels = min(scales, max(residual.shape).bit_length())  # the rest have no pairs
+    for level in range(levels if gradient_weight else 0):
         r, m, w, g = (t[:: 2**level, :: 2**level] for t in (r_all, compared, weight, gradient))
         for along, there, trust, push in ((r, m, w, g), (r.T, m.T, w.T, g.T)):
             share = gradient_weight / max(1, int(torch.count_nonzero(there[1:] & there[:-1])))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from room2dgs.geometry.arguments import check_tensor
 from room2dgs.geometry.homography import (
     MIN_FACING,
     MIN_WEIGHT,
@@ -13,11 +14,22 @@ from room2dgs.geometry.homography import (
     transfer,
     warp_points,
 )
+from room2dgs.losses.checks import (
+    check_images,
+    check_intrinsics,
+    check_one_type,
+    check_patch,
+    check_pose,
+    check_rows,
+    check_step,
+    inverse,
+)
 from room2dgs.losses.sampling import bilinear, patch_offsets
 
 MAX_ERROR_PX = 1.0  # of the round trip; what is farther off is hidden from the neighbour, or wrong beyond repair
 MIN_DEPTH_M = 1e-2
 MAX_DEPTH_M = 1e3
+BRIGHTEST = 1e9  # of a patch's values
 MIN_PATCH_VARIANCE = 1e-8  # of the neighbour's patch, grey levels of 0..1
 
 
@@ -45,21 +57,40 @@ def round_trip_error(
     Returns:
         (M,) pixels and (M,) bool: the point is inside the neighbour's image, and something is seen there. The error
         means nothing elsewhere.
+
+    Raises:
+        TypeError, ValueError: no tensors in floating point, of other shapes, or cameras that cannot be.
     """
+    check_rows(2, pixels=pixels)
+    check_rows(depth=depth, x=pixels[:, 0])
+    check_images(neighbour_inverse_depth=neighbour_inverse_depth)
+    check_pose("neighbour_from_reference", neighbour_from_reference)
+    check_intrinsics(K_reference=K_reference, K_neighbour=K_neighbour)
+    check_one_type(
+        pixels=pixels, depth=depth, neighbour_inverse_depth=neighbour_inverse_depth,
+        neighbour_from_reference=neighbour_from_reference, K_reference=K_reference, K_neighbour=K_neighbour,
+    )  # fmt: skip
+    step = check_step(step)
     there, depth_there = transfer(pixels, depth, neighbour_from_reference, K_reference, K_neighbour)
     map_size = torch.tensor(neighbour_inverse_depth.shape[::-1])
     on_map = (there - 0.5) / step + 0.5
     inside = ((on_map >= 0.5) & (on_map <= map_size - 0.5)).all(-1)
-    inverse = bilinear(neighbour_inverse_depth, on_map[:, :1], on_map[:, 1:])[:, 0]
-    back_pose = torch.linalg.inv(neighbour_from_reference)
-    seen_depth = inverse.clamp_min(1 / MAX_DEPTH_M).reciprocal()
+    nearness = bilinear(neighbour_inverse_depth, on_map[:, :1], on_map[:, 1:])[:, 0]
+    back_pose = inverse("neighbour_from_reference", neighbour_from_reference)
+    seen_depth = nearness.clamp_min(1 / MAX_DEPTH_M).reciprocal()
     back, depth_back = transfer(there, seen_depth, back_pose, K_neighbour, K_reference)
-    seen = inside & (depth_there > MIN_DEPTH_M) & (inverse > 1 / MAX_DEPTH_M) & (depth_back > MIN_DEPTH_M)
+    seen = inside & (depth_there > MIN_DEPTH_M) & (nearness > 1 / MAX_DEPTH_M) & (depth_back > MIN_DEPTH_M)
     return torch.linalg.vector_norm(back - pixels, dim=-1), seen
 
 
 def agreement(error: Tensor, seen: Tensor) -> Tensor:
-    """Weight exp(-e) of each pixel where it is seen and e < 1 px, 0 elsewhere; (M,), no gradient."""
+    """Weight exp(-e) of each pixel where it is seen and e < 1 px, 0 elsewhere; (M,), no gradient.
+
+    Raises:
+        TypeError, ValueError: no error (M,) in floating point, no (M,) bool.
+    """
+    check_rows(error=error)
+    check_tensor("seen", seen, tuple(error.shape), "bool")
     return torch.where(seen & (error < MAX_ERROR_PX), torch.exp(-error), 0.0).detach()
 
 
@@ -72,7 +103,11 @@ def multiview_geometric(error: Tensor, weight: Tensor) -> Tensor:
 
     Returns:
         scalar, pixels; differentiable in the error.
+
+    Raises:
+        TypeError, ValueError: no tensors (M,) in floating point.
     """
+    check_rows(error=error, weight=weight)
     return _mean(error, weight)
 
 
@@ -89,12 +124,25 @@ def multiview_photometric(reference: Tensor, neighbour: Tensor, weight: Tensor) 
 
     Returns:
         scalar, differentiable in the neighbour's patches.
+
+    Raises:
+        TypeError, ValueError: no tensors in floating point, or of other shapes.
     """
+    check_patches(reference, neighbour)
+    check_rows(weight=weight, first=reference[:, 0])
     return _mean(1 - correlation(reference.detach(), neighbour), weight)
 
 
 def correlation(a: Tensor, b: Tensor) -> Tensor:
-    """(M,) signed normalised cross-correlation of patches (M, P), in -1..1; nearly flat ones have 0."""
+    """(M,) signed normalised cross-correlation of patches (M, P), in -1..1; nearly flat ones have 0, and so have those
+    with values that are not finite or beyond 10^9, whose squares have no room.
+
+    Raises:
+        TypeError, ValueError: no tensors in floating point, or of other shapes.
+    """
+    check_patches(a, b)
+    good = ((a.detach().abs() < BRIGHTEST) & (b.detach().abs() < BRIGHTEST)).all(-1, keepdim=True)
+    a, b = torch.where(good, a, 0.0), torch.where(good, b, 0.0)
     a, b = a - a.mean(-1, keepdim=True), b - b.mean(-1, keepdim=True)
     a_power, b_power = a.square().mean(-1), b.square().mean(-1)
     scale = (a_power.clamp_min(MIN_PATCH_VARIANCE) * b_power.clamp_min(MIN_PATCH_VARIANCE)).rsqrt()
@@ -125,9 +173,23 @@ def neighbour_patches(
     Returns:
         (M, patch * patch), differentiable in depth and normal, and (M,) bool: the patch is seen well enough to be
         compared, inside the image and from nowhere too near edge-on.
+
+    Raises:
+        TypeError, ValueError: no tensors in floating point, of other shapes, or cameras that cannot be.
     """
+    check_rows(2, pixels=pixels)
+    check_rows(depth=depth, x=pixels[:, 0])
+    check_tensor("normal", normal, (len(pixels), 3))
+    check_images(image=image)
+    check_pose("neighbour_from_reference", neighbour_from_reference)
+    check_intrinsics(K_reference=K_reference, K_neighbour=K_neighbour)
+    check_one_type(
+        image=image, pixels=pixels, depth=depth, normal=normal,
+        neighbour_from_reference=neighbour_from_reference, K_reference=K_reference, K_neighbour=K_neighbour,
+    )  # fmt: skip
+    patch = check_patch(patch)
     ones = torch.ones_like(depth)[:, None]
-    rays = torch.cat([pixels, ones], dim=-1) @ torch.linalg.inv(K_reference).T
+    rays = torch.cat([pixels, ones], dim=-1) @ inverse("K_reference", K_reference).T
     distance = plane_distance(normal, rays, depth)
     homography = plane_homography(normal, distance, neighbour_from_reference, K_reference, K_neighbour)
     offsets = patch_offsets(patch, pixels.dtype)
@@ -140,6 +202,16 @@ def neighbour_patches(
     whole = (inside & (weight > MIN_WEIGHT)).all(-1)
     facing = (normal * rays).sum(-1).abs() >= MIN_FACING
     return bilinear(image, x, y), whole & facing
+
+
+def check_patches(a: Tensor, b: Tensor) -> None:
+    """Both (M, P), floating point.
+
+    Raises:
+        TypeError, ValueError: they are not.
+    """
+    check_tensor("patches", a, (len(a) if isinstance(a, Tensor) and a.ndim else None, None))
+    check_tensor("the neighbour's patches", b, tuple(a.shape))
 
 
 def _mean(values: Tensor, weight: Tensor) -> Tensor:

@@ -9,9 +9,11 @@ from torch import Tensor
 
 from room2dgs import _C
 from room2dgs.block_code import build_for
+from room2dgs.geometry.arguments import number
 from room2dgs.geometry.kernel_arguments import plain_map, runs_compiled
 from room2dgs.kernel_calls import call
 from room2dgs.losses import blocks
+from room2dgs.losses.checks import check_images, check_mask, check_step
 from room2dgs.losses.known_gradients import with_gradients
 
 MIN_ALPHA = 0.5  # pixels less covered have no normal worth comparing
@@ -30,7 +32,15 @@ def reweighting(normal: Tensor, prior: Tensor, width_deg: float) -> Tensor:
 
     Returns:
         (H, W), in 0..1.
+
+    Raises:
+        TypeError, ValueError: maps that are no tensors in floating point, empty or of different sizes; no such angle.
     """
+    check_images(3, normal=normal, prior=prior)
+    if normal.shape != prior.shape:
+        raise ValueError("normal and prior differ in size")
+    if not 0 < number("width_deg", width_deg) <= 180:
+        raise ValueError(f"width_deg is {width_deg}; it is to be above 0 and at most 180")
     rendered, wanted = normal.detach().permute(2, 0, 1).contiguous(), prior.permute(2, 0, 1).contiguous()
     cosine = (rendered * wanted).sum(0) * torch.rsqrt(rendered.square().sum(0) + TINY**2)
     return (1 + (1 - cosine).clamp(min=0) / (1 - math.cos(math.radians(width_deg)))).pow(-2)
@@ -65,8 +75,15 @@ def normal_prior_loss(
         scalar, differentiable once with respect to `normal`.
 
     Raises:
-        ValueError: maps of different sizes.
+        TypeError: a map is no tensor of the type it should have.
+        ValueError: maps that are empty or of different sizes; numbers that cannot be.
     """
+    check_images(3, normal=normal, prior=prior)
+    check_images(**{"alpha": alpha} if confidence is None else {"alpha": alpha, "confidence": confidence})
+    check_mask("valid", valid)
+    step = check_step(step)
+    number("l1", l1)
+    number("cosine", cosine)
     compared = tuple(-(-pixels // step) for pixels in alpha.shape)
     of_prior = (valid,) if confidence is None else (valid, confidence)
     sizes = [prior.shape[:2], *(other.shape for other in of_prior)]

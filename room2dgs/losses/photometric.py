@@ -7,9 +7,11 @@ from torch import Tensor
 
 from room2dgs import _C
 from room2dgs.block_code import build_for
+from room2dgs.geometry.arguments import number
 from room2dgs.geometry.kernel_arguments import runs_compiled
 from room2dgs.kernel_calls import call
 from room2dgs.losses import blocks, reference
+from room2dgs.losses.checks import check_images
 from room2dgs.losses.known_gradients import with_gradients
 
 
@@ -29,8 +31,12 @@ def rgb_loss(rendered: Tensor, target: Tensor, dssim: float) -> Tensor:
         scalar, differentiable once with respect to `rendered`.
 
     Raises:
-        ValueError: the images differ in size.
+        TypeError: an image is no tensor in floating point: levels of 0..255 are not meant.
+        ValueError: the images differ in size or are empty; a weight that is none.
     """
+    check_images(3, rendered=rendered, target=target)
+    if not 0 <= number("dssim", dssim) <= 1:
+        raise ValueError(f"dssim is {dssim}; it is to be from 0 to 1")
     if rendered.shape != target.shape:
         raise ValueError(f"rendered {tuple(rendered.shape)} and target {tuple(target.shape)} differ in size")
     if dssim and build_for(rendered, target):

@@ -8,15 +8,22 @@ from torch import Tensor
 
 from room2dgs import _C
 from room2dgs.block_code import build_for
+from room2dgs.geometry.arguments import check_tensor
 from room2dgs.geometry.kernel_arguments import intrinsics, rotation_of, runs_compiled
 from room2dgs.kernel_calls import call
 from room2dgs.losses import blocks, reference
+from room2dgs.losses.checks import check_images
 from room2dgs.losses.known_gradients import with_gradients
 from room2dgs.splat.types import Rendering
 
 
 def distortion(rendering: Rendering) -> Tensor:
-    """Mean over all pixels of the rendering's distortion map (2DGS, eq. 13); scalar."""
+    """Mean over all pixels of the rendering's distortion map (2DGS, eq. 13); scalar.
+
+    Raises:
+        TypeError, ValueError: it is no tensor in floating point, or empty.
+    """
+    check_images(distortion=rendering.distortion)
     return rendering.distortion.mean()
 
 
@@ -45,12 +52,19 @@ def normal_consistency(
         scalar, differentiable once with respect to the rendering's normal and the chosen depth.
 
     Raises:
-        ValueError: `depth` is neither.
+        TypeError: a map is no tensor in floating point, or the camera no matrices.
+        ValueError: `depth` is neither; maps that are empty or of different sizes; matrices of other shapes.
     """
     if depth not in ("expected", "median"):
         raise ValueError(f"depth={depth!r} is not known; choose expected or median")
     chosen = rendering.depth if depth == "expected" else rendering.median_depth
     maps = (chosen, rendering.alpha, rendering.normal)
+    check_images(depth=maps[0], alpha=maps[1])
+    check_images(3, normal=maps[2])
+    if not maps[0].shape == maps[1].shape == maps[2].shape[:2]:
+        raise ValueError("depth, alpha and normal differ in size")
+    check_matrix("K", K, (3, 3))
+    check_matrix("cam_from_world", cam_from_world, (4, 4))
     by_blocks = build_for(*maps)
     if not by_blocks and not runs_compiled(*maps):
         return reference.normal_consistency(*maps, K, cam_from_world)
@@ -58,6 +72,21 @@ def normal_consistency(
     if by_blocks:
         return blocks.normal_consistency(*maps, torch.as_tensor(K), pose)
     return _by_kernel(*maps, intrinsics(K), pose)
+
+
+def check_matrix(name: str, matrix: Tensor | np.ndarray, shape: tuple[int, int]) -> None:
+    """Of a camera.
+
+    Raises:
+        TypeError: it is neither a tensor nor an array of numbers in floating point.
+        ValueError: another shape, or it has no values.
+    """
+    if not isinstance(matrix, Tensor):
+        array = np.asarray(matrix)
+        if array.dtype.kind != "f":
+            raise TypeError(f"{name} is of {array.dtype}, not floating point")
+        matrix = torch.from_numpy(array)
+    check_tensor(name, matrix, shape)
 
 
 def _by_kernel(depth: Tensor, alpha: Tensor, normal: Tensor, pinhole: tuple[float, ...], pose: Tensor) -> Tensor:
