@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Collection
 from pathlib import Path
 
 from room2dgs.errors import InputError
@@ -10,10 +11,13 @@ from room2dgs.errors import InputError
 CAPTURES = frozenset({"capture"})  # photos of the user's, which may be links; they are read alone
 
 
-def refuse_links_out(folder: Path) -> None:
+def refuse_links_out(folder: Path, only: Collection[str] = ()) -> None:
     """Looks at everything below a run's folder before anything is written there; links inside of it are fine.
 
     The folder itself may be a link, and need not be there yet.
+
+    Args:
+        only: what is written to, where the folder may hold other things of the user's; empty: all of it.
 
     Raises:
         InputError: a link leads out of the folder, to nothing or to itself; names the first one.
@@ -28,6 +32,8 @@ def refuse_links_out(folder: Path) -> None:
         except OSError:  # not there yet, or not to be read: whoever writes there will say so
             continue
         for one in entries:
+            if only and place == home and one.name not in only:
+                continue
             if one.is_symlink():
                 _refuse_out(home, folder, one.path)
             elif one.is_dir(follow_symlinks=False) and not (place == home and one.name in CAPTURES):

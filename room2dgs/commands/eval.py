@@ -13,6 +13,7 @@ from room2dgs.commands.short_keys import written_out
 from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
 from room2dgs.config import Config, EvalConfig, load_config
 from room2dgs.errors import InputError
+from room2dgs.links_out import refuse_links_out
 from room2dgs.logs import Log, in_lines, run_log, to_terminal
 from room2dgs.owner import owned
 from room2dgs.runs.folder import (
@@ -75,6 +76,7 @@ def score_mesh(overrides: list[str], out: str | None) -> None:
     if gt is None:
         raise InputError(f"{config.scene.path} has no gt_mesh.ply; give gt=MESH")
     folder = Path(config.out)
+    refuse_links_out(folder, ("eval",))
     seconds: dict[str, float] = {}
     with owned(folder):
         with timed(seconds, "eval"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 
 import pytest
 
@@ -72,6 +73,17 @@ def test_commands_write_nothing_outside(finished, tmp_path, verb, name, capsys):
     assert f"{finished / name} is a link to" in capsys.readouterr().err
     assert sorted(os.listdir(outside)) == ["mine"] and (outside / "mine").read_text() == "mine\n"
     assert sorted(os.listdir(finished)) == before
+
+
+def test_scores_of_a_mesh_look_at_what_they_write_alone(folders, wall, capsys):
+    run, outside = folders
+    (run / "mine").symlink_to(outside)
+    argv = ["eval", f"pred={wall / 'gt_mesh.ply'}", f"scene={wall}", f"out={run}", "eval.samples=200"]
+    assert cli.main(argv) == 0
+    shutil.rmtree(run / "eval")
+    (run / "eval").symlink_to(outside)
+    assert cli.main(argv) == 2
+    assert f"{run / 'eval'} is a link to" in capsys.readouterr().err and sorted(os.listdir(outside)) == ["mine"]
 
 
 def test_a_log_that_becomes_a_link_or_a_pipe_is_not_written_to(folders, capsys):
