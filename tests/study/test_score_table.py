@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from pathlib import Path
 
 import pytest
@@ -103,6 +104,28 @@ def test_meshes_of_others_are_scored_beside_a_run_once_and_failures_do_not_stop(
     assert "scored" in capsys.readouterr().out
     assert cli.main(command) == 2
     assert "scored /" not in capsys.readouterr().out
+    kept = out / "scores/exact/wall.json"
+    known = json.loads(kept.read_text())
+    for damaged in (
+        "{",
+        "[1]",
+        json.dumps({**known, "values": {"f_score": "high"}}),
+        json.dumps({**known, "values": 5}),
+    ):
+        kept.write_text(damaged)  # made again
+        assert cli.main(command) == 2
+        assert "scored /" in capsys.readouterr().out and json.loads(kept.read_text()) == known
+
+
+def test_a_run_with_strange_figures_is_named_and_the_rest_goes_on(tmp_path, capsys):
+    for run, scores in (("good", {"accuracy_m": 0.01}), ("strange", "high")):
+        (tmp_path / run).mkdir()
+        write_config(tmp_path / run, load_config([f"scene.path={tmp_path / run}", f"out={tmp_path / run}"]))
+        (tmp_path / run / "metrics.json").write_text(json.dumps({"protocols": {"area": scores}}))
+    assert cli.main(["table", str(tmp_path / "good"), str(tmp_path / "strange"), f"out={tmp_path / 'table'}"]) == 2
+    rows = {row["scene"]: row for row in csv.DictReader(io.StringIO((tmp_path / "table/table.csv").read_text()))}
+    assert "protocols is no object of scores" in rows["strange"]["failed"]
+    assert "not scored by area" in rows["good"]["failed"]
 
 
 def test_captures_with_folders_of_one_name_are_scenes_of_their_own(tmp_path):
