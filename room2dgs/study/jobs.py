@@ -12,6 +12,8 @@ from room2dgs.config import Config, conf_dir, load_config
 from room2dgs.config.keys import leaf_keys, path_keys
 from room2dgs.config.overrides import quoted
 from room2dgs.errors import InputError, RunFailed
+from room2dgs.files import is_temporary
+from room2dgs.owner import LOCK, refuse_if_owned
 from room2dgs.runs.folder import CONFIG, POINTS, PRIOR_MAPS, absolute, last_value
 from room2dgs.runs.metrics import earlier
 from room2dgs.study.launch import combinations, in_turn, launched
@@ -52,7 +54,7 @@ def study_folder(argv: Sequence[str], marker: str) -> Path:
         marker: the file that an earlier study left there.
 
     Raises:
-        InputError: none is named, or it holds something else.
+        InputError: none is named, it holds something else, or another process works there.
     """
     given = last_value(list(argv), "out")
     if not given:
@@ -60,8 +62,10 @@ def study_folder(argv: Sequence[str], marker: str) -> Path:
     out = Path(given).expanduser().absolute()
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; choose another out=DIR")
-    if (out / CONFIG).exists() or (out.exists() and any(out.iterdir()) and not (out / marker).exists()):
+    other = out.exists() and any(path.name != LOCK and not is_temporary(path.name) for path in out.iterdir())
+    if (out / CONFIG).exists() or (other and not (out / marker).exists()):
         raise InputError(f"{out} is not empty and is not a study's folder; choose another out=DIR")
+    refuse_if_owned(out)
     return out
 
 

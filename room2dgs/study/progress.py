@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from room2dgs.errors import RunFailed
+from room2dgs.files import remove_leftovers
 from room2dgs.logs import Log, in_lines
+from room2dgs.owner import owned
 from room2dgs.runs.metrics import earlier
 from room2dgs.study.ablation import Run
 from room2dgs.study.jobs import Job, batches, executed
@@ -46,16 +48,19 @@ def run_all(
 
     Raises:
         KeyboardInterrupt: one was interrupted.
+        InputError: another process works in `out`.
     """
-    for batch in batches([job for job in jobs if job in progress.todo], hydra_settings):
-        for job in batch:
-            progress.todo.remove(job)
-            in_lines(log, f"\n{job.row}, seed {job.seed}, {len(progress.todo)} more to come: {job.folder}")
-        for job, failure in zip(batch, executed(batch, hydra_settings, out), strict=True):
-            if failure:
-                progress.failed[job.folder] = failure
-                log(f"{job.row}, seed {job.seed}, failed: {failure}")
-        after_each()
+    with owned(out):  # each job owns its own folder in it
+        remove_leftovers(out, owned=True)
+        for batch in batches([job for job in jobs if job in progress.todo], hydra_settings):
+            for job in batch:
+                progress.todo.remove(job)
+                in_lines(log, f"\n{job.row}, seed {job.seed}, {len(progress.todo)} more to come: {job.folder}")
+            for job, failure in zip(batch, executed(batch, hydra_settings, out), strict=True):
+                if failure:
+                    progress.failed[job.folder] = failure
+                    log(f"{job.row}, seed {job.seed}, failed: {failure}")
+            after_each()
 
 
 def run_of(job: Job, progress: Progress) -> Run:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -161,3 +162,17 @@ def test_launchers_run_the_jobs_in_processes_of_their_own(wall, tmp_path, launch
     assert {"0", "1"} <= {path.name for path in tmp_path.iterdir()}
     if launcher == "submitit_local":
         assert len(list(tmp_path.glob(".submitit/*/*_submitted.pkl"))) == 2
+
+
+def test_a_study_has_one_owner(wall, tmp_path, capsys):
+    code = (
+        "import sys, time\nfrom pathlib import Path\nfrom room2dgs.owner import owned\n"
+        "with owned(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(60)\n"
+    )
+    out = tmp_path / "study"
+    with subprocess.Popen([sys.executable, "-c", code, str(out)], stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "held\n"
+        assert cli.main(["ablate", f"scene.path={wall}", f"out={out}", "experiment=full"]) == 2
+        assert f"another run works in {out} (process {other.pid})" in capsys.readouterr().err
+        other.kill()
+    assert [path.name for path in out.iterdir()] == [".lock"]
