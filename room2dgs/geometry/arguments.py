@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import math
 import operator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import torch
-from torch import Tensor
+import numpy as np
+
+if TYPE_CHECKING:  # torch takes seconds to import, and meshes do without
+    from torch import Tensor
 
 
-def number(name: str, value: Any, above: float | None = None, least: float | None = None) -> float:
-    """A finite number.
+def number(name: str, value: Any, above: float | None = None, least: float | None = None, finite: bool = True) -> float:
+    """A number, finite if nothing else is said; never NaN.
 
     Raises:
         TypeError: it is no number.
@@ -26,7 +28,7 @@ def number(name: str, value: Any, above: float | None = None, least: float | Non
         plain = float(value)
     except (TypeError, ValueError, RuntimeError) as error:  # an array of several
         raise TypeError(f"{name} is no single number") from error
-    if not math.isfinite(plain):
+    if math.isnan(plain) or (finite and math.isinf(plain)):
         raise ValueError(f"{name} is {plain}; it is to be finite")
     if above is not None and not plain > above:
         raise ValueError(f"{name} is {plain}; it is to be above {above:g}")
@@ -62,7 +64,9 @@ def check_tensor(name: str, value: Any, shape: tuple[int | None, ...], kind: str
         TypeError: it is no tensor, or one of another type.
         ValueError: it has another shape, or no values: it is empty or on the device `meta`.
     """
-    if not isinstance(value, Tensor):
+    import torch
+
+    if not isinstance(value, torch.Tensor):
         raise TypeError(f"{name} is of the type {type(value).__name__}, not a torch.Tensor")
     dtype = value.dtype
     fits = dtype.is_floating_point if kind == "floating point" else dtype == torch.bool
@@ -86,3 +90,18 @@ def check_same_device(**tensors: Tensor | None) -> None:
     places = {name: tensor.device for name, tensor in tensors.items() if tensor is not None}
     if len(set(places.values())) > 1:
         raise ValueError("tensors are on several devices: " + ", ".join(f"{n} on {d}" for n, d in places.items()))
+
+
+def check_points(name: str, points: Any) -> np.ndarray:
+    """(N, 3) of numbers, as they are.
+
+    Raises:
+        TypeError: they are no numbers.
+        ValueError: another shape.
+    """
+    found = np.asarray(points)
+    if found.dtype.kind not in "iuf":
+        raise TypeError(f"{name} are of {found.dtype}, not numbers")
+    if found.ndim != 2 or found.shape[1] != 3:
+        raise ValueError(f"{name} have shape {found.shape}, not (N, 3)")
+    return found

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from room2dgs.mesh.checks import check_faces, check_points
+from room2dgs.geometry.arguments import check_points
+from room2dgs.mesh.checks import check_faces
 
 PART = 200_000  # faces looked at together
 

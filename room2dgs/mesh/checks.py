@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from room2dgs.geometry.arguments import check_points
+
 FARTHEST = 1e12  # of a coordinate, in whatever unit: beyond it areas overflow
 
 
@@ -63,18 +65,3 @@ def check_faces(faces: Any, vertices: int) -> np.ndarray:
             f"faces name vertices from {found.min()} to {found.max()}, but there are {vertices}, counted from 0"
         )
     return found.astype(np.int64, copy=False)
-
-
-def check_points(name: str, points: Any) -> np.ndarray:
-    """(N, 3) of numbers, as they are.
-
-    Raises:
-        TypeError: they are no numbers.
-        ValueError: another shape.
-    """
-    found = np.asarray(points)
-    if found.dtype.kind not in "iuf":
-        raise TypeError(f"{name} are of {found.dtype}, not numbers")
-    if found.ndim != 2 or found.shape[1] != 3:
-        raise ValueError(f"{name} have shape {found.shape}, not (N, 3)")
-    return found

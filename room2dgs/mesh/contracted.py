@@ -14,8 +14,7 @@ import numpy as np
 import trimesh
 
 from room2dgs.config import MeshConfig
-from room2dgs.geometry.arguments import number
-from room2dgs.mesh.checks import check_points
+from room2dgs.geometry.arguments import check_points, number
 from room2dgs.mesh.marching import extracted
 from room2dgs.mesh.views import FusedView
 from room2dgs.mesh.voxel_table import BLOCK, VOXELS, Voxels, VoxelTable, block_coordinates, keys_of

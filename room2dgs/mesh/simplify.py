@@ -14,8 +14,8 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
-from room2dgs.geometry.arguments import number, whole_number
-from room2dgs.mesh.checks import check_mesh, check_points, check_surface
+from room2dgs.geometry.arguments import check_points, number, whole_number
+from room2dgs.mesh.checks import check_mesh, check_surface
 from room2dgs.mesh.open3d import o3c, o3d
 
 FEWEST = 100  # faces

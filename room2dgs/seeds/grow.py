@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from room2dgs.geometry.arguments import number, whole_number
 from room2dgs.seeds.hierarchy import Cells, cells_of, coarser, in_grid, level_edge
 from room2dgs.seeds.seeds import Seeds
 from room2dgs.seeds.voxelise import cell_centres, cell_keys
@@ -86,7 +87,14 @@ def grow(
         threshold: of the coarsest level.
         per_seed: surfels that a seed will have.
         draws: lets cells of level i survive with probability 1 - 0.5^(i+1), as Scaffold-GS; None: all do.
+
+    Raises:
+        TypeError, ValueError: no such numbers.
     """
+    whole_number("levels", levels, 1)
+    whole_number("per_seed", per_seed, 1)
+    number("voxel_m", voxel_m, above=0.0)
+    number("threshold", threshold)
     usable = np.flatnonzero(parents.known & in_grid(parents.centres, voxel_m))
     keys = cell_keys(parents.centres[usable], voxel_m)
     occupied = cell_keys(parents.seeds, voxel_m)

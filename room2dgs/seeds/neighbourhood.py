@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from room2dgs.geometry.arguments import check_points, number, whole_number
+
 FLAT = 1e-6  # variance below this share of the largest counts as none
 
 
@@ -22,7 +24,15 @@ def local_normals(points: np.ndarray, at: np.ndarray, neighbours: int, towards: 
 
     Returns:
         (S, 3) float64 unit normals on the side of `towards`.
+
+    Raises:
+        TypeError, ValueError: no points, no such places, no number of neighbours.
     """
+    points, at = check_points("points", points), check_points("at", at)
+    check_points("towards", np.asarray(towards)[None])
+    whole_number("neighbours", neighbours, 1)
+    if not len(points) or not np.isfinite(points).all() or not np.isfinite(at).all():
+        raise ValueError("points are none, or some are not finite")
     distinct = np.unique(np.asarray(points, dtype=np.float64), axis=0)
     at = np.asarray(at, dtype=np.float64)
     count = min(neighbours, len(distinct))
@@ -56,7 +66,15 @@ def spacing(positions: np.ndarray, low_m: float, high_m: float, squared: bool = 
 
     Returns:
         (S,) float64 metres.
+
+    Raises:
+        TypeError, ValueError: no such finite positions, or bounds that are none.
     """
+    positions = check_points("positions", positions)
+    if not np.isfinite(positions).all():
+        raise ValueError("positions are not finite")
+    if number("high_m", high_m, above=0.0) < number("low_m", low_m, least=0.0):
+        raise ValueError(f"low_m {low_m} is above high_m {high_m}")
     count = min(3, len(positions) - 1)
     if count < 1:
         return np.full(len(positions), high_m)

@@ -14,7 +14,13 @@ def transparent(opacities: np.ndarray, threshold: float) -> np.ndarray:
     Args:
         opacities: (S, k) means over the iterations.
         threshold: theta_alpha.
+
+    Raises:
+        ValueError: they are no (S, k), k > 0.
     """
+    opacities = np.asarray(opacities)
+    if opacities.ndim != 2 or not opacities.shape[1]:
+        raise ValueError(f"opacities have shape {opacities.shape}, not (S, k)")
     return opacities.max(axis=1) < threshold
 
 

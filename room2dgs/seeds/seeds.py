@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from room2dgs.config import SeedsConfig
+from room2dgs.geometry.arguments import check_points, whole_number
 from room2dgs.seeds.depth_seeds import Surface
 from room2dgs.seeds.neighbourhood import local_normals, spacing
 from room2dgs.seeds.voxelise import point_keys, voxelise
@@ -49,7 +50,14 @@ def seed_points(
 
     Raises:
         InputError: no points, or points out of range.
+        TypeError, ValueError: no such points, colours or cameras, or not as many colours as points.
     """
+    xyz, rgb = check_points("xyz", xyz), check_points("rgb", rgb)
+    if len(rgb) != len(xyz):
+        raise ValueError(f"there are {len(rgb)} colours for {len(xyz)} points")
+    if not len(check_points("camera_centres", camera_centres)) or not np.isfinite(camera_centres).all():
+        raise ValueError("camera_centres are none, or not finite")
+    whole_number("random_seed", abs(random_seed) if isinstance(random_seed, int) else random_seed)
     if config.init == "points":
         point_keys(xyz, config.voxel_m)  # refuses what cannot be used
         return _every_point(xyz, rgb, random_seed)

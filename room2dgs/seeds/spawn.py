@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from room2dgs.config import Config
+from room2dgs.geometry.arguments import number, whole_number
 from room2dgs.geometry.rotations import quaternions_to, tangents
 from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.seeds.seeds import Seeds
@@ -56,7 +57,13 @@ def spawn(seeds: Seeds, per_seed: int, opacity: float, random_seed: int) -> Spaw
         per_seed: k.
         opacity: of every surfel.
         random_seed: the same number gives the same bits.
+
+    Raises:
+        TypeError, ValueError: no such numbers.
     """
+    whole_number("per_seed", per_seed, 1)
+    number("opacity", opacity)
+    whole_number("random_seed", random_seed)
     count = len(seeds)
     quaternions = quaternions_to(seeds.normals)
     axes = tangents(torch.from_numpy(quaternions)).numpy()  # (S, 2, 3)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from room2dgs.errors import InputError
+from room2dgs.geometry.arguments import check_points, number
 
 BITS = 21  # of a cell index; three of them fit a signed 64-bit key
 HALF_RANGE = 1 << (BITS - 1)
@@ -38,7 +39,10 @@ def cell_keys(xyz: np.ndarray, voxel_m: float) -> np.ndarray:
 
     Raises:
         InputError: a coordinate is not finite, or more than 2^20 cells away from the origin.
+        TypeError, ValueError: no such points, or no edge above 0.
     """
+    xyz = check_points("xyz", xyz)
+    number("voxel_m", voxel_m, above=0.0)
     cells = np.floor(np.asarray(xyz, dtype=np.float64) / voxel_m)
     # `not (all inside)` also refuses NaN
     if not np.all((cells >= -HALF_RANGE) & (cells < HALF_RANGE)):
@@ -81,8 +85,11 @@ def voxelise(xyz: np.ndarray, rgb: np.ndarray, voxel_m: float) -> Voxels:
 
     Raises:
         InputError: no points, or points out of range (see `cell_keys`).
+        TypeError, ValueError: no such points or colours, or not as many of both.
     """
-    xyz = np.asarray(xyz, dtype=np.float64)
+    xyz = np.asarray(check_points("xyz", xyz), dtype=np.float64)
+    if len(check_points("rgb", rgb)) != len(xyz):
+        raise ValueError(f"there are {len(rgb)} colours for {len(xyz)} points")
     keys = point_keys(xyz, voxel_m)
     # sums of floats depend on their order, so the order inside a cell is fixed too
     order = np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], keys))

@@ -48,13 +48,21 @@ def render(
         `Rendering`.
 
     Raises:
+        TypeError: lists or arrays where tensors belong.
         ValueError: shapes, types, sizes or values that do not fit, or no backend for them.
     """
     check_shapes(surfels, K, cam_from_world, width, height, background, center_px)
     chosen = backend_for(surfels.centers, backend)
+    with_normal, with_distortion = _switch("with_normal", with_normal), _switch("with_distortion", with_distortion)
     if background is None:
         background = torch.zeros(3, dtype=torch.float32, device=surfels.centers.device)
     view = View(
         K, cam_from_world, width, height, background, near_m, opacity_floor, center_px, with_normal, with_distortion
     )
     return chosen.render(surfels, view)
+
+
+def _switch(name: str, value: bool) -> bool:
+    if not isinstance(value, bool | int):
+        raise TypeError(f"{name} is of the type {type(value).__name__}, neither True nor False")
+    return bool(value)

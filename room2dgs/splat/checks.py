@@ -7,9 +7,11 @@ two functions.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from torch import Tensor
 
+from room2dgs.geometry.arguments import number
 from room2dgs.splat.constants import OPACITY_FLOOR, SH_DEGREE_OF
 from room2dgs.splat.types import Surfels
 
@@ -30,8 +32,14 @@ def check_shapes(
     """Shapes, types and devices.
 
     Raises:
+        TypeError: something is no tensor, or no number of pixels.
         ValueError: one of them does not fit.
     """
+    tensors = {**surfels._asdict(), "K": K, "cam_from_world": cam_from_world}
+    optional = {"background": background, "center_px": center_px}
+    check_tensors(**tensors, **{name: tensor for name, tensor in optional.items() if tensor is not None})
+    if not surfels.centers.ndim:
+        raise ValueError("surfels.centers has no rows")
     count = surfels.centers.shape[0]
     shapes = {"centers": (count, 3), "rotations": (count, 4), "scales": (count, 2), "opacities": (count,)}
     for name, shape in shapes.items():
@@ -57,11 +65,53 @@ def check_shapes(
     for name, tensor in others.items():
         if not tensor.dtype.is_floating_point or tensor.device != device:
             raise ValueError(f"{name} is {tensor.dtype} on {tensor.device}, not floating point on {device}")
-    for name, side in (("width", width), ("height", height)):
-        if isinstance(side, float):
-            raise ValueError(f"{name} is {side}, not a whole number of pixels")
+    check_side("width", width)
+    check_side("height", height)
     if not (1 <= width <= MAX_SIDE_PX and 1 <= height <= MAX_SIDE_PX):
         raise ValueError(f"image size {width} x {height} is not in 1..{MAX_SIDE_PX}")
+
+
+def check_tensors(**tensors: Any) -> None:
+    """What is to be tensors, not lists or arrays.
+
+    Raises:
+        TypeError: it is not.
+    """
+    for name, tensor in tensors.items():
+        if not isinstance(tensor, Tensor):
+            raise TypeError(f"{name} is of the type {type(tensor).__name__}, not a torch.Tensor")
+
+
+def check_floating(**tensors: Any) -> None:
+    """The same, of one floating type, on one device that holds values.
+
+    Raises:
+        TypeError: something is no tensor.
+        ValueError: another type or device than the first one's.
+    """
+    check_tensors(**tensors)
+    (first, like), *_ = tensors.items()
+    for name, tensor in tensors.items():
+        if not tensor.dtype.is_floating_point or tensor.dtype != like.dtype or tensor.device != like.device:
+            raise ValueError(
+                f"{name} is {tensor.dtype} on {tensor.device}, but {first} {like.dtype} on {like.device}; all are to "
+                "be of one floating type on one device"
+            )
+    if like.device.type == "meta":
+        raise ValueError(f"{first} is on the device meta, where tensors have no values")
+
+
+def check_side(name: str, side: Any) -> None:
+    """A number of pixels; how many is looked at elsewhere.
+
+    Raises:
+        TypeError: it is no number.
+        ValueError: it is no whole number.
+    """
+    if isinstance(side, bool | float):
+        raise ValueError(f"{name} is {side}, not a whole number of pixels")
+    if not hasattr(side, "__index__") or isinstance(side, Tensor):
+        raise TypeError(f"{name} is {side!r}, not a whole number of pixels")
 
 
 def _check_shape(name: str, tensor: Tensor, shape: tuple[int, ...]) -> None:
@@ -108,8 +158,18 @@ def check_near(near_m: float) -> None:
     Raises:
         ValueError: it is not in front of the camera, or not finite.
     """
-    if not (math.isfinite(near_m) and near_m > 0):
+    if not 0 < number("near_m", near_m, finite=False) < math.inf:
         raise ValueError(f"near_m is {near_m}; the near plane lies in front of the camera, at a distance above 0")
+
+
+def check_far(name: str, far_m: float, near_m: float) -> None:
+    """Where surfels are no longer drawn; it may be infinite.
+
+    Raises:
+        ValueError: it is not beyond the near plane.
+    """
+    if not number(name, far_m, finite=False) > near_m:
+        raise ValueError(f"{name} {far_m} is not beyond the near plane's {near_m}")
 
 
 def check_floor(opacity_floor: float) -> None:
@@ -119,7 +179,7 @@ def check_floor(opacity_floor: float) -> None:
         ValueError: it is not a share of 1, or below 1/255: of what is so faint float32 cannot tell the expected depth's
             gradient.
     """
-    if not OPACITY_FLOOR <= opacity_floor < 1:
+    if not OPACITY_FLOOR <= number("opacity_floor", opacity_floor) < 1:
         raise ValueError(f"opacity_floor is {opacity_floor}; it is from 1/255 to below 1")
 
 

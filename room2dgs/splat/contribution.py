@@ -7,8 +7,10 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor
 
+from room2dgs.geometry.arguments import check_tensor, number
 from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.splat.api import render
+from room2dgs.splat.checks import check_floating
 from room2dgs.splat.types import Surfels
 
 
@@ -21,7 +23,13 @@ def contributions(surfels: Surfels, views: Iterable[tuple[Tensor, Tensor, int, i
     Args:
         views: K (3, 3), cam_from_world (4, 4), width, height of each.
         near_m: as `render` has it.
+
+    Raises:
+        TypeError, ValueError: as `render`.
     """
+    check_floating(**surfels._asdict())
+    if not surfels.centers.ndim or surfels.sh.ndim != 3:
+        raise ValueError("surfels.centers is (N, 3), surfels.sh (N, K, 3)")
     most = torch.zeros(len(surfels.centers), dtype=torch.float64, device=surfels.centers.device)
     grey = torch.zeros_like(surfels.sh[:, :1]).requires_grad_()  # 0.5, far from where colours are cut off
     painted = surfels._replace(sh=grey)
@@ -34,7 +42,13 @@ def contributions(surfels: Surfels, views: Iterable[tuple[Tensor, Tensor, int, i
 
 
 def least_needed(contributions: Tensor, share: float) -> Tensor:
-    """(N,) bool: those that add least, as many as together hold at most a share of the sum; ties by their order."""
+    """(N,) bool: those that add least, as many as together hold at most a share of the sum; ties by their order.
+
+    Raises:
+        TypeError, ValueError: no (N,) in floating point; no share.
+    """
+    check_tensor("contributions", contributions, (len(contributions) if getattr(contributions, "ndim", 0) else None,))
+    number("share", share, least=0.0)
     order = torch.argsort(contributions, stable=True)
     held = torch.cumsum(contributions[order], dim=0)
     least = torch.zeros(len(order), dtype=torch.bool, device=contributions.device)

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from room2dgs.geometry.rotations import rotation_matrices
+from room2dgs.splat.checks import check_far, check_floating, check_near, check_shapes
 from room2dgs.splat.constants import FILTER_INVERSE_VARIANCE, OPACITY_FLOOR
 from room2dgs.splat.types import Surfels
 
@@ -40,7 +41,14 @@ def footprint(
     Args:
         K: (3, 3); cam_from_world: (4, 4); both of the surfels' type.
         near_m, far_m: z-depths between which centres count.
+
+    Raises:
+        TypeError, ValueError: shapes, types or planes that do not fit.
     """
+    check_shapes(surfels, K, cam_from_world, width, height, None, None)
+    check_floating(**surfels._asdict(), K=K, cam_from_world=cam_from_world)
+    check_near(near_m)
+    check_far("far_m", far_m, near_m)
     R, t = cam_from_world[:3, :3], cam_from_world[:3, 3]
     p = surfels.centers @ R.T + t
     depth = p[:, 2]

@@ -12,6 +12,7 @@ from torch import Tensor
 from room2dgs.geometry.depth_maps import depth_to_normals
 from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.splat.api import render
+from room2dgs.splat.checks import check_far, check_floating, check_near
 from room2dgs.splat.constants import SH_DEGREE_OF
 from room2dgs.splat.footprint import Footprint, footprint
 from room2dgs.splat.types import Rendering, Surfels
@@ -89,7 +90,8 @@ def rasterization_2dgs(
 
     Raises:
         NotImplementedError: an option that this renderer does not have.
-        ValueError: shapes or values that do not fit.
+        TypeError: lists or arrays where tensors belong.
+        ValueError: shapes, types or values that do not fit.
     """
     _refuse(
         radius_clip=(radius_clip, 0.0), eps2d=(eps2d, 0.3), packed=(packed, False),
@@ -99,8 +101,16 @@ def rasterization_2dgs(
     _among("depth_mode", depth_mode, ("expected", "median"))
     if tile_size < 1:
         raise ValueError(f"tile_size is {tile_size}")
-    if not far_plane > near_plane:
-        raise ValueError(f"far_plane {far_plane} is not beyond near_plane {near_plane}")
+    check_near(near_plane)
+    check_far("far_plane", far_plane, near_plane)
+    check_floating(
+        means=means, quats=quats, scales=scales, opacities=opacities, colors=colors,
+        **{} if backgrounds is None else {"backgrounds": backgrounds},
+    )  # fmt: skip
+    check_floating(viewmats=viewmats)
+    check_floating(Ks=Ks)
+    if means.ndim < 2 or scales.ndim < 2 or viewmats.ndim < 3:
+        raise ValueError("means is (..., N, 3), scales (..., N, 2), viewmats (..., C, 4, 4)")
     batch, N, C = means.shape[:-2], means.shape[-2], viewmats.shape[-3]
     scales = scales[..., :2] if scales.shape[-1] == 3 else scales
     colors = _colors_of_cameras(colors, (*batch, C, N), sh_degree)
@@ -114,6 +124,8 @@ def rasterization_2dgs(
     for name, (tensor, *shape) in shapes.items():
         if tuple(tensor.shape) != (*batch, *shape):
             raise ValueError(f"{name} has shape {tuple(tensor.shape)}, not {(*batch, *shape)}")
+    if not C or not batch.numel():
+        raise ValueError("there is no camera to draw for")
 
     gradient_2dgs = means.new_zeros(*batch, C, N, 2).requires_grad_(torch.is_grad_enabled())
     drawn: list[_Drawn] = []

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.geometry.spherical_harmonics import sh_color
+from room2dgs.splat.checks import check_floating, check_shapes, check_values
 from room2dgs.splat.constants import (
     ALPHA_MAX,
     DEN_MIN,
@@ -109,10 +110,18 @@ def render(
 
     Args:
         stored: what becomes of the surfels' numbers on their way from projection to pixels.
+
+    Raises:
+        TypeError, ValueError: as `room2dgs.splat.render`.
     """
+    check_shapes(surfels, K, cam_from_world, width, height, background, center_px)
+    check_floating(**surfels._asdict())
     dtype, device = surfels.centers.dtype, surfels.centers.device
     K = K.to(dtype=dtype, device=device)
+    cam_from_world = cam_from_world.to(dtype)
+    center_px = None if center_px is None else center_px.to(dtype)
     background = torch.zeros(3, dtype=dtype, device=device) if background is None else background.to(dtype)
+    check_values(K.detach(), cam_from_world.detach(), background.detach(), near_m, opacity_floor)
     projected = stored(project(surfels, K, cam_from_world, near_m, center_px))
     order = depth_order(projected)
     reach = _angular_reach(surfels, cam_from_world.detach(), K.detach(), opacity_floor)[order]

@@ -10,6 +10,9 @@ from torch import Tensor
 class Surfels(NamedTuple):
     """2D Gaussian discs in the world frame (eq. 1), activated: metres and probabilities, not logits.
 
+    Values are not looked at when surfels are drawn, which would cost as much as drawing: a surfel whose centre,
+    rotation, scale or opacity is NaN is not drawn, and NaN among its `sh` counts as black.
+
     Attributes:
         centers: (N, 3) metres.
         rotations: (N, 4) quaternions (w, x, y, z), normalised inside; the matrix's columns are t_u, t_v, t_w.
