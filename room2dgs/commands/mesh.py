@@ -48,8 +48,13 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
     from room2dgs.mesh.fuse import fuse
     from room2dgs.mesh.voxel import with_voxel
     from room2dgs.mesh.world import write_in_world
+    from room2dgs.runs.kept_mesh import keep_mesh, mesh_is_kept, mesh_key
 
     use_threads(config)
+    key = mesh_key(scene, config, out)
+    if config.resume and mesh_is_kept(out, key):
+        log(f"mesh: {out / MESH} is there from before")
+        return
     settings = with_voxel(config.mesh, [frame.camera for frame in scene.train])
     with timed(seconds, "mesh"):
         trust = _trust(scene, config, out, log)
@@ -60,6 +65,7 @@ def mesh_scene(scene: Scene, surfels: Surfels, config: Config, out: Path, log: L
     faded = stale(out, MESH_SCORES)
     made = {"mesh_vertices": len(mesh.vertices), "mesh_faces": len(mesh.faces), "mesh_voxel_m": settings.voxel_m}
     record(out, {**faded, **made}, seconds)
+    keep_mesh(out, key)
     log(f"mesh: {out / MESH}")
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from room2dgs import cli, files
+from room2dgs.commands import run as run_command
 from room2dgs.commands import stages
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
@@ -142,6 +143,28 @@ def test_a_run_killed_in_its_mesh_goes_on_there_to_the_same_bits(wall, tmp_path,
     after = json.loads((out / "metrics.json").read_text())
     assert after["seconds"]["priors"] == before["seconds"]["priors"]  # what they took when they were made
     assert after["prior_seconds"] == before["prior_seconds"]
+
+
+def test_a_run_killed_after_its_mesh_keeps_it(wall, tmp_path, whole, monkeypatch, capsys):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    out = tmp_path / "run"
+    monkeypatch.setattr(run_command, "render_scene", stopped)
+    assert cli.main(["run", *settings(wall, out)]) == 130
+    assert f"go on with: room2dgs run out={out} resume=true" in capsys.readouterr().err
+    made = (out / "mesh.ply").stat().st_mtime_ns
+    assert cli.main(["run", f"out={out}", "resume=true"]) == 130
+    assert (out / "mesh.ply").stat().st_mtime_ns == made
+    assert cli.main(["run", f"out={out}", "resume=true", "mesh.voxel_m=0.1"]) == 130
+    assert (out / "mesh.ply").stat().st_mtime_ns != made and results(out) != results(whole)
+    with (out / "mesh.ply").open("ab") as file:
+        file.write(b"x")
+    monkeypatch.undo()
+    assert cli.main(["run", f"out={out}", "resume=true", "mesh.voxel_m=0.05"]) == 0
+    assert results(out) == results(whole) and not (out / "kept").exists()
+    assert cli.main(["mesh", f"out={out}"]) == 0
+    assert results(out) == results(whole) and not (out / "kept").exists()
 
 
 def test_two_on_one_folder_and_a_kill_in_training(wall, tmp_path, capsys):
