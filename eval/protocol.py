@@ -14,6 +14,7 @@ import trimesh
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.eval.geometry_scores import Scores, downsample, nearest_vertices, scores
 from room2dgs.eval.surface import Surface
+from room2dgs.mesh.checks import check_mesh
 from room2dgs.mesh.world import read_in_scene
 
 
@@ -75,10 +76,12 @@ def load(source: str | Path | trimesh.Trimesh | MeshFile, origin_m: Origin = AT_
 
     Raises:
         InputError: as `read_mesh`.
+        TypeError, ValueError: neither a path nor a mesh, or one of faces or vertices that cannot be.
     """
     if isinstance(source, MeshFile):
         return source
-    if isinstance(source, trimesh.Trimesh):
+    if not isinstance(source, str | Path):
+        check_mesh(source)
         return MeshFile(source)
     path = Path(source)
     mesh = read_in_scene(path, origin_m)

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 
+from room2dgs.mesh.checks import check_mesh
+
 
 class Samples(NamedTuple):
     """Points on a surface.
@@ -28,7 +30,11 @@ def sample_by_area(mesh: trimesh.Trimesh, count: int, seed: int) -> Samples:
 
     So the share of a part of the surface is met to one sample, where independent samples would miss it
     by sqrt(count). A mesh without area gives no samples.
+
+    Raises:
+        TypeError, ValueError: no mesh, or one of faces or vertices that cannot be.
     """
+    check_mesh(mesh)
     corners = np.asarray(mesh.vertices, dtype=np.float64)[np.asarray(mesh.faces).reshape(-1, 3)]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     cumulative = np.cumsum(np.linalg.norm(np.cross(first, second), axis=1))

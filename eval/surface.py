@@ -10,6 +10,7 @@ import open3d.core as o3c
 import trimesh
 
 from room2dgs.geometry.camera import Camera
+from room2dgs.mesh.checks import check_mesh
 
 BATCH = 1_000_000  # rays or points at once: bounds the memory
 
@@ -32,9 +33,13 @@ class Surface:
     """Exact point-to-triangle distances and ray casts of one mesh.
 
     The tree works in float32, so it is built about the mesh's own middle.
+
+    Raises:
+        TypeError, ValueError: no mesh, or one of faces or vertices that cannot be.
     """
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
+        check_mesh(mesh)  # open3d reads past the end for faces that name vertices which are not there
         vertices = np.asarray(mesh.vertices, dtype=np.float64)
         self.faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
         self.middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2 if len(vertices) else np.zeros(3)

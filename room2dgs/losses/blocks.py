@@ -79,7 +79,7 @@ def depth_prior_loss(
     """`depth_prior.depth_prior_loss` of float32 maps on one device, at up to `LEVELS` scales."""
     if confidence is not None:
         confidence = _plain(confidence)
-    maps = (_plain(alpha), _plain(prior), _plain(valid).view(torch.uint8), confidence)
+    maps = (_plain(alpha), _plain(prior), _mask(valid), confidence)
     losses, queue = _losses(depth)
     gradient, levels = _empty(depth), scales if gradient_weight else 0
     value = torch.empty(1, dtype=torch.float64, device=depth.device)
@@ -104,7 +104,7 @@ def normal_prior_loss(
     """`normal_prior.normal_prior_loss` of float32 maps on one device."""
     if confidence is not None:
         confidence = _plain(confidence)
-    maps = (_plain(alpha), _plain(prior), _plain(valid).view(torch.uint8), confidence)
+    maps = (_plain(alpha), _plain(prior), _mask(valid), confidence)
     return _NormalPrior.apply(normal, *maps, l1, cosine, step)
 
 
@@ -200,6 +200,7 @@ def _check_multiview(
 
 def _losses(like: Tensor):
     """The kernels with their buffers, and the queue to use them on."""
+    _plain(like)
     build = build_for(like) or PLAIN
     queue = build.queue(like)
     if like.is_cuda:
@@ -214,10 +215,22 @@ def _held(build, device: int, queue: int):
 
 
 def _plain(x: Tensor) -> Tensor:
+    """Sizes and types of maps are the kernels' to refuse."""
+    if not isinstance(x, Tensor):
+        raise TypeError(f"maps are to be torch.Tensors, not of the type {type(x).__name__}")
     return x.detach().contiguous()
 
 
+def _mask(valid: Tensor) -> Tensor:
+    valid = _plain(valid)
+    if valid.dtype != torch.bool:
+        raise TypeError(f"valid is of {valid.dtype}, not bool")
+    return valid.view(torch.uint8)
+
+
 def _there(camera: Tensor, like: Tensor) -> Tensor:
+    if not isinstance(camera, Tensor) or not camera.dtype.is_floating_point:
+        raise TypeError("cameras are to be torch.Tensors in floating point")
     return camera.detach().to(like.device, torch.float32).contiguous()
 
 

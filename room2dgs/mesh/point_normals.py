@@ -9,6 +9,7 @@ import numpy as np
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
+from room2dgs.geometry.arguments import check_points
 from room2dgs.mesh.open3d import o3d
 
 NEIGHBOURS = 30  # nearest points, itself among them, whose plane gives a point's normal; open3d's default
@@ -41,7 +42,12 @@ def oriented_normals(xyz: np.ndarray, towards: np.ndarray) -> np.ndarray:
 
     Returns:
         (M, 3) float64 unit.
+
+    Raises:
+        TypeError, ValueError: no such points, or not as many of both.
     """
+    if len(check_points("xyz", xyz)) != len(check_points("towards", towards)):
+        raise ValueError(f"there are {len(xyz)} points and {len(towards)} sides that they are seen from")
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(xyz, np.float64)))
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(knn=NEIGHBOURS))
     normals = np.asarray(cloud.normals)

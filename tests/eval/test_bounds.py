@@ -14,6 +14,8 @@ from room2dgs.eval.alignment_search import guesses
 from room2dgs.eval.geometry_scores import downsample
 from room2dgs.eval.protocol import MeshFile
 from room2dgs.eval.protocol_neuris import DOWNSAMPLE_M, _fine, neuris, too_many_pieces
+from room2dgs.eval.sampling import sample_by_area
+from room2dgs.eval.surface import Surface
 
 
 def box(side: float) -> trimesh.Trimesh:
@@ -65,3 +67,22 @@ def test_options_that_cannot_be_are_told(make, options):
     (name,) = options
     with pytest.raises(InputError, match=name):
         evaluate(box(1.0), box(1.0), make.all_around(), **options)
+
+
+@pytest.mark.parametrize("vertex", [-1, 8, 2**40])
+def test_meshes_given_from_python_are_checked(make, vertex):
+    """A face with a vertex that is not there was read past the end of the mesh."""
+    wrong = box(1.0)
+    faces = np.array(wrong.faces)
+    faces[3, 1] = vertex
+    wrong = trimesh.Trimesh(wrong.vertices, faces, process=False)
+    doors = (
+        Surface,
+        lambda mesh: sample_by_area(mesh, 10, 0),
+        lambda mesh: evaluate(mesh, box(1.0), make.all_around()),
+    )
+    for run in doors:
+        with pytest.raises(ValueError, match="faces name vertices"):
+            run(wrong)
+        with pytest.raises(TypeError, match=r"trimesh\.Trimesh"):
+            run(None)
