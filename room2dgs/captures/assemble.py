@@ -13,6 +13,7 @@ from room2dgs.captures.capture_points import CapturePoints
 from room2dgs.captures.entry import Entry
 from room2dgs.captures.exif import focal_doubt
 from room2dgs.captures.fitted import fitted
+from room2dgs.captures.held_out import held_out
 from room2dgs.captures.keyframes import keyframes
 from room2dgs.captures.left_out import MOST_MISSING, left_out, missing_photos
 from room2dgs.captures.lens import pinhole_of
@@ -63,7 +64,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
     shared = shared_stems(shot.path for shot in capture.shots)
     frames = [replace(frame, shares_stem=frame.color_path.stem in shared) for frame in frames]
     _check_names(frames)
-    train, test = _split(frames, capture, config)
+    train, test, of_split = _split(frames, capture, config)
     chosen = set(keyframes([frame.camera for frame in train], config.keyframes))
     doubt = focal_doubt([(entry.shot, entry.lens) for entry in entries])
     points = None
@@ -79,7 +80,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
         layout=capture.layout,
         metric=capture.metric,
         notes=(*capture.notes, *_notes(capture, config, entries), *notes, *offset_note(origin_m)),
-        warnings=(*capture.warnings, *said, *doubts, *alone, *rounded, *([doubt] if doubt else [])),
+        warnings=(*capture.warnings, *said, *of_split, *doubts, *alone, *rounded, *([doubt] if doubt else [])),
         given_points=points,
         matched_only=frozenset(frame.name for index, frame in enumerate(train) if index not in chosen),
         origin_m=origin_m,
@@ -181,9 +182,10 @@ def _check_names(frames: Sequence[Frame]) -> None:
             )
 
 
-def _split(frames: list[Frame], capture: Capture, config: SceneConfig) -> tuple[list[Frame], list[Frame]]:
-    if capture.test is not None and config.split == "capture":
-        names = {file_name(name) for name in capture.test}
+def _split(frames: list[Frame], capture: Capture, config: SceneConfig) -> tuple[list[Frame], list[Frame], list[str]]:
+    """Training views, held-out ones, and warnings of the capture's own split."""
+    names, said = held_out(capture) if config.split == "capture" else (None, [])
+    if names is not None:
         train = [frame for frame in frames if frame.name not in names]
         test = [frame for frame in frames if frame.name in names]
         if len(train) < MIN_VIEWS:
@@ -191,14 +193,14 @@ def _split(frames: list[Frame], capture: Capture, config: SceneConfig) -> tuple[
                 f"{capture.root} holds out {len(test)} of the {len(frames)} views itself, {len(train)} are left for "
                 f"training and at least {MIN_VIEWS} are needed; give scene.split=every"
             )
-        return train, test
+        return train, test, said
     train, test = hold_out(frames, config.test_every)
     if len(train) < MIN_VIEWS:
         raise InputError(
             f"scene.test_every={config.test_every} leaves {len(train)} of the {len(frames)} views in {capture.root} "
             f"for training, at least {MIN_VIEWS} are needed; raise it, or set it to 0 to hold nothing out"
         )
-    return train, test
+    return train, test, said
 
 
 def _gt_mesh(capture: Capture, config: SceneConfig) -> Path | None:

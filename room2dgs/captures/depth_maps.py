@@ -27,7 +27,8 @@ class DepthMap:
         label: what messages call it.
         read: (H, W) numbers, read anew each time.
         unit_m: metres of one of them.
-        K: (3, 3) of the sensor at the map's own size, pixel centres at +0.5; None: the photo's, scaled to it.
+        K: (3, 3) of the sensor, pixel centres at +0.5; None: the photo's, scaled to the map.
+        K_size: (width, height) that K is for; None: the map's own.
         distorted: the map has the photo's distortion; False: it is a pinhole image.
         invalid: a number besides 0, and all that is not finite, that stands for no depth.
         stored: (width, height) where it is known without reading the map.
@@ -37,6 +38,7 @@ class DepthMap:
     read: Callable[[], np.ndarray] = field(compare=False)
     unit_m: float = 0.001
     K: tuple[tuple[float, ...], ...] | None = None
+    K_size: tuple[int, int] | None = None
     distorted: bool = True
     invalid: float | None = None
     stored: tuple[int, int] | None = None
@@ -80,6 +82,8 @@ class DepthMap:
         rays = camera.rays()
         if self.K is not None:
             pixel = rays[..., :2] * np.array([self.K[0][0], self.K[1][1]]) + np.array([self.K[0][2], self.K[1][2]])
+            if self.K_size is not None:
+                pixel = pixel * np.divide((width, height), self.K_size)
         elif lens is not None and self.distorted:
             pixel = lens.project(rays.reshape(-1, 3)).reshape((*rays.shape[:2], 2)) * (width, height) / lens.size
         elif lens is not None:

@@ -224,4 +224,4 @@ def _depth_size(shot: Shot) -> tuple[int, int] | None:
     """(width, height) of a map that shows what the photo shows; None: it has a camera of its own, or is damaged."""
     if isinstance(shot.depth, Path):
         return depth_size(shot.depth)
-    return shot.depth.size() if shot.depth.K is None else None
+    return shot.depth.size() if shot.depth.K is None or shot.depth.K_size is not None else None

@@ -11,6 +11,21 @@ from room2dgs.captures.capture import lost
 MAX_APART_S = 0.02  # of what counts as one moment
 MAX_GAP_S = 0.2  # of the poses around a photo
 SAME_TIME_S = 0.001  # of a pose that was written for a photo
+# the least of numbers that are times of our days in a unit, its seconds, and what it is called; seconds are below all
+UNITS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
+
+
+def in_seconds(stamps: np.ndarray) -> tuple[np.ndarray, str]:
+    """Times since 1970 as seconds, and what they were by their size where it was not that ("milliseconds").
+
+    Args:
+        stamps: (N,) seconds, or whole milli-, micro- or nanoseconds.
+    """
+    usual = float(np.median(stamps)) if len(stamps) else 0.0
+    for least, unit, name in UNITS:
+        if usual >= least:
+            return stamps * unit, name
+    return stamps, ""
 
 
 def written_for(photos: np.ndarray, stamps: np.ndarray) -> bool:

@@ -48,14 +48,15 @@ def read_sevenscenes(root: Path, config: SceneConfig) -> Capture:
         prefix = "" if folder == root else f"{folder.name}_"
         for name in natural(name for name in names if name.endswith(".color.png")):
             stem = name.removesuffix(".color.png")
-            depth, pose = f"{stem}.depth.png", f"{stem}.pose.txt"
+            depth, pose = folder / f"{stem}.depth.png", f"{stem}.pose.txt"
+            sensor = depth_file(depth, K=DEPTH_K, K_size=SIZE, invalid=NO_DEPTH)
             shots.append(
                 Shot(
                     f"{prefix}{stem}",
                     folder / name,
                     partial(read_world_from_cam, folder / pose) if pose in names else lost(f"{pose} is missing"),
                     lens,
-                    depth=depth_file(folder / depth, K=DEPTH_K, invalid=NO_DEPTH) if depth in names else None,
+                    depth=sensor if depth.name in names else None,
                 )
             )
     if not shots:
@@ -63,17 +64,22 @@ def read_sevenscenes(root: Path, config: SceneConfig) -> Capture:
     notes = [f"intrinsics: none in the layout, {COLOR} taken; scene.intrinsics=[fx,fy,cx,cy] gives others"]
     if config.intrinsics is not None:
         notes = []
-    test = _test(root, [shot.name for shot in shots])
+    test, told = _test(root, [shot.name for shot in shots])
+    notes += told
     return Capture(
         root, "sevenscenes", shots, test=test, gt_mesh=gt_mesh_in(root), notes=notes, why="KinectFusion's poses"
     )
 
 
-def _test(root: Path, names: list[str]) -> frozenset[str] | None:
+def _test(root: Path, names: list[str]) -> tuple[frozenset[str] | None, list[str]]:
+    """Names of the frames of the test sequences, and a note where these are none or all that there are."""
     path = root / "TestSplit.txt"
     if not path.is_file():
-        return None
+        return None, []
     numbers = ["".join(letter for letter in text if letter.isdigit()) for _, text in lines_of(path)]
     sequences = tuple(f"seq-{int(text):02d}_" for text in numbers if 0 < len(text) < 6)
     found = frozenset(name for name in names if name.startswith(sequences)) if sequences else frozenset()
-    return found if found and len(found) < len(names) else None
+    if found and len(found) < len(names):
+        return found, []
+    share = "all" if found else "none"
+    return None, [f"{path} holds out {share} of the sequences that are there, so that it is not used"]

@@ -1,4 +1,4 @@
-"""TUM RGB-D: rgb.txt, depth.txt, groundtruth.txt with times, photos and depth named by them.
+"""TUM RGB-D: rgb.txt, depth.txt, groundtruth.txt with times, photos and depth named by them; or associations.txt.
 
 Poses are camera-to-world of the colour camera with OpenCV axes, interpolated at the photos' times. No file has the
 intrinsics: they are those of the folder's freiburg1, 2 or 3, with their distortion; depth is 1/5000 m and has none.
@@ -17,7 +17,7 @@ from room2dgs.captures.left_out import left_out
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.listing import Listing, gt_mesh_in, inside
 from room2dgs.captures.text_files import floats, lines_of, quaternion_pose
-from room2dgs.captures.trajectories import MAX_APART_S, pose_at_time, written_for
+from room2dgs.captures.trajectories import MAX_APART_S, in_seconds, pose_at_time, written_for
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
@@ -30,10 +30,13 @@ CAMERAS = {
     "freiburg3": (535.4, 539.2, 320.1, 247.6, 0.0, 0.0, 0.0, 0.0, 0.0),
 }
 DEPTH_UNIT_M = 1 / 5000
+# photos with their depth maps, as associate.py writes them: a time and a file, twice
+ASSOCIATED = ("associations.txt", "association.txt", "associate.txt", "associated.txt", "associations_rgbd.txt")
+PAIR = re.compile(r"(\S+)\s+([-+.\d]+(?:e[-+]?\d+)?)\s+(\S+)", re.IGNORECASE)  # behind the first time
 
 
 def is_tum(files: Listing) -> bool:
-    return "groundtruth.txt" in files and "rgb.txt" in files
+    return "groundtruth.txt" in files and any(name in files for name in ("rgb.txt", *ASSOCIATED))
 
 
 def read_tum(root: Path, config: SceneConfig) -> Capture:
@@ -43,8 +46,9 @@ def read_tum(root: Path, config: SceneConfig) -> Capture:
         InputError: see `room2dgs.captures.read.read_scene`.
     """
     lens = _lens(root, config)
-    photos, notes = _stamped(root / "rgb.txt")
-    depths, depth_notes = _depths(root)
+    listed_in, depths_in = _lists(root)
+    photos, notes = _stamped(listed_in)
+    depths, depth_notes = _depths(root, depths_in)
     stamps, poses, pose_notes = trajectory(root / "groundtruth.txt")
     own = written_for(np.array([stamp for stamp, _ in photos]), stamps)
     depth_stamps = np.array([stamp for stamp, _ in depths])
@@ -56,7 +60,7 @@ def read_tum(root: Path, config: SceneConfig) -> Capture:
             if abs(depth_stamps[nearest] - stamp) <= MAX_APART_S:
                 depth = depth_file(depths[nearest][1], DEPTH_UNIT_M, distorted=False)
         pose = pose_at_time(stamp, stamps, poses, own=own)
-        shots.append(Shot(name, inside(root, name, root / "rgb.txt"), pose, lens, depth=depth))
+        shots.append(Shot(name, inside(root, name, listed_in), pose, lens, depth=depth))
     return Capture(
         root,
         "tum",
@@ -67,12 +71,20 @@ def read_tum(root: Path, config: SceneConfig) -> Capture:
     )
 
 
-def _depths(root: Path) -> tuple[list[tuple[float, Path]], list[str]]:
+def _lists(root: Path) -> tuple[Path, Path]:
+    """The lists of the photos and of the depth maps; one that has both stands in for what is missing."""
+    both = next((root / name for name in ASSOCIATED if (root / name).is_file()), None)
+    photos, depths = root / "rgb.txt", root / "depth.txt"
+    if both is None:
+        return photos, depths
+    return (photos if photos.is_file() else both), (depths if depths.is_file() else both)
+
+
+def _depths(root: Path, path: Path) -> tuple[list[tuple[float, Path]], list[str]]:
     """Times and files of the depth maps that are there, and notes."""
-    path = root / "depth.txt"
     if not path.is_file():
         return [], []
-    listed, notes = _stamped(path)
+    listed, notes = _stamped(path, depth=True)
     files = [(stamp, inside(root, name, path)) for stamp, name in listed]
     there = [(stamp, file) for stamp, file in files if file.is_file()]
     if len(there) < len(files):
@@ -91,13 +103,21 @@ def _lens(root: Path, config: SceneConfig) -> Lens | None:
     return None
 
 
-def _stamped(path: Path) -> tuple[list[tuple[float, str]], list[str]]:
-    """(seconds, file) a line, in order of time, white space or a comma between; and notes on lines left out."""
+def _stamped(path: Path, depth: bool = False) -> tuple[list[tuple[float, str]], list[str]]:
+    """(seconds, file) a line, in order of time, white space or a comma between; and notes on lines left out.
+
+    Args:
+        depth: the depth map's of a line that has a photo and a depth map; False: the photo's.
+    """
     found, bad = [], {}
     lines = lines_of(path)
     for line, text in lines:
         stamp, *rest = re.split(r"[\s,]+", text, maxsplit=1)
         name = "".join(rest)
+        pair = PAIR.fullmatch(name.replace(",", " "))
+        if pair:
+            other = pair[1].lower().startswith("depth") != depth  # some have the depth map first
+            stamp, name = (pair[2], pair[3]) if other else (stamp, pair[1])
         try:
             seconds = floats(stamp, path, line, 1)[0]
             if not name or not np.isfinite(seconds):
@@ -109,7 +129,14 @@ def _stamped(path: Path) -> tuple[list[tuple[float, str]], list[str]]:
     said = left_out(bad, len(lines), f"lines of {path.name}")
     if not found:
         raise InputError(f"{path} lists no files with times; copy the sequence again")
-    return sorted(found), [said] if said else []
+    stamps, notes = _seconds(np.array([seconds for seconds, _ in found]), path)
+    found = [(float(stamp), name) for stamp, (_, name) in zip(stamps, found, strict=True)]
+    return sorted(found), [*([said] if said else []), *notes]
+
+
+def _seconds(stamps: np.ndarray, path: Path) -> tuple[np.ndarray, list[str]]:
+    seconds, unit = in_seconds(stamps)
+    return seconds, [f"times: those in {path.name} are {unit}, by their size"] if unit else []
 
 
 def trajectory(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
@@ -138,4 +165,5 @@ def trajectory(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     if not poses:
         raise InputError(f"{path} has no poses; copy it again")
     order = np.argsort(stamps, kind="stable")
-    return np.array(stamps)[order], np.stack(poses)[order], [said] if said else []
+    seconds, notes = _seconds(np.array(stamps)[order], path)
+    return seconds, np.stack(poses)[order], [*([said] if said else []), *notes]
