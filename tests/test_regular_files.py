@@ -56,5 +56,5 @@ def test_a_link_to_a_regular_file_is_followed(tmp_path):
 
 
 def test_names_are_shown_without_what_a_terminal_would_obey():
-    assert shown("a\x1b[31mred\n\u202eok é 日本") == "a\\x1b[31mred\\n\\u202eok é 日本"
+    assert shown("a\x1b[31mred\n\u202eok\udcff é 日本") == "a\\x1b[31mred\\n\\u202eok\\udcff é 日本"
     assert str(InputError("x\x1b]0;title\x07.jpg is missing")) == "x\\x1b]0;title\\x07.jpg is missing"

@@ -107,6 +107,8 @@ def unit_named(scene: Scene, config: Config, out: Path) -> Iterator[None]:
     except NoSurface as error:
         scale = earlier(out).get(SCALE)
         doubt = unit_doubt(scale if isinstance(scale, float) and scale > 0 else None, scene, config.scene.unit)
+        if doubt and (scene.metric or config.scene.unit is not None):  # then something else may be the cause
+            raise NoSurface(f"{error}; or lengths are in another unit than metres: {doubt}") from error
         if doubt:
             raise NoSurface(f"no surface came out, because lengths are in another unit than metres: {doubt}") from error
         if scene.metric or config.scene.unit is not None:

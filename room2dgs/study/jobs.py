@@ -107,7 +107,10 @@ def finished(job: Job) -> bool:
     other = _differing(absolute(load_config((), path)), job.config)
     if other:
         raise InputError(f"{job.folder} holds a run with another {other}; choose another out=DIR, or delete it")
-    return "eval" in (earlier(job.folder).get("seconds") or {})
+    try:
+        return "eval" in (earlier(job.folder).get("seconds") or {})
+    except InputError:  # figures that are not whole: the run is gone on with, and says so itself
+        return False
 
 
 def executed(jobs: Sequence[Job], hydra_settings: Sequence[str], out: Path) -> list[RunFailed | None]:
