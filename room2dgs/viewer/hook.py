@@ -26,7 +26,9 @@ class ShowTraining(Hook):
         self.viewer.look_from(cameras[0])
         self.viewer.start()
         self._shown = time.monotonic()
-        trainer.log(f"watch the training at {self.viewer.url}")
+        # others may read a run's log; the token is for who started it
+        trainer.log(f"watch the training at {self.viewer.address}, with the token that the terminal shows")
+        print(f"look at {self.viewer.url}", flush=True)
 
     def after_step(self, trainer: Trainer, iteration: Iteration) -> None:
         now = time.monotonic()

@@ -96,9 +96,14 @@ class Viewer:
         self._controls()
 
     @property
+    def address(self) -> str:
+        """Where it listens, for logs: without the token."""
+        return f"http://{in_url(self._named)}:{self.port}"
+
+    @property
     def url(self) -> str:
         """Where a browser finds it; who knows it may look."""
-        return f"http://{in_url(self._named)}:{self.port}/?token={self.door.token}"
+        return f"{self.address}/?token={self.door.token}"
 
     @property
     def watched(self) -> bool:
@@ -230,7 +235,7 @@ class Viewer:
         self._wake.set()
 
     def _paced(self, fps: float) -> None:
-        for eye in self._eyes.values():
+        for eye in list(self._eyes.values()):
             eye.pace.fps = fps
 
     def _connected(self, client: Any) -> None:
@@ -300,7 +305,7 @@ class Viewer:
             self.say(f"Distance: {words}")
 
     def _clear(self) -> None:
-        for eye in self._eyes.values():
+        for eye in list(self._eyes.values()):
             eye.marks.clear()
         for name in ("1", "2", "line", "words"):
             self._server.scene.remove_by_name(f"/measured/{name}")

@@ -10,7 +10,7 @@ from room2dgs.train import load_surfels, train
 pytest.importorskip("viser", reason="viser is missing (the extra `view`)")
 
 
-def test_a_run_that_is_watched_gives_the_same_bits_and_its_server_ends(capture, tmp_path, monkeypatch):
+def test_a_run_that_is_watched_gives_the_same_bits_and_its_server_ends(capture, tmp_path, monkeypatch, capsys):
     from room2dgs.viewer import hook
 
     scene, points = capture
@@ -30,3 +30,5 @@ def test_a_run_that_is_watched_gives_the_same_bits_and_its_server_ends(capture, 
     assert len(shown) == 6 and ended == [True]
     assert shown[-1] == len(load_surfels(paths[1]).centers)
     assert [line for line in said if "watch the training at http://127.0.0.1:" in line]
+    assert "/?token=" in capsys.readouterr().out
+    assert not [line for line in said if "token=" in line]  # a log may be read by others
