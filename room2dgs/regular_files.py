@@ -16,6 +16,8 @@ KINDS = (
     (stat.S_ISSOCK, "a socket"),
 )  # fmt: skip
 COPY_AGAIN = "copy the capture again"
+# what Git leaves in a large file's place where Git LFS did not fetch it; such a text is short
+POINTER, POINTER_BYTES = b"version https://git-lfs.github.com/spec/", 1024
 
 
 def open_regular(path: Path, mend: str = COPY_AGAIN) -> BinaryIO:
@@ -26,7 +28,7 @@ def open_regular(path: Path, mend: str = COPY_AGAIN) -> BinaryIO:
 
     Raises:
         InputError: it is missing (or there in other letters), a link to nothing, a folder, a pipe, a device, or may not
-            be read: each has its own sentence.
+            be read, or is Git LFS's pointer to the file: each has its own sentence.
     """
     path = Path(path)
     try:
@@ -35,9 +37,12 @@ def open_regular(path: Path, mend: str = COPY_AGAIN) -> BinaryIO:
     except (OSError, ValueError) as error:
         raise refusal(path, error, mend) from error
     try:
-        kind = not_regular(os.fstat(handle).st_mode)
+        found = os.fstat(handle)
+        kind = not_regular(found.st_mode)
         if kind:
             raise InputError(f"{path} is {kind} where a file belongs; {mend}")
+        if found.st_size <= POINTER_BYTES and _is_pointer(handle):
+            raise InputError(f"{path} is a pointer of Git LFS and not the file itself; run git lfs pull")
         return os.fdopen(handle, "rb")
     except BaseException:
         os.close(handle)
@@ -45,7 +50,7 @@ def open_regular(path: Path, mend: str = COPY_AGAIN) -> BinaryIO:
 
 
 def check_regular(path: Path, mend: str = COPY_AGAIN) -> int:
-    """A regular file's size in bytes, without opening it; for libraries that open by name.
+    """A regular file's size in bytes; for libraries that open by name.
 
     Raises:
         InputError: as `open_regular`.
@@ -58,6 +63,8 @@ def check_regular(path: Path, mend: str = COPY_AGAIN) -> int:
     kind = not_regular(found.st_mode)
     if kind:
         raise InputError(f"{path} is {kind} where a file belongs; {mend}")
+    if found.st_size <= POINTER_BYTES:
+        open_regular(path, mend).close()
     return found.st_size
 
 
@@ -80,6 +87,13 @@ def read_regular(path: Path, longest: int, mend: str = COPY_AGAIN) -> bytes:
             return file.read(size)  # memory for no more than there is
         except OSError as error:
             raise InputError(f"{path} cannot be read ({error.strerror}); check the file") from error
+
+
+def _is_pointer(handle: int) -> bool:
+    try:
+        return os.pread(handle, len(POINTER), 0) == POINTER
+    except OSError:  # whoever reads it tells
+        return False
 
 
 def not_regular(mode: int) -> str | None:

@@ -58,3 +58,10 @@ def test_a_link_to_a_regular_file_is_followed(tmp_path):
 def test_names_are_shown_without_what_a_terminal_would_obey():
     assert shown("a\x1b[31mred\n\u202eok\udcff é 日本") == "a\\x1b[31mred\\n\\u202eok\\udcff é 日本"
     assert str(InputError("x\x1b]0;title\x07.jpg is missing")) == "x\\x1b]0;title\\x07.jpg is missing"
+
+
+@pytest.mark.parametrize("read", [open_regular, check_regular, lambda path: read_regular(path, 100)])
+def test_what_git_lfs_leaves_is_no_file_of_its_kind(tmp_path, read):
+    path = tmp_path / "images.bin"
+    path.write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
+    assert sentence(path, read) == f"{path} is a pointer of Git LFS and not the file itself; run git lfs pull"

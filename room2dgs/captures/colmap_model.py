@@ -114,7 +114,9 @@ class Model:
 
     @property
     def has_points(self) -> bool:
-        return (self.folder / "points3D.bin").is_file() or (self.folder / "points3D.txt").is_file()
+        """An empty points3D.txt is how COLMAP is told poses that were known before."""
+        text = self.folder / "points3D.txt"
+        return (self.folder / "points3D.bin").is_file() or (text.is_file() and text.stat().st_size > 0)
 
 
 def is_model(folder: Path) -> bool:

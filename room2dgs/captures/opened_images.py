@@ -18,7 +18,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from room2dgs.errors import InputError, first_line
 from room2dgs.regular_files import open_regular
@@ -42,6 +42,12 @@ DAMAGE = (
 _KINDS = (
     (0, b"\xff\xd8\xff", "JPEG"), (0, b"\x89PNG\r\n\x1a\n", "PNG"), (0, b"II*\0", "TIFF"), (0, b"MM\0*", "TIFF"),
     (8, b"WEBP", "WebP"), (0, b"BM", "BMP"), (0, b"GIF8", "GIF"), (0, b"P5", "PGM"), (0, b"P6", "PPM"),
+)  # fmt: skip
+# of photos that are not read, a name for the sentence
+_UNREAD = (
+    (0, b"\0\0\0\x0cjP  ", "JPEG 2000"), (0, b"\xff\x4f\xff\x51", "JPEG 2000"), (0, b"\0\0\0\x0cJXL ", "JPEG XL"),
+    (0, b"\xff\x0a", "JPEG XL"), (4, b"ftypavis", "AVIF"), (0, b"8BPS", "Photoshop's PSD"), (0, b"v/1\x01", "OpenEXR"),
+    (0, b"#?RADIANCE", "Radiance HDR"), (0, b"qoif", "QOI"),
 )  # fmt: skip
 _HEIC_BRANDS = (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")
 
@@ -114,7 +120,15 @@ def kind_of(head: bytes) -> str | None:
 
 
 def is_heic(head: bytes) -> bool:
-    return head[4:8] == b"ftyp" and any(brand in head[8:40] for brand in _HEIC_BRANDS)
+    brands = head[8:40]  # AVIF lies in the same box
+    return head[4:8] == b"ftyp" and b"avi" not in brands and any(brand in brands for brand in _HEIC_BRANDS)
+
+
+def unread_kind(head: bytes) -> str | None:
+    """What a file's first bytes say that it is where that is not read ("AVIF")."""
+    if head[4:8] == b"ftyp" and b"avif" in head[8:40]:
+        return "AVIF"
+    return next((kind for place, magic, kind in _UNREAD if head[place : place + len(magic)] == magic), None)
 
 
 def begins(head: bytes) -> str:
@@ -134,10 +148,15 @@ def _refusal(label: object, head: bytes, file: BinaryIO, error: BaseException) -
     kind = kind_of(head)
     if kind == "HEIC" and not heic_is_read():
         return InputError(f"{label} is HEIC, which is not read; {HEIC_IS_READ_BY} or convert it to JPEG")
+    unread = unread_kind(head) if kind is None else None
+    if unread:
+        return InputError(f"{label} is {unread}, which is not read as a photo; convert it to JPEG or PNG")
     if kind is None:
         return InputError(f"{label} cannot be decoded: it is not an image (it begins {begins(head)}); {MEND}")
     if _ends_early(kind, file):
         return InputError(f"{label} cannot be decoded: this {kind} ends too early; copy it again or delete the frame")
+    if isinstance(error, UnidentifiedImageError):  # its text names Python's object
+        return InputError(f"{label} cannot be decoded: this {kind} is damaged or of a kind that is not read; {MEND}")
     return InputError(f"{label} cannot be decoded: this {kind} is damaged ({first_line(error)[:80]}); {MEND}")
 
 

@@ -61,6 +61,18 @@ def unmatched(folder: Path, used: Collection[str], of_what: str, instead: str = 
     return f"{folder} has {len(names)} files, {len(left)} of them are the {of_what} of no photo ({some(left)}); {mend}"
 
 
+def called_map(name: str) -> bool:
+    """Whether a file's name, or that of a folder it lies in, says depth or mask.
+
+    Args:
+        name: with slashes.
+    """
+    *folders, last = name.lower().split("/")
+    return any(pattern.search(folder) for pattern in FOLDERS.values() for folder in folders) or any(
+        pattern.search(last) for pattern in FILES.values()
+    )
+
+
 def tell_unmatched(capture: Capture) -> None:
     """Add what `unmatched` says of the folders of depth maps and masks beside a capture's photos: a warning where none
     of a folder's files is used, a note where some are, or where another such folder is used in its place.

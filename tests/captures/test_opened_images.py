@@ -274,3 +274,29 @@ def test_images_and_videos_are_opened_in_one_place():
                 if isinstance(node, ast.Call) and ast.unparse(node.func) in OPENERS:
                     found.add(path.relative_to(top).as_posix())
     assert found == OPEN_IMAGES | OF_OUR_OWN
+
+
+@pytest.mark.parametrize(
+    ("head", "kind"),
+    [
+        (b"\0\0\0\x0cjP  \r\n\x87\n", "JPEG 2000"),
+        (b"\0\0\0\x1cftypavif\0\0\0\0avifmif1miaf", "AVIF"),
+        (b"\0\0\0\x1cftypmif1\0\0\0\0mif1avif", "AVIF"),
+        (b"\xff\x0a\xfa\x1f", "JPEG XL"),
+        (b"8BPS\0\1", "Photoshop's PSD"),
+        (b"v/1\x01\2\0\0\0", "OpenEXR"),
+    ],
+)
+def test_images_of_formats_that_are_not_read_are_called_by_their_names(tmp_path, head, kind):
+    path = tmp_path / "photo.jpg"
+    path.write_bytes(head + bytes(100))
+    with pytest.raises(InputError, match=f"is {kind}, which is not read as a photo; convert it"):
+        check_photo(path)
+
+
+def test_a_kind_that_the_decoder_does_not_know_is_told_without_its_objects(tmp_path):
+    path = tmp_path / "photo.tif"
+    cv2.imwrite(str(path), np.zeros((4, 4, 3), np.float32))
+    with pytest.raises(InputError, match="this TIFF is damaged or of a kind that is not read") as caught:
+        check_photo(path)
+    assert "<" not in str(caught.value)

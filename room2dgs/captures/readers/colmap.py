@@ -17,6 +17,7 @@ from room2dgs.captures.mask_files import fitting_masks, mask_files, mask_folders
 from room2dgs.captures.photo_names import in_folder, shared_stems
 from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.text_files import read_json_object
+from room2dgs.captures.unmatched import called_map
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.regular_files import how, written_otherwise
@@ -48,10 +49,10 @@ def read_colmap(root: Path, config: SceneConfig) -> Capture:
     """
     model, photos, notes = _model(root)
     warnings = [*_warnings(root), *model.warnings]
-    notes += _two_forms(model)
+    notes += [*_two_forms(model), *_no_points(model)]
     names = [image.name for image in model.images]
     prepared = prepared_scale(root)
-    beside = [root] if photos == root else [photos.parent, root]
+    beside = [root] if photos == root else [photos.parent, root, photos]
     folders = mask_folders(dict.fromkeys(beside))
     masks, found = fitting_masks([folder for folder in folders if folder != photos], names)
     if masks is not None and len(folders) > 1:
@@ -150,12 +151,23 @@ def _two_forms(model: Model) -> list[str]:
     ]
 
 
+def _no_points(model: Model) -> list[str]:
+    """A word where the model has no points."""
+    if model.has_points:
+        return []
+    ply = model.folder / "points3D.ply"
+    other = f"; points.source=file points.file={ply} takes those of the PLY beside it" if ply.is_file() else ""
+    return [f"{model.folder} has no points (points3D.bin or .txt), so that photos are matched for them{other}"]
+
+
 def _posed(model: Model, photos: Path) -> tuple[list[str], bool]:
     """A word where the model has poses of some of the photos alone, and whether they are few."""
     if photos.name not in PHOTOS:  # a folder of other things too
         return [], False
+    named = {image.name.replace("\\", "/") for image in model.images}
     there = {name for name in in_folder(photos) if name.lower().endswith(PHOTO_SUFFIXES)}
-    posed = sum(image.name.replace("\\", "/") in there for image in model.images)
+    there = {name for name in there if name in named or not called_map(name)}
+    posed = len(named & there)
     if posed >= len(there):
         return [], False
     said = f"{model.folder} has poses of {posed} of the {len(there)} photos in {photos}; the others are not used"

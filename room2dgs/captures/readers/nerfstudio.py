@@ -7,6 +7,7 @@ undone, and it is neither re-oriented nor centred nor scaled, as nerfstudio does
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -19,6 +20,7 @@ from room2dgs.captures.depth_maps import DepthMap, depth_file
 from room2dgs.captures.hidden_where import HiddenWhere
 from room2dgs.captures.left_out import absence, left_out, some
 from room2dgs.captures.listing import Listing, gt_mesh_in, inside, listed, natural
+from room2dgs.captures.named_maps import without_missing_maps
 from room2dgs.captures.photo_names import check_count
 from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.point_files import read_ply
@@ -34,7 +36,9 @@ NAMES = ("transforms.json", "transforms_train.json")
 HELD_OUT = ("transforms_test.json", "transforms_val.json")  # the first that is there; the other is named
 SPLITS = ("test_filenames", "val_filenames")
 ENDINGS = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG", ".webp", ".tif", ".tiff", ".bmp")
-MOST_MASKS_GONE = 0.5  # of the masks that frames name
+METRES_BELOW = 100.0  # fractions that are all smaller are metres: a room in millimetres has larger ones
+FRACTIONS = (".npy", ".exr", ".tif", ".tiff")  # files of depth that may hold them
+SAMPLED = 5  # depth maps that are looked at for their unit
 
 
 @dataclass
@@ -100,7 +104,9 @@ def _shots(meta: dict[str, Any], path: Path, config: SceneConfig, told: Told) ->
     told.warnings += [*warnings, *contradictions(meta, frames, path)]
     depth = _depth_of(meta, frames, path, config.unit, told)
     shots = shots_of(meta, frames, path, partial(photo_at, path.parent, path=path), depth=depth, told=told)
-    return _with_masks_of_ngp(_with_maps(shots, path, told), told)
+    shots, gone = without_missing_maps(shots, path)
+    told.warnings += gone
+    return _with_masks_of_ngp(shots, told)
 
 
 def shots_of(
@@ -259,17 +265,44 @@ def _says_size(meta: Mapping[str, Any], frame: Mapping[str, Any]) -> bool:
     return all(meta.get(key) is not None or frame.get(key) is not None for key in ("w", "h"))
 
 
-def _depth(meta: Mapping[str, Any], path: Path, name: object) -> DepthMap | None:
+def _depth(meta: Mapping[str, Any], path: Path, name: object, default: float = 0.001) -> DepthMap | None:
     """nerfstudio's depth: millimetres, if nothing else is said."""
     if not isinstance(name, str) or not name:
         return None
-    return depth_file(inside(path.parent, name, path), positive(meta, "depth_unit_scale_factor", path, 0.001))
+    return depth_file(inside(path.parent, name, path), positive(meta, "depth_unit_scale_factor", path, default))
+
+
+def _default_unit(meta: Mapping[str, Any], frames: list[dict[str, Any]], path: Path, told: Told) -> float:
+    """Metres of one unit of depth where no key tells: of fractions as small as metres are (.npy, .exr, float .tiff)
+    it is one, else they are millimetres, as nerfstudio has it.
+    """
+    names = [frame.get("depth_file_path") for frame in frames]
+    names = [name for name in names if isinstance(name, str) and name]
+    if "depth_unit_scale_factor" in meta or not names:
+        return 0.001
+    greatest = []
+    for name in names[:: max(1, len(names) // SAMPLED)]:
+        with suppress(InputError):
+            if Path(name).suffix.lower() not in FRACTIONS:
+                return 0.001
+            values = depth_file(inside(path.parent, name, path)).read()
+            if values.dtype.kind != "f":
+                return 0.001
+            greatest.append(float(values[np.isfinite(values)].max(initial=0.0)))
+    if not greatest or not 0 < max(greatest) < METRES_BELOW:
+        return 0.001
+    told.notes.append(
+        f"depth: {path} has no depth_unit_scale_factor, and the maps hold fractions of at most {max(greatest):.3g}, "
+        "which are read as metres"
+    )
+    return 1.0
 
 
 def _depth_of(
     meta: Mapping[str, Any], frames: list[dict[str, Any]], path: Path, unit: float | None, told: Told
 ) -> Callable[[Mapping[str, Any]], DepthMap | None]:
     """nerfstudio's depth_file_path, or instant-ngp's depth_path in units of the poses."""
+    default = _default_unit(meta, frames, path, told)
     ngp = [frame for frame in frames if frame.get("depth_path") and not frame.get("depth_file_path")]
     why = ""
     if meta.get("enable_depth_loading") is False:
@@ -281,7 +314,7 @@ def _depth_of(
 
     def depth(frame: Mapping[str, Any]) -> DepthMap | None:
         if frame.get("depth_file_path"):
-            return _depth(meta, path, frame["depth_file_path"])
+            return _depth(meta, path, frame["depth_file_path"], default)
         name = frame.get("depth_path")
         if why or not isinstance(name, str) or not name:
             return None
@@ -293,34 +326,6 @@ def _depth_of(
         )
 
     return depth
-
-
-def _with_maps(shots: list[Shot], path: Path, told: Told) -> list[Shot]:
-    """Without depth maps and masks that are named and not there.
-
-    Raises:
-        InputError: more than half of the masks are not there.
-    """
-    depths = {shot.name: shot.depth.label for shot in shots if isinstance(shot.depth, DepthMap)}
-    masks = {shot.name: shot.mask.path for shot in shots if isinstance(shot.mask, PhotoFile)}
-    no_depth = {name: file for name, file in depths.items() if absence(Path(file)) is not None}
-    no_mask = {name: f"{file} is missing" for name, file in masks.items() if absence(file) is not None}
-    if no_depth:
-        told.warnings.append(
-            f"{path} names {len(depths)} depth maps, {len(no_depth)} of which are not there "
-            f"({some(list(no_depth.values()))}); their photos are used without"
-        )
-    said = left_out(no_mask, len(masks), "masks that are named and not there", MOST_MASKS_GONE)
-    if said:
-        told.warnings.append(f"{path}: {said}; their photos are used whole")
-    return [
-        replace(
-            shot,
-            depth=None if shot.name in no_depth else shot.depth,
-            mask=None if shot.name in no_mask else shot.mask,
-        )
-        for shot in shots
-    ]
 
 
 def _unnamed(folder: Path, shots: list[Shot]) -> list[str]:

@@ -12,6 +12,7 @@ from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.known_keys import DISTORTION, check_no_distortion, unknown_in, unknown_keys
 from room2dgs.captures.left_out import left_out
 from room2dgs.captures.listing import Listing, gt_mesh_in, inside, natural
+from room2dgs.captures.named_maps import without_missing_maps
 from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.text_files import number, numbers, read_json_object
 from room2dgs.config import SceneConfig
@@ -62,15 +63,17 @@ def read_sdfstudio(root: Path, config: SceneConfig) -> Capture:
             bad[f"frame {index}"] = str(error)
     said = left_out(bad, len(frames), f"frames of {path.name}")
     notes = [said, unknown_keys(meta, KEYS, path), unknown_in(frames, FRAME_KEYS, f"frames of {path}")]
+    found, warnings = without_missing_maps([shots[name] for name in natural(shots)], path)
     return Capture(
         root,
         "sdfstudio",
-        [shots[name] for name in natural(shots)],
+        found,
         metric=world is not None,
         why="worldtogt leads to the true mesh's frame" if world is not None else "meta_data.json has no worldtogt",
         world_from_disk=world,
         gt_mesh=gt_mesh_in(root, "*_mesh.ply"),
         notes=[note for note in notes if note],
+        warnings=warnings,
     )
 
 
