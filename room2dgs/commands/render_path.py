@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from room2dgs.commands.own_arguments import choices, whole_number
 from room2dgs.commands.stages import rendered, use_threads
 from room2dgs.config import Config
 from room2dgs.errors import InputError
+from room2dgs.export.depth_maps import MIN_ALPHA, TooFar, as_npy, covered_depth, in_millimetres
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 
 SAVED = ("color", "depth", "depth_npy", "normals", "video")
 SMOOTH, VIDEO = "smooth", "video.mp4"
-MIN_ALPHA = 0.5  # less covered pixels have no depth
-MM = 1000.0
-MOST = 65535  # millimetres that a 16-bit picture holds
 
 
 class PathOptions(NamedTuple):
@@ -97,16 +94,17 @@ def render_path(options: PathOptions, scene: Scene, surfels: Surfels, config: Co
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder} cannot be written ({error.strerror}); choose another to=DIR") from error
-    bar = Bar(len(frames), 0)
+    bar, far = Bar(len(frames), 0), TooFar()
     try:
         with _video(folder / VIDEO, frames[0].camera.size, options) as add:
             for done, (frame, view) in enumerate(rendered(surfels, frames, config), start=1):
                 color = np.round(view.color.clamp(0, 1).numpy() * 255).astype(np.uint8)
-                _write(folder, frame, view, color, options.save)
+                _write(folder, frame, view, color, options.save, far)
                 add(color)
                 bar.update(done, f"{frame.name}")
     finally:
         bar.stop()
+    far.tell(log, "save=depth_npy")
     log(f"renders: {len(frames)} views ({', '.join(options.save)}) in {folder}")
     return folder
 
@@ -137,19 +135,17 @@ def _sized(camera: Camera, width: int | None) -> Camera:
     return camera if width is None else camera.resized_to_width(width)
 
 
-def _write(folder: Path, frame: Frame, view: Rendering, color: np.ndarray, save: tuple[str, ...]) -> None:
-    covered = (view.alpha >= MIN_ALPHA).numpy()
-    depth = np.where(covered, view.median_depth.numpy(), 0).astype(np.float32)
+def _write(folder: Path, frame: Frame, view: Rendering, color: np.ndarray, save: tuple[str, ...], far: TooFar) -> None:
+    depth = covered_depth(view)
     if "color" in save:
         write_png(folder / f"{frame.name}.png", color)
     if "depth" in save:
-        write_png(folder / f"{frame.name}.depth.png", np.round(np.minimum(depth * MM, MOST)).astype(np.uint16))
+        write_png(folder / f"{frame.name}.depth.png", in_millimetres(depth, far))
     if "depth_npy" in save:
-        buffer = io.BytesIO()
-        np.save(buffer, depth)
         with whole_file(folder / f"{frame.name}.depth.npy") as temporary:
-            temporary.write_bytes(buffer.getvalue())
+            temporary.write_bytes(as_npy(depth))
     if "normals" in save:
+        covered = (view.alpha >= MIN_ALPHA).numpy()
         write_png(folder / f"{frame.name}.normals.png", normal_picture(view.normal.numpy(), frame.camera, covered))
 
 

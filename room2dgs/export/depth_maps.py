@@ -6,34 +6,59 @@ import io
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
-from room2dgs.captures.scene import Frame
 from room2dgs.captures.world_offset import camera_in_world
-from room2dgs.export.source import Source
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
-from room2dgs.splat.types import Rendering
+from room2dgs.logs import Log
+
+if TYPE_CHECKING:  # `room2dgs render` shares what is here, and its help should not wait for torch
+    from room2dgs.export.source import Source
+    from room2dgs.splat.types import Rendering
 
 MIN_ALPHA = 0.5  # less covered pixels hold nothing
 MILLIMETRES = 1000.0
-FARTHEST_MM = 65535
+FARTHEST_MM = 65535  # that a 16-bit picture holds
 
 
-def write_maps(source: Source, folder: Path, encode: Callable[[Frame, Rendering], bytes], suffix: str) -> list[Path]:
-    """A file for each view and cameras.json.
+class TooFar:
+    """How many pixels were farther than 16-bit millimetres hold."""
+
+    def __init__(self) -> None:
+        self.pixels, self.views = 0, 0
+
+    def add(self, pixels: int) -> None:
+        """Those of one view."""
+        self.pixels += pixels
+        self.views += pixels > 0
+
+    def tell(self, log: Log, instead: str) -> None:
+        """A line if there were any; `instead` is the argument that writes metres."""
+        if self.pixels:
+            where = f"{self.pixels:,} pixels of {self.views} views"
+            log(
+                f"depth: {where} are farther than {FARTHEST_MM / MILLIMETRES:g} m, more than 16-bit millimetres hold; "
+                f"they are 0 (unknown). {instead} writes metres"
+            )
+
+
+def write_maps(source: Source, folder: Path, encode: Callable[[Rendering, TooFar], bytes], suffix: str) -> list[Path]:
+    """A file for each view and cameras.json; depth that the format does not hold is told in the log.
 
     Args:
-        encode: a view's rendering as the file's bytes.
+        encode: a view's rendering as the file's bytes; counts what is too far for them.
     """
-    written = []
+    written, far = [], TooFar()
     for frame, rendering in source.render(source.surfels, source.scene.frames):
         path = folder / f"{frame.name}{suffix}"
         with whole_file(path) as temporary:
-            temporary.write_bytes(encode(frame, rendering))
+            temporary.write_bytes(encode(rendering, far))
         written.append(path)
+    far.tell(source.log, "to=depth_npy")
     cameras = {
         frame.name: camera_entry(camera_in_world(frame.camera, source.origin_m)) for frame in source.scene.frames
     }
@@ -52,31 +77,46 @@ def camera_entry(camera: Camera) -> dict[str, object]:
     }
 
 
-def depth_png(_: Frame, rendering: Rendering) -> bytes:
-    """Median z-depth in millimetres, 0 = nothing known or farther than 65 m."""
-    millimetres = np.round(_depth(rendering) * MILLIMETRES)
-    return _png(np.where(millimetres <= FARTHEST_MM, millimetres, 0).astype(np.uint16))
-
-
-def depth_npy(_: Frame, rendering: Rendering) -> bytes:
+def covered_depth(rendering: Rendering) -> np.ndarray:
     """(H, W) float32 median z-depth, metres, 0 = nothing known."""
-    return _npy(_depth(rendering))
+    return np.where(rendering.alpha.numpy() >= MIN_ALPHA, rendering.median_depth.numpy(), 0).astype(np.float32)
 
 
-def normal_png(_: Frame, rendering: Rendering) -> bytes:
+def in_millimetres(depth: np.ndarray, far: TooFar) -> np.ndarray:
+    """(H, W) uint16 of metres, 0 = nothing known or farther than 65.535 m; counts the latter."""
+    millimetres = np.round(depth * MILLIMETRES)
+    held = millimetres <= FARTHEST_MM
+    far.add(int(np.count_nonzero(~held)))
+    return np.where(held, millimetres, 0).astype(np.uint16)
+
+
+def depth_png(rendering: Rendering, far: TooFar) -> bytes:
+    """Median z-depth in millimetres (`in_millimetres`)."""
+    return _png(in_millimetres(covered_depth(rendering), far))
+
+
+def depth_npy(rendering: Rendering, _: TooFar) -> bytes:
+    """Median z-depth in metres (`covered_depth`)."""
+    return as_npy(covered_depth(rendering))
+
+
+def normal_png(rendering: Rendering, _: TooFar) -> bytes:
     """RGB = x, y, z of the world from -1..1 to 0..65535; (0, 0, 0) = nothing known."""
     normal = _normal(rendering)
     levels = np.round((normal + 1) / 2 * 65535).astype(np.uint16)
     return _png(np.where(np.any(normal != 0, axis=-1, keepdims=True), levels, 0)[..., ::-1].astype(np.uint16))
 
 
-def normal_npy(_: Frame, rendering: Rendering) -> bytes:
+def normal_npy(rendering: Rendering, _: TooFar) -> bytes:
     """(H, W, 3) float32 unit normals, world frame, facing the camera; 0 = nothing known."""
-    return _npy(_normal(rendering))
+    return as_npy(_normal(rendering))
 
 
-def _depth(rendering: Rendering) -> np.ndarray:
-    return np.where(rendering.alpha.numpy() >= MIN_ALPHA, rendering.median_depth.numpy(), 0).astype(np.float32)
+def as_npy(values: np.ndarray) -> bytes:
+    """The bytes of a .npy file."""
+    buffer = io.BytesIO()
+    np.save(buffer, values)
+    return buffer.getvalue()
 
 
 def _normal(rendering: Rendering) -> np.ndarray:
@@ -88,9 +128,3 @@ def _normal(rendering: Rendering) -> np.ndarray:
 
 def _png(values: np.ndarray) -> bytes:
     return cv2.imencode(".png", values)[1].tobytes()
-
-
-def _npy(values: np.ndarray) -> bytes:
-    buffer = io.BytesIO()
-    np.save(buffer, values)
-    return buffer.getvalue()

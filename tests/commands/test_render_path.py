@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -14,7 +15,7 @@ from room2dgs import cli
 from room2dgs.captures.camera_file import read_cameras
 from room2dgs.config import dump_config, load_config
 from room2dgs.splat.types import Surfels
-from room2dgs.train.surfel_file import save_surfels
+from room2dgs.train.surfel_file import load_surfels, save_surfels
 
 WALL_Z = 2.0
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -69,6 +70,46 @@ def test_depth_is_metres_and_millimetres(run, tmp_path):
     assert metres.shape == (24, 32) and metres.dtype == np.float32 and millimetres.dtype == np.uint16
     assert np.allclose(metres, WALL_Z, atol=1e-3)
     assert np.abs(millimetres - metres * 1000.0).max() <= 0.5
+
+
+def test_depth_that_millimetres_do_not_hold_is_unknown_in_every_command_and_told(run, wall, tmp_path, capsys):
+    """Two walls: 2 m and 70 m away."""
+    far = tmp_path / "far"
+    shutil.copytree(run, far)
+    x = torch.arange(-60, 60, 1.0)
+    x, y = (part.ravel() for part in torch.meshgrid(x, x, indexing="ij"))
+    behind = torch.stack([x, y, torch.full_like(x, 70.0)], dim=1)
+    count = len(behind)
+    there = load_surfels(run / "surfels.safetensors")
+    near = there.centers[:, 0] < 0.35
+    parts = (
+        behind,
+        torch.tensor([[1.0, 0, 0, 0]]).repeat(count, 1),
+        torch.full((count, 2), 0.8),
+        torch.full((count,), 0.95),
+        torch.zeros(count, 1, 3),
+    )
+    both = Surfels(*(torch.cat([one[near], other]) for one, other in zip(there, parts, strict=True)))
+    save_surfels(far / "surfels.safetensors", both, {})
+    file = tmp_path / "here.json"
+    meta = {"w": 64, "h": 48, "fl_x": 50.0, "fl_y": 50.0, "cx": 32.0, "cy": 24.0}
+    file.write_text(json.dumps(meta | {"frames": [{"file_path": "0.png", "transform_matrix": FLIP.tolist()}]}))
+    assert render(far, f"path={file}", "save=depth,depth_npy") == 0
+    rendered = capsys.readouterr().out
+    exported = [f"run={far}", "to=depth,depth_npy", "points.source=file", f"points.file={wall / 'points.ply'}"]
+    assert cli.main(["export", *exported]) == 0
+    folder = far / "renders" / "here"
+    pairs = [
+        (folder / "0.depth.png", folder / "0.depth.npy"),
+        (far / "export/depth/000000.png", far / "export/depth_npy/000000.npy"),
+    ]
+    for png, npy in pairs:
+        millimetres, metres = cv2.imread(str(png), cv2.IMREAD_UNCHANGED), np.load(npy)
+        assert (metres > 65.535).mean() > 0.2 and (metres == 0).mean() < 0.1
+        assert (millimetres[metres > 65.535] == 0).all()
+        assert np.abs(millimetres - metres * 1000.0)[metres < 60].max() <= 0.5
+    assert "1 views are farther than 65.535 m" in rendered and "save=depth_npy writes metres" in rendered
+    assert "8 views are farther than 65.535 m" in (said := capsys.readouterr().out) and "to=depth_npy" in said
 
 
 def test_cameras_of_a_file_see_what_stands_there(run, tmp_path):
