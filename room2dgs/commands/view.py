@@ -77,7 +77,7 @@ def viewer_of(config: Config, host: str, port: int, fps: float) -> Viewer:
     shown = _drawn(mesh, scene) if surfels is None else surfels
     use_threads(config)
     up = up_axis([frame.camera for frame in scene.frames], np.zeros((0, 3)))
-    viewer = Viewer(shown, up, host, port, fps)
+    viewer = Viewer(shown, up, host, port, fps, config.render.near_m)
     try:
         viewer.look_from(scene.frames[0].camera)
         _add_meshes(viewer, mesh, scene)

@@ -22,7 +22,8 @@ class ShowTraining(Hook):
 
     def on_start(self, trainer: Trainer) -> None:
         cameras = [frame.camera for frame in trainer.scene.train]
-        self.viewer = Viewer(trainer.surfels(), up_axis(cameras, np.zeros((0, 3))), fps=FPS)
+        up, near_m = up_axis(cameras, np.zeros((0, 3))), trainer.config.render.near_m
+        self.viewer = Viewer(trainer.surfels(), up, fps=FPS, near_m=near_m)
         self.viewer.look_from(cameras[0])
         self.viewer.start()
         self._shown = time.monotonic()

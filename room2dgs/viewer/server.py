@@ -65,16 +65,23 @@ class Viewer:
             look who reaches this machine and knows `url`. Names by which browsers may know this machine follow the
             host after commas.
         fps: wanted while a camera moves.
+        near_m: `render.near_m`; surfels nearer than this are not drawn.
 
     Raises:
         InputError: viser is missing, nobody can be kept out of its server, or the address cannot be used.
     """
 
     def __init__(
-        self, shown: Surfels | DrawnMesh, up: np.ndarray, host: str = LOOPBACK, port: int = 8080, fps: float = 15.0
+        self,
+        shown: Surfels | DrawnMesh,
+        up: np.ndarray,
+        host: str = LOOPBACK,
+        port: int = 8080,
+        fps: float = 15.0,
+        near_m: float = 0.05,
     ) -> None:
         viser = found_viser()
-        self._shown, self._number, self._fps = shown, 0, fps
+        self._shown, self._number, self._fps, self._near_m = shown, 0, fps, near_m
         self.host, names = names_of(host)
         self.door = Door(names)
         self._named = next((name for name in names if name not in EVERYWHERE), EVERYWHERE.get(self.host, LOOPBACK))
@@ -274,7 +281,7 @@ class Viewer:
         aspect = max(float(camera.aspect), 0.1)
         size = size_that_stands(aspect, widest) if still else eye.pace.size(aspect, widest)
         start = time.perf_counter()
-        seen = picture(self._shown, camera_at(camera.wxyz, camera.position, camera.fov, size), kind)
+        seen = picture(self._shown, camera_at(camera.wxyz, camera.position, camera.fov, size), kind, self._near_m)
         eye.pace.took(size, time.perf_counter() - start)
         # what the browser draws is hidden behind surfaces by their depth; it costs more to send than the picture
         depth = np.where(seen.depth > 0, seen.depth + BEHIND_M, FAR_M)[..., None] if still else None
@@ -286,7 +293,7 @@ class Viewer:
         eye = self._eyes.get(event.client_id)
         if eye is None or not self._measure.value:
             return
-        point = hit(self._shown, np.array(event.ray_origin), np.array(event.ray_direction))
+        point = hit(self._shown, np.array(event.ray_origin), np.array(event.ray_direction), self._near_m)
         if point is None:
             self.say("Nothing was reconstructed there.")
             return

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from room2dgs.config import load_config
+from room2dgs.geometry.camera import Camera
 from room2dgs.train import load_surfels, train
 
 pytest.importorskip("viser", reason="viser is missing (the extra `view`)")
@@ -32,3 +36,27 @@ def test_a_run_that_is_watched_gives_the_same_bits_and_its_server_ends(capture, 
     assert [line for line in said if "watch the training at http://127.0.0.1:" in line]
     assert "/?token=" in capsys.readouterr().out
     assert not [line for line in said if "token=" in line]  # a log may be read by others
+
+
+def test_it_draws_what_the_training_draws(monkeypatch):
+    from room2dgs.viewer import hook
+
+    asked = {}
+
+    class Shown:
+        address = url = "http://127.0.0.1:1"
+
+        def __init__(self, *_, **options):
+            asked.update(options)
+
+        def look_from(self, camera): ...
+
+        def start(self): ...
+
+    monkeypatch.setattr(hook, "Viewer", Shown)
+    camera = Camera(np.eye(3), 4, 4, np.eye(4))
+    scene = SimpleNamespace(train=[SimpleNamespace(camera=camera)])
+    config = load_config(["scene.path=any", "out=any", "render.near_m=0.3"])
+    trainer = SimpleNamespace(scene=scene, config=config, surfels=lambda: None, log=lambda _: None)
+    hook.ShowTraining().on_start(trainer)
+    assert asked["near_m"] == 0.3

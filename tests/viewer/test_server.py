@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import time
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,8 +18,9 @@ from room2dgs.eval.pictures import error_mesh
 from room2dgs.eval.surface import Surface
 from room2dgs.mesh.io import write_mesh
 from room2dgs.train import save_surfels
+from room2dgs.viewer.pace import Pace
 from room2dgs.viewer.picture import hit
-from room2dgs.viewer.server import Viewer, distance_in_words, found_viser, size_that_stands, warn_of_host
+from room2dgs.viewer.server import Eye, Viewer, distance_in_words, found_viser, size_that_stands, warn_of_host
 
 pytest.importorskip("viser", reason="viser is missing (the extra `view`)")
 client_of = pytest.importorskip("websockets.sync.client")
@@ -213,3 +215,26 @@ def test_a_run_that_trained_nothing_is_shown_by_its_mesh(wall, tmp_path, source)
         assert hit(viewer._shown, np.zeros(3), np.array([0, 0, 1.0]))[2] == pytest.approx(2.0)
     finally:
         viewer.stop()
+
+
+def test_what_is_nearer_than_the_settings_draw_is_not_drawn(wall, wall_surfels, tmp_path):
+    """Surfels at 2 m, seen from 1.5 m before them; render.near_m is 0.8, then 0.2."""
+    save_surfels(tmp_path / "surfels.safetensors", wall_surfels, {})
+    seen = {}
+    for near in (0.8, 0.2):
+        config = load_config([f"scene.path={wall}", f"out={tmp_path}", f"render.near_m={near}"])
+        viewer = viewer_of(config, "127.0.0.1", _free_port(), 15)
+        at = SimpleNamespace(wxyz=(1.0, 0, 0, 0), position=(0, 0, 1.5), fov=1.0, aspect=1.0, image_width=64)
+        drawn, found = [], []
+        page = SimpleNamespace(set_background_image=lambda *_, depth, drawn=drawn, **__: drawn.append(depth))
+        try:
+            viewer._draw(Eye(SimpleNamespace(camera=at, scene=page), viewer_pace := Pace(15)))
+            viewer._measure.value = True
+            viewer._eyes[7] = Eye(None, viewer_pace)
+            viewer.say = found.append
+            viewer._clicked(SimpleNamespace(client_id=7, ray_origin=(0, 0, 1.5), ray_direction=(0, 0, 1)))
+        finally:
+            viewer.stop()
+        seen[near] = (drawn[0].min(), found)
+    assert seen[0.8][0] > 100 and seen[0.8][1] == ["Nothing was reconstructed there."]
+    assert seen[0.2][0] < 1 and seen[0.2][1] == ["Now the second point."]
