@@ -145,6 +145,7 @@ def gt_mesh_in(root: Path, *patterns: str, own: bool = True) -> Path | None:
     return None
 
 
+DRIVE = re.compile(r"[A-Za-z]:[\\/]")  # of Windows
 LONGEST_NAME, LONGEST_PATH = 240, 4000  # bytes; file systems take 255 and 4095, and a reader may add a suffix
 
 
@@ -156,6 +157,8 @@ def inside(root: Path, name: str, source: object) -> Path:
     """
     if not name.strip() or not name.isprintable():
         raise InputError(f"{source} names the file {name!r}, which cannot be; write its path relative to the capture")
+    if DRIVE.match(name):
+        raise InputError(f"{source} names {name}, a path of another machine; write paths relative to the capture")
     path = root / name.replace("\\", "/")
     if max(len(os.fsencode(part)) for part in path.parts) > LONGEST_NAME or len(os.fsencode(path)) > LONGEST_PATH:
         raise InputError(f"{source} names the file {name[:40]}..., which is too long for a file's name; write its path")

@@ -84,7 +84,7 @@ class Frame:
         """
         if self.cache is None:
             return self._color()
-        return self.cache.get_or(("photo", self._place, self.camera.size), lambda: (self._color(),))[0]
+        return self.cache.get_or(("photo", self.place, self.camera.size), lambda: (self._color(),))[0]
 
     def mask(self) -> np.ndarray | None:
         """(H, W) bool: pixels that may be used, those of which every part may; None: all may.
@@ -99,7 +99,7 @@ class Frame:
             return None
         if self.cache is None:
             return self._mask()
-        bits = self.cache.get_or(("mask", self._place, self.camera.size), self._mask_bits)[0]
+        bits = self.cache.get_or(("mask", self.place, self.camera.size), self._mask_bits)[0]
         return np.unpackbits(bits, axis=1, count=self.camera.width).astype(bool) if bits.size else None
 
     def depth(self) -> np.ndarray | None:
@@ -128,8 +128,9 @@ class Frame:
         return parts[0] if len(parts) == 1 else hashlib.sha256(b"".join(parts)).digest()
 
     @property
-    def _place(self) -> tuple:
-        return self.color_path, self.photo, self.lens, self.mask_photo
+    def place(self) -> tuple:
+        """What the pixels and the mask follow from, but for the camera's size: for keys of a cache."""
+        return self.color_path, self.photo, self.lens, self.mask_photo, self.transparent
 
     def _color(self) -> np.ndarray:
         if self.lens is None:

@@ -17,6 +17,7 @@ FILES = {
     DEPTH: re.compile(r"(^|[^a-z])depths?([^a-z]|$)"),
     MASK: re.compile(r"(^|[^a-z])masks?([^a-z]|$)"),
 }
+CONFIDENCE = re.compile(r"(^|[_-])conf(idence)?s?([_-]|$)")
 # how a layout calls them; the others have none
 BY_NAME = "it is called as its photo or by its number"
 BY_LIST = "the capture's own list names each with its {}"
@@ -90,6 +91,8 @@ def tell_unmatched(capture: Capture) -> None:
         if said:
             (capture.notes if names or used[kind] else capture.warnings).append(said)
     capture.notes.extend(_beside_photos(capture, used))
+    if used[DEPTH]:
+        capture.notes.extend(_confidences(capture))
 
 
 def _beside_photos(capture: Capture, used: dict[str, dict[str, set[str]]]) -> Iterator[str]:
@@ -109,8 +112,20 @@ def _beside_photos(capture: Capture, used: dict[str, dict[str, set[str]]]) -> It
                 yield f"{folder} has {words} called a {kind} and no photo's: {some(left)}"
 
 
-def _beside(capture: Capture) -> Iterator[tuple[Path, str]]:
-    """Folders whose names say depth or masks: in the capture, and where its photos lie."""
+def _confidences(capture: Capture) -> Iterator[str]:
+    """Notes on folders that say how sure a sensor's depth is."""
+    for place in _places(capture):
+        for name in natural(listed(place)):
+            count = len(listed(place / name)) if CONFIDENCE.search(name.lower()) else 0
+            if count:
+                yield (
+                    f"{place / name} has {count} files that say how sure the depth is, which are not used: depth is "
+                    "taken as it is"
+                )
+
+
+def _places(capture: Capture) -> dict[Path, None]:
+    """The capture's folder, those of its photos and the ones above these."""
     root = Path(os.path.abspath(capture.root))
     places = {root: None}
     folders = dict.fromkeys(os.path.dirname(os.path.abspath(shot.path)) for shot in capture.shots)
@@ -118,8 +133,13 @@ def _beside(capture: Capture) -> Iterator[tuple[Path, str]]:
         for place in (photos, photos.parent):
             if place.is_relative_to(root):
                 places[place] = None
-    seen = set(folders)
-    for place in places:
+    return places
+
+
+def _beside(capture: Capture) -> Iterator[tuple[Path, str]]:
+    """Folders whose names say depth or masks: in the capture, and where its photos lie."""
+    seen = {os.path.dirname(os.path.abspath(shot.path)) for shot in capture.shots}
+    for place in _places(capture):
         for name in natural(listed(place)):
             kind = next((kind for kind, pattern in FOLDERS.items() if pattern.search(name.lower())), None)
             folder = place / name

@@ -92,3 +92,13 @@ def test_a_sens_that_is_no_file(said, tmp_path, spoil):
     (tmp_path / "room").mkdir()
     spoil(tmp_path / "room/scene.sens")
     assert "scene.sens" in said(tmp_path / "room")
+
+
+def test_a_json_without_frames_is_no_capture(tmp_path, settings):
+    (tmp_path / "0.jpg").write_bytes(b"x")
+    (tmp_path / "settings.json").write_text('{"fps": 30}')
+    with pytest.raises(InputError, match="has photos and poses are unknown: `room2dgs prepare"):
+        read_scene(settings(tmp_path))
+    (tmp_path / "cameras.json").write_text('{"w": 96, "frames": []}')
+    with pytest.raises(InputError, match=r"cameras\.json is a capture \(nerfstudio\)"):
+        read_scene(settings(tmp_path))

@@ -368,7 +368,11 @@ def _points(meta: Mapping[str, Any], path: Path, told: Told) -> Callable[[], Raw
     name = meta.get("ply_file_path")
     if not isinstance(name, str) or not name:
         return None
-    file = inside(path.parent, name, path)
+    try:
+        file = inside(path.parent, name, path)
+    except InputError as error:
+        told.notes.append(f"ply_file_path is not read: {error}")
+        return None
     if absence(file) is not None:
         told.notes.append(f"{path} names {name} as ply_file_path, which is not there; photos are matched for points")
         return None

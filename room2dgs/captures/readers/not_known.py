@@ -7,8 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from room2dgs.captures.listing import PHOTO_SUFFIXES, VIDEO_SUFFIXES, Listing, listed, natural, unread_photos
+from room2dgs.captures.readers.other_programs import poses_of_others
 from room2dgs.errors import InputError
-from room2dgs.regular_files import how, not_regular, refusal, written_otherwise
+from room2dgs.regular_files import how, not_regular, open_regular, refusal, written_otherwise
 
 PHOTO_FOLDERS = ("images", "rgb", "color")
 PACKED = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar", ".zst")
@@ -21,6 +22,7 @@ MOST_FOLDERS = 300  # that are looked into for captures
 MOST_NAMES = 10_000
 BELOW, ABOVE = 3, 2  # how far captures are looked for
 NAMED = 3
+HEAD_BYTES = 1 << 16  # by which a transforms.json of another name is told
 MEND = "give scene.path=DIR of a capture (docs/captures.md lists the layouts)"
 
 LayoutOf = Callable[[Listing], str | None]
@@ -76,14 +78,16 @@ def not_known(files: Listing, layout_of: LayoutOf, example: str) -> InputError:
             f"{root if root.is_file() else root / videos[0]} is a video and poses are unknown: `room2dgs prepare "
             "video=FILE out=DIR` finds them, `room2dgs run video=FILE out=DIR` goes on to the mesh"
         )
+    others = poses_of_others(files)
+    if others:
+        return InputError(f"{root} {others}; or `room2dgs prepare images=DIR out=DIR` finds poses anew")
     if what and "poses are unknown" in what:
         return InputError(
             f"{root} {what}: `room2dgs prepare images=DIR out=DIR` finds them, `room2dgs run images=DIR out=DIR` goes "
             "on to the mesh"
         )
-    if what:
-        return InputError(f"{root} {what}; {MEND}")
-    return InputError(f"{root} is in no layout that is known; docs/captures.md lists them, one of them is {example}")
+    unknown = f"is in no layout that is known; docs/captures.md lists them, one of them is {example}"
+    return InputError(f"{root} {what}; {MEND}" if what else f"{root} {unknown}")
 
 
 def _what(files: Listing) -> str | None:
@@ -133,9 +137,16 @@ def _capture_above(root: Path, layout_of: LayoutOf) -> str | None:
 
 def _layout(path: Path, layout_of: LayoutOf) -> str | None:
     try:
+        if path.suffix.lower() == ".json" and path.is_file() and not _has_frames(path):
+            return None  # which is in a layout only if somebody says so
         return layout_of(Listing(path)) if path.is_dir() or path.is_file() else None
     except (InputError, OSError):
         return None
+
+
+def _has_frames(path: Path) -> bool:
+    with open_regular(path) as file:
+        return b'"frames"' in file.read(HEAD_BYTES)
 
 
 def _listed(folder: Path) -> frozenset[str]:

@@ -18,6 +18,7 @@ from room2dgs.captures.capture import C2W_OPENGL, Capture, Shot, damaged, pinhol
 from room2dgs.captures.depth_maps import DepthMap
 from room2dgs.captures.image_files import read_numbers
 from room2dgs.captures.known_keys import DISTORTION, check_no_distortion, unknown_in
+from room2dgs.captures.left_out import some
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.photos import PhotoBytes
 from room2dgs.captures.text_files import number, read_json_object
@@ -100,6 +101,11 @@ def read_polycam(root: Path, config: SceneConfig) -> Capture:
     depths = {Path(name).stem: name for name in files.names("keyframes/depth") if name.endswith(".png")}
     half = config.pixel_centres != "integer"
     both = natural(photos.keys() & cameras.keys())
+    if not both and not corrected and files.names("keyframes/corrected_cameras"):
+        raise InputError(
+            f"{files.root} has keyframes/corrected_cameras and no keyframes/corrected_images, which they are for; "
+            "export it again"
+        )
     if not both:
         raise InputError(f"{files.root} has no photos with cameras in {start}images, {start}cameras; export it again")
     known = {name: _camera(files, f"{start}cameras/{cameras[name]}") for name in both}
@@ -119,6 +125,12 @@ def read_polycam(root: Path, config: SceneConfig) -> Capture:
     unknown = unknown_in(known.values(), KEYS, files.root / f"{start}cameras")
     if unknown:
         notes.append(unknown)
+    plain = {Path(name).stem for name in files.names("keyframes/images")} if corrected else set()
+    if plain - photos.keys():
+        notes.append(
+            f"keyframes: {len(plain - photos.keys())} photos of images/ are not in corrected_images/ and are not used: "
+            f"{some(natural(plain - photos.keys()))}"
+        )
     missing = len(photos.keys() | cameras.keys()) - len(both)
     if missing:
         notes.append(f"keyframes: {missing} have a photo without a camera or a camera without a photo")

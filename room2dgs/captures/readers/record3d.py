@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from room2dgs.captures.archives import Archive
+from room2dgs.captures.archives import MAX_ENTRY_BYTES, Archive
 from room2dgs.captures.capture import C2W_OPENGL, Capture, Shot, damaged, pinhole_lens
 from room2dgs.captures.depth_maps import DepthMap, depth_file
 from room2dgs.captures.known_keys import DISTORTION, check_no_distortion, unknown_keys
@@ -25,6 +25,7 @@ from room2dgs.captures.readers.sens import the_file
 from room2dgs.captures.text_files import number, numbers, quaternion_pose, read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
+from room2dgs.regular_files import read_regular
 
 LAYOUT = "<name>.r3d, or metadata.json with rgb/ (Record3D)"
 METADATA = ("metadata.json", "metadata")
@@ -64,6 +65,7 @@ def read_record3d(root: Path, config: SceneConfig) -> Capture:
         folder = next((root / name for name in PHOTOS if (root / name).is_dir()), root / PHOTOS[0])
         photos = natural(name for name in listed(folder) if name.lower().endswith(SUFFIXES))
         names = {f"{Path(name).stem}.exr" for name in listed(root / "depth") if name.endswith(".exr")}
+        names |= {name for name in listed(folder) if name.endswith(".depth")}  # of an .r3d that was unpacked
     poses = _poses(meta, source)
     lenses = _lenses(meta, len(poses), source, config)
     if not photos:
@@ -78,7 +80,7 @@ def read_record3d(root: Path, config: SceneConfig) -> Capture:
     shots = []
     for name in photos:
         stem = Path(name).stem
-        depth = _depth_map(archive, root, stem, names, meta, source)
+        depth = _depth_map(archive, root, folder, stem, names, meta, source)
         photo = None if archive is None else PhotoBytes(str(folder / name), partial(archive.read, f"rgbd/{name}"))
         lens = lenses[place[name] if len(lenses) > 1 else 0]
         shots.append(Shot(stem, folder / name, poses[place[name]], lens, photo, depth))
@@ -120,20 +122,23 @@ def _lenses(meta: dict[str, Any], count: int, source: Path, config: SceneConfig)
 
 
 def _depth_map(
-    archive: Archive | None, root: Path, stem: str, names: set[str], meta: dict[str, Any], source: Path
+    archive: Archive | None, root: Path, folder: Path, stem: str, names: set[str], meta: dict[str, Any], source: Path
 ) -> DepthMap | None:
-    if archive is not None and f"{stem}.depth" in names:
+    if f"{stem}.depth" in names:
         size = int(number(meta, "dw", source)), int(number(meta, "dh", source))
         if not all(0 < side < MAX_SIDE for side in size):
             raise InputError(f"{source} has depth of {size[0]}x{size[1]} pixels; export the capture again")
-        label = f"rgbd/{stem}.depth"
-        return DepthMap(f"{archive.path}/{label}", partial(_packed_depth, archive, label, size), 1.0, stored=size)
+        path = folder / f"{stem}.depth"
+        packed = partial(read_regular, path, MAX_ENTRY_BYTES)
+        if archive is not None:
+            packed = partial(archive.read, f"rgbd/{stem}.depth")
+        return DepthMap(str(path), partial(_packed_depth, packed, path, size), 1.0, stored=size)
     if archive is None and f"{stem}.exr" in names:
         path = root / "depth" / f"{stem}.exr"
         return depth_file(path, 1.0)
     return None
 
 
-def _packed_depth(archive: Archive, name: str, size: tuple[int, int]) -> np.ndarray:
-    data = unpacked_lzfse(archive.read(name), 4 * size[0] * size[1], f"{archive.path} ({name})")
+def _packed_depth(packed: Callable[[], bytes], label: Path, size: tuple[int, int]) -> np.ndarray:
+    data = unpacked_lzfse(packed(), 4 * size[0] * size[1], str(label))
     return np.frombuffer(data, "<f4").reshape(size[1], size[0])

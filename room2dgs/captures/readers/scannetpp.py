@@ -27,6 +27,11 @@ from room2dgs.errors import InputError
 LAYOUT = "dslr/{colmap,resized_images} or iphone/{colmap,rgb.mkv}, scans/mesh_aligned_0.05.ply (ScanNet++)"
 CAMERAS = ("dslr", "iphone")
 DSLR_PHOTOS = ("resized_images", "original_images")
+ANON_MASKS = "resized_anon_masks"
+# what the toolkit makes of them: pinhole images
+UNDISTORTED, UNDISTORTED_PHOTOS, UNDISTORTED_MASKS = (
+    "transforms_undistorted.json", "resized_undistorted_images", "resized_undistorted_masks",
+)  # fmt: skip
 VIDEOS = ("rgb.mkv", "rgb.mp4")
 # x, y, z of the scan are y, x, -z in its transforms.json; the way back is the same
 TRANSFORMS_WORLD = np.array([[0.0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])
@@ -73,17 +78,24 @@ def read_scannetpp(root: Path, config: SceneConfig) -> Capture:
 
 
 def _dslr(folder: Path) -> Capture:
-    masks = folder / "resized_anon_masks"
-    masks = masks if masks.is_dir() else None
+    masks = folder / ANON_MASKS if (folder / ANON_MASKS).is_dir() else None
     places = [folder / name for name in DSLR_PHOTOS]
+    undistorted = folder / "nerfstudio" / UNDISTORTED
+    if not any(place.is_dir() for place in places) and undistorted.is_file():
+        hidden = folder / UNDISTORTED_MASKS if (folder / UNDISTORTED_MASKS).is_dir() else None
+        return _by_transforms(folder, undistorted, folder / UNDISTORTED_PHOTOS, hidden)
     if is_model(folder / "colmap"):
         model = read_model(folder / "colmap")
         shots = model_shots(model, photo_folder(model, places), masks)
         points = model.points if model.has_points else None
         return Capture(folder, "scannetpp", shots, W2C_OPENCV, why=WHY, points=points)
-    path = folder / "nerfstudio" / "transforms.json"
-    meta = read_json_object(path)
     photos = next((place for place in places if place.is_dir()), places[0])
+    return _by_transforms(folder, folder / "nerfstudio" / "transforms.json", photos, masks)
+
+
+def _by_transforms(folder: Path, path: Path, photos: Path, masks: Path | None) -> Capture:
+    """Photos and masks in their folders, named by a transforms.json."""
+    meta = read_json_object(path)
     frames = [frame for key in ("frames", "test_frames") for frame in meta.get(key) or [] if isinstance(frame, dict)]
     shots = shots_of(
         {key: value for key, value in meta.items() if key != "test_frames"},
@@ -92,7 +104,11 @@ def _dslr(folder: Path) -> Capture:
         partial(inside, photos, source=path),
         partial(inside, masks or photos, source=path),
     )
-    return Capture(folder, "scannetpp", shots, C2W_OPENGL, why=WHY, world_from_disk=TRANSFORMS_WORLD)
+    test = [frame.get("file_path") for frame in meta.get("test_frames") or [] if isinstance(frame, dict)]
+    held_out = frozenset(name for name in test if isinstance(name, str))
+    return Capture(
+        folder, "scannetpp", shots, C2W_OPENGL, why=WHY, world_from_disk=TRANSFORMS_WORLD, test=held_out or None
+    )
 
 
 def _iphone(folder: Path) -> Capture:

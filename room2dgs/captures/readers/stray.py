@@ -3,6 +3,8 @@
 Poses are camera-to-world with OpenCV axes, metres (StrayVisualizer hands their inverse to a projection as it is). A
 line of odometry.csv and a depth map belong to each frame of the video, by its number; the oldest apps wrote none, and
 then there must be a line a frame. Newer apps add intrinsics to the lines.
+
+Photos in rgb/, called by those numbers, stand in for a video that is not there.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.known_keys import unknown_keys
 from room2dgs.captures.left_out import left_out
 from room2dgs.captures.lens import Lens
-from room2dgs.captures.listing import Listing, gt_mesh_in, listed
+from room2dgs.captures.listing import Listing, gt_mesh_in, listed, photos_in
 from room2dgs.captures.pairing import alike
 from room2dgs.captures.photos import Video, VideoFrame
 from room2dgs.captures.text_files import floats, lines_of, number, quaternion_pose, text_of
@@ -48,11 +50,12 @@ def read_stray(root: Path, config: SceneConfig) -> Capture:
     notes = [said for said in [unknown_keys(columns, KNOWN, path)] if said]
     if any(column not in columns for column in COLUMNS):
         raise InputError(f"{path} has no columns {', '.join(COLUMNS)}; copy the scan again")
-    count = len(video)
+    files = [] if video.path.exists() else photos_in(root / "rgb")  # taken out of the video
+    count = len(files) or len(video)
     if "frame" not in columns and count != len(rows):
         raise InputError(
-            f"{path} has {len(rows)} poses and no column frame, and {video.path.name} has {count} frames; which is "
-            "whose cannot be told, copy the scan again"
+            f"{path} has {len(rows)} poses and no column frame, and {'rgb/' if files else video.path.name} has {count} "
+            f"{'photos' if files else 'frames'}; which is whose cannot be told, copy the scan again"
         )
     half = config.pixel_centres != "integer"
     lens = _lens(root / "camera_matrix.csv", half)
@@ -69,16 +72,23 @@ def read_stray(root: Path, config: SceneConfig) -> Capture:
     said = left_out(bad, len(rows), f"lines of {path.name}")
     notes += [said] if said else []
     depths = alike([f"{index:06d}" for index in lines], [n for n in listed(root / "depth") if n.endswith(DEPTHS)])
+    photos = alike([f"{index:06d}" for index in lines], files)
+    if files and (len(photos) < len(files) or f"{min(lines, default=0):06d}" not in photos):  # FFmpeg counts from 1
+        raise InputError(
+            f"{root / 'rgb'} has {len(files)} photos, {files[0]} to {files[-1]}, which are not called by the frames' "
+            f"numbers in {path.name}, from {min(lines, default=0):06d}; rename them, or put {video.path.name} there"
+        )
     shots = []
     for index, line in lines.items():
         stem = f"{index:06d}"
+        beyond = not files and 0 < count <= index
         shots.append(
             Shot(
                 stem,
-                root / "rgb" / f"{stem}.jpg",
-                line.pose if index < count or not count else lost(f"{video.path.name} has {count} frames"),
+                root / "rgb" / photos.get(stem, f"{stem}.jpg"),
+                lost(f"{video.path.name} has {count} frames") if beyond else line.pose,
                 line.lens,
-                VideoFrame(video, index),
+                None if files else VideoFrame(video, index),
                 depth_file(root / "depth" / depths[stem]) if stem in depths else None,
             )
         )
