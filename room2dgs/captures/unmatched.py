@@ -88,11 +88,19 @@ def tell_unmatched(capture: Capture) -> None:
         shown = capture.root / os.path.relpath(folder, root)
         instead = INSTEAD[kind].get(capture.layout, f"the layout {capture.layout} reads no {kind}s from files")
         said = unmatched(shown, names, kind, instead) if f"{shown} " not in told else None  # the reader knows more
+        lacking = _lacking(capture, kind) if said and names else 0
+        if lacking:  # numbers may agree by chance, where photos and maps were counted differently
+            said = f"{said}; {lacking} photos have none: if photos and maps are numbered differently, rename them"
         if said:
-            (capture.notes if names or used[kind] else capture.warnings).append(said)
+            (capture.warnings if lacking or not (names or used[kind]) else capture.notes).append(said)
     capture.notes.extend(_beside_photos(capture, used))
     if used[DEPTH]:
         capture.notes.extend(_confidences(capture))
+
+
+def _lacking(capture: Capture, kind: str) -> int:
+    """How many photos have no depth map, or no mask, though others have one."""
+    return sum((shot.depth if kind == DEPTH else shot.mask) is None for shot in capture.shots)
 
 
 def _beside_photos(capture: Capture, used: dict[str, dict[str, set[str]]]) -> Iterator[str]:
