@@ -122,7 +122,7 @@ class Views:
             return torch.from_numpy(frame.color())
         camera = _resized(frame.camera, fraction)
         size = (camera.width, camera.height)
-        key = ("smaller photo", frame.color_path, size)
+        key = ("smaller photo", frame.place, size)
         made = self.cache.get_or(key, lambda: (cv2.resize(frame.color(), size, interpolation=cv2.INTER_AREA),))
         return torch.from_numpy(made[0])
 
