@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import reduce
 from pathlib import Path
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -46,7 +47,10 @@ def new_run(overrides: list[str]) -> Config:
         raise InputError(
             f"{earlier.parent} holds no run to go on with ({CONFIG} is missing); to start one add scene.path=DIR"
         )
-    config = absolute(load_config(overrides, earlier if resume and earlier and earlier.is_file() else None))
+    if resume and earlier and earlier.is_file():
+        config = saved_settings(earlier.parent, overrides)
+    else:
+        config = absolute(load_config(overrides))
     check_out(Path(config.out), config.resume)
     refuse_if_owned(Path(config.out))
     return config
@@ -80,7 +84,29 @@ def earlier_run(overrides: list[str]) -> Config:
     folder = Path(out).expanduser()
     if not (folder / CONFIG).is_file():
         raise InputError(f"{folder} holds no run ({CONFIG} is missing); give out=DIR of an earlier `room2dgs run`")
-    return absolute(load_config(overrides, folder / CONFIG))
+    return saved_settings(folder, overrides)
+
+
+def saved_settings(folder: Path, overrides: Sequence[str] = ()) -> Config:
+    """The settings of the run in a folder, overrides on top, all paths absolute.
+
+    What lay in the folder when they were saved, such as the capture of a video, lies in it wherever the folder was
+    moved to.
+
+    Raises:
+        InputError: the settings cannot be.
+    """
+    config = absolute(load_config(overrides, folder / CONFIG))
+    saved = absolute(load_config((), folder / CONFIG))
+    before, now = Path(saved.out), folder.expanduser().absolute()
+    for key in path_keys():
+        value = value_at(saved, key)
+        if key == "out" or value is None or value_at(config, key) != value or not Path(value).is_relative_to(before):
+            continue
+        moved = now / Path(value).relative_to(before)
+        if moved.exists() or not Path(value).exists():
+            _set(config, key, str(moved))
+    return config
 
 
 @contextmanager
@@ -163,11 +189,14 @@ def keep_settings(out: Path, config: Config, section: str) -> None:
 def absolute(config: Config) -> Config:
     """Paths that stay right when a later command starts elsewhere."""
     for key in path_keys():
-        *parents, name = key.split(".")
-        node = reduce(getattr, parents, config)
-        if getattr(node, name):
-            setattr(node, name, str(Path(getattr(node, name)).expanduser().absolute()))
+        if value := value_at(config, key):
+            _set(config, key, str(Path(value).expanduser().absolute()))
     return config
+
+
+def value_at(config: Config, key: str) -> Any:
+    """Of a setting, by its dotted key."""
+    return reduce(getattr, key.split("."), config)
 
 
 def last_value(overrides: list[str], key: str) -> str | None:
@@ -205,3 +234,8 @@ def _clear(out: Path, there: set[str]) -> None:
             shutil.rmtree(path, ignore_errors=True)
         else:
             path.unlink(missing_ok=True)
+
+
+def _set(config: Config, key: str, value: str) -> None:
+    *parents, name = key.split(".")
+    setattr(reduce(getattr, parents, config), name, value)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from os.path import relpath
 from pathlib import Path
 
 from room2dgs.config import Config, conf_dir, load_config
@@ -14,11 +14,12 @@ from room2dgs.config.overrides import quoted
 from room2dgs.errors import InputError, RunFailed
 from room2dgs.files import is_temporary
 from room2dgs.owner import LOCK, refuse_if_owned
-from room2dgs.runs.folder import CONFIG, POINTS, PRIOR_MAPS, absolute, last_value
+from room2dgs.runs.folder import CONFIG, POINTS, PRIOR_MAPS, absolute, last_value, value_at
 from room2dgs.runs.metrics import earlier
 from room2dgs.study.launch import combinations, in_turn, launched
 
 EXPERIMENT, SEED = "experiment", "train.seed"
+CACHES = ("points.cache", "prior.cache")  # what is kept there is known by what it was made of
 
 
 @dataclass(frozen=True)
@@ -104,13 +105,18 @@ def finished(job: Job) -> bool:
     path = job.folder / CONFIG
     if not path.is_file():
         return False
-    other = _differing(absolute(load_config((), path)), job.config)
+    other = _differing(_saved(job), job.config)
     if other:
         raise InputError(f"{job.folder} holds a run with another {other}; choose another out=DIR, or delete it")
     try:
         return "eval" in (earlier(job.folder).get("seconds") or {})
     except InputError:  # figures that are not whole: the run is gone on with, and says so itself
         return False
+
+
+def _saved(job: Job) -> Config:
+    """As its folder has them, wherever that was then."""
+    return absolute(load_config((), job.folder / CONFIG))
 
 
 def executed(jobs: Sequence[Job], hydra_settings: Sequence[str], out: Path) -> list[RunFailed | None]:
@@ -120,10 +126,12 @@ def executed(jobs: Sequence[Job], hydra_settings: Sequence[str], out: Path) -> l
         KeyboardInterrupt: one was interrupted.
     """
     begun = [(job.folder / CONFIG).is_file() for job in jobs]
+    # the study may have been moved since
+    places = [_places(job) if resumes else [] for job, resumes in zip(jobs, begun, strict=True)]
     folders = [f"out={quoted(str(job.folder))}" for job in jobs]
     settings = [
-        [folder, "resume=true"] if resumes else [*job.overrides, folder]
-        for job, folder, resumes in zip(jobs, folders, begun, strict=True)
+        [*elsewhere, folder, "resume=true"] if resumes else [*job.overrides, folder]
+        for job, folder, resumes, elsewhere in zip(jobs, folders, begun, places, strict=True)
     ]
     return launched(settings, hydra_settings, out)
 
@@ -162,15 +170,27 @@ def path_as_it_stands(text: str) -> str:
     return f"{key}={quoted(value)}" if equals and key in path_keys() else text
 
 
+def _places(job: Job) -> list[str]:
+    """Settings for the paths that are elsewhere than the run's folder says."""
+    saved = _saved(job)
+    values = {key: value_at(job.config, key) for key in path_keys() if key != "out"}
+    return [f"{key}={quoted(value)}" for key, value in values.items() if value and value != value_at(saved, key)]
+
+
 def _settings(config: Config) -> str:
     """As text, which tells 1 from 1.0: in a schedule they differ."""
     return repr(replace(config, out="any", resume=False))
 
 
 def _differing(one: Config, other: Config) -> str:
-    """The first setting in which two runs differ, or an empty string."""
-    for key in leaf_keys():
-        path = key.name.split(".")
-        if key.name not in ("out", "resume") and repr(reduce(getattr, path, one)) != repr(reduce(getattr, path, other)):
-            return key.name
+    """The first setting in which two runs differ, or an empty string.
+
+    A path is the same where it lies in the same place, or as far from the run as before: a study moved as a whole is
+    the same study.
+    """
+    for key in (leaf.name for leaf in leaf_keys() if leaf.name not in ("out", "resume", *CACHES)):
+        before, now = value_at(one, key), value_at(other, key)
+        moved = before and now and key in path_keys() and relpath(before, one.out) == relpath(now, other.out)
+        if repr(before) != repr(now) and not moved:
+            return key
     return ""

@@ -13,6 +13,7 @@ from room2dgs.captures.scene import Scene
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.errors import InputError
+from room2dgs.regular_files import open_regular
 from room2dgs.train.prior_maps import priors_digest
 from room2dgs.train.schedule import has_shares
 
@@ -24,12 +25,20 @@ TRAIN_KEYS = (
 FREE = ("scene.gt_mesh", "scene.split", "scene.test_every", "render.threads")
 # What runs had from before there was the setting; left out where it is the same, so that they go on.
 ABSENT = {"render.device": "cpu", "train.random_background": False, "train.opacity_floor.until": 0}
+# These say where things lie. What lies there counts (`contents`), or it follows from other settings.
+PLACES = ("scene.path", "points.file", "points.cache")
+PHOTOS, POINTS_FILE = "photos", "given points"
 VIEWS = "training views"
 PRIORS = "prior maps"
+CHUNK = 1 << 20
 
 
 def fingerprint(config: Config, scene: Scene, priors: Mapping[str, ViewMaps] | None = None) -> dict[str, Any]:
-    """Dotted key -> plain value of all settings that decide the result; digests of training views and priors."""
+    """Dotted key -> plain value of all settings that decide the result; digests of views, photos, points and priors.
+
+    Raises:
+        InputError: a photo or the file of points cannot be read.
+    """
     values = asdict(config)
     values["scene"]["path"] = str(Path(config.scene.path).resolve())
     flat: dict[str, Any] = {}
@@ -47,6 +56,9 @@ def fingerprint(config: Config, scene: Scene, priors: Mapping[str, ViewMaps] | N
     for key in FREE:
         flat.pop(key, None)
     flat[VIEWS] = _views_digest(scene)
+    flat[PHOTOS] = hashlib.sha256(b"".join(frame.digest() for frame in scene.train)).hexdigest()[:16]
+    if config.points.source == "file" and config.points.file:
+        flat[POINTS_FILE] = _content(Path(config.points.file))
     if priors:
         flat[PRIORS] = priors_digest(priors, [frame.name for frame in scene.train])
     return flat
@@ -54,6 +66,7 @@ def fingerprint(config: Config, scene: Scene, priors: Mapping[str, ViewMaps] | N
 
 def digest(values: dict[str, Any]) -> str:
     """Sixteen hex digits that stand for a fingerprint."""
+    values = {key: value for key, value in values.items() if key not in (PHOTOS, POINTS_FILE)}  # as it always was
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -65,19 +78,45 @@ def check_same(before: dict[str, Any], now: dict[str, Any], where: Path) -> None
     """
     # what comes over JSON has lists where there may be tuples
     now = json.loads(json.dumps(now))
+    before, now = _without_places(before, now)
     # a key that only one has follows from another one that differs
     both = before.keys() & now.keys()
-    for key in sorted(before.keys() | now.keys(), key=lambda key: (key in (VIEWS, PRIORS), key not in both, key)):
+    last = ("", VIEWS, PHOTOS, POINTS_FILE, PRIORS)
+
+    def order(key: str) -> tuple[int, bool, str]:
+        return last.index(key) if key in last else 0, key not in both, key
+
+    for key in sorted(before.keys() | now.keys(), key=order):
         if json.dumps(before.get(key)) == json.dumps(now.get(key)):  # 1, an iteration, is not 1.0, all of them
             continue
         if key == VIEWS:
             raise InputError(f"{where} was trained on other views than the scene has now; choose another out=DIR")
+        if key in (PHOTOS, POINTS_FILE):
+            raise InputError(f"{where} was trained with other {key} than there are now; choose another out=DIR")
         if key == PRIORS:
             raise InputError(f"{where} was trained with other depth or normal priors; choose another out=DIR")
         raise InputError(
             f"{where} was trained with {key}={before.get(key, ABSENT.get(key))}, so {key}="
             f"{now.get(key, ABSENT.get(key))} cannot resume it; give the old value or choose another out=DIR"
         )
+
+
+def _without_places(before: dict[str, Any], now: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Both without the settings that say where things lie, and without digests that an older run did not note."""
+    places = set(PLACES)
+    if PHOTOS not in before:
+        places -= {"scene.path", "points.file"}  # only the name tells what lay there
+        places |= {PHOTOS, POINTS_FILE}
+    kept = [{key: value for key, value in one.items() if key not in places} for one in (before, now)]
+    return kept[0], kept[1]
+
+
+def _content(path: Path) -> str:
+    digest = hashlib.sha256()
+    with open_regular(path) as file:
+        while chunk := file.read(CHUNK):
+            digest.update(chunk)
+    return digest.hexdigest()[:16]
 
 
 def _flatten(prefix: str, value: Any, into: dict[str, Any]) -> None:

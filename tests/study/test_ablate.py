@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -127,6 +128,48 @@ def test_an_unfinished_run_is_gone_on_with(wall, tmp_path, fake):
     metrics.write_text(metrics.read_text()[:20])  # not whole
     assert ablate(wall, out, "experiment=full", "train.seed=0") == 0
     assert fake.made == ["full/seed_0"] * 2
+
+
+def unfinished(run: Path) -> None:
+    """As if it had been killed before its scores."""
+    (run / "metrics.json").write_text(json.dumps({"seconds": {"train": 60.0}}))
+
+
+def test_a_study_that_was_moved_with_its_capture_goes_on_where_it_is(wall, tmp_path, fake):
+    shutil.copytree(wall, tmp_path / "here/room")
+    before, now = tmp_path / "here", tmp_path / "there"
+    assert ablate(before / "room", before / "out", "experiment=full,no_mv", "train.seed=0") == 0
+    before.rename(now)
+    unfinished(now / "out/full/seed_0")
+    fake.made.clear()
+    assert ablate(now / "room", now / "out", "experiment=full,no_mv", "train.seed=0") == 0
+    assert fake.made == ["full/seed_0"]
+    config = load_config((), now / "out/full/seed_0/config.yaml")
+    found = (config.scene.path, config.points.cache, config.prior.cache)
+    assert found == tuple(str(now / name) for name in ("room", "out/points", "out/priors"))
+    assert not before.exists()
+
+
+def test_a_study_that_was_moved_alone_keeps_its_capture_and_takes_no_other(wall, tmp_path, fake, capsys):
+    out = tmp_path / "out"
+    assert ablate(wall, out, "experiment=full", "train.seed=0") == 0
+    now = tmp_path / "elsewhere/out"
+    shutil.move(out, now)
+    assert ablate(wall, now, "experiment=full", "train.seed=0") == 0
+    assert fake.made == ["full/seed_0"]
+    other = shutil.copytree(wall, tmp_path / "other")
+    argv = ["ablate", f"scene.path={other}", f"out={now}", "experiment=full", "train.seed=0"]
+    assert "full/seed_0 holds a run with another scene.path" in refused(capsys, argv)
+
+
+def test_a_study_with_other_caches_goes_on_with_them(wall, tmp_path, fake):
+    out = tmp_path / "out"
+    assert ablate(wall, out, "experiment=full", "train.seed=0") == 0
+    unfinished(out / "full/seed_0")
+    caches = [f"points.cache={tmp_path / 'points'}", f"prior.cache={tmp_path / 'maps'}"]
+    assert ablate(wall, out, "experiment=full", "train.seed=0", *caches) == 0
+    config = load_config((), out / "full/seed_0/config.yaml")
+    assert (config.points.cache, config.prior.cache) == (str(tmp_path / "points"), str(tmp_path / "maps"))
 
 
 def test_an_interrupt_ends_the_study(wall, tmp_path, fake, capsys):
