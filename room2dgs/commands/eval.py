@@ -121,6 +121,7 @@ def ground_truth(config: Config) -> Path | None:
 def _mesh_part(pred: Path, gt: Path, scene: Scene, settings: EvalConfig, out: Path, log: Log) -> dict[str, Any]:
     """The mesh's scores, logged, with pictures of the error in the folder `eval`."""
     from room2dgs.eval import evaluate, write_pictures
+    from room2dgs.eval.placement import misplaced
     from room2dgs.eval.protocol import load
 
     truth = _true_scene(settings)
@@ -132,6 +133,9 @@ def _mesh_part(pred: Path, gt: Path, scene: Scene, settings: EvalConfig, out: Pa
         log(found.line())
         meshes, frames = _in_truth_frame(meshes, frames, found)
         part = {"align": found.between_worlds(scene.origin_m, origin_m).as_dict()}
+    doubt = misplaced(meshes[0].mesh, meshes[1].mesh)
+    if doubt:
+        log(f"WARNING: {doubt}")
     options = {"threshold_m": settings.threshold_m, "samples": settings.samples, "seed": settings.seed}
     found = evaluate(*meshes, [frame.camera for frame in frames], settings.protocols, **options)
     write_pictures(found, frames, out / "eval", origin_m)
