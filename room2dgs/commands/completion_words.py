@@ -19,6 +19,7 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
     "prepare": {"video": ANY, "images": ANY},
     "run": {"video": ANY, "images": ANY, "hydra/launcher": LAUNCHERS},
     "ablate": {"hydra/launcher": LAUNCHERS},
+    "depth": {"fill": ("true", "false")},
     "eval": {"run": ANY, "pred": ANY, "gt": ANY, "scene": ANY},
     "mesh": {"run": ANY},
     "render": {
@@ -31,6 +32,10 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
     "export": {"run": ANY, "to": ANY, "up": UPS, "faces": ANY, "max_error_m": ANY},
     "plan": {"run": ANY, "up": UPS},
     "table": {"meshes": ANY, "protocol": ("area", "neuris", "manhattan"), "name": ANY, "out": ANY},
+    "bench": {
+        "out": ANY, "in_run": ("true", "false"), "widths": ANY, "scenes": ANY, "root": ANY, "points": ANY, "point": ANY,
+        "factors": ANY,
+    },
 }  # fmt: skip
 WITHOUT_SETTINGS = ("table", "doctor", "completion", "bench")
 

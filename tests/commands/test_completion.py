@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
+import re
 import shlex
 import shutil
 import subprocess
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -14,6 +19,7 @@ from room2dgs import cli
 from room2dgs.commands.bench import BENCHES
 from room2dgs.commands.completion_words import OWN, WITHOUT_SETTINGS
 from room2dgs.commands.examples import EXAMPLES
+from room2dgs.commands.verbs import VERBS
 from room2dgs.config import conf_dir
 from room2dgs.config.overrides import group_choices, known_key
 from room2dgs.study.launch import of_hydra
@@ -27,9 +33,13 @@ TYPED = {
     "room2dgs export to=glb,sp": ["glb,splats", "glb,splats_2dgs", "glb,splat", "glb,spz"],
     "room2dgs export up=-": ["-x", "-y", "-z"],
     "room2dgs bench sui": ["suite"],
+    "room2dgs depth fi": ["fill="],
+    "room2dgs depth fill=": ["true", "false"],
+    "room2dgs bench suite sce": ["scenes="],
     "room2dgs table me": ["meshes="],  # and no setting: this command has none
     "room2dgs run strat": ["strategy.", "strategy="],
 }
+READERS = ("own_arguments", "choices", "whole_number", "last_value")  # their second argument names one, or several
 
 
 def script(shell: str, folder: Path, capsys) -> Path:
@@ -104,10 +114,44 @@ def test_help_ends_with_examples(argv, capsys):
     assert all(line.startswith(f"  room2dgs {command} ") for line in told.splitlines()) and told
 
 
-def test_own_arguments_are_in_the_usage():
-    import importlib
+def sources() -> Iterator[tuple[str, ModuleType]]:
+    """(verb, module) of every command, of its benchmarks, and of what else reads its arguments."""
+    for verb in VERBS:
+        yield verb, importlib.import_module(f"room2dgs.commands.{verb}")
+    yield "render", importlib.import_module("room2dgs.commands.render_path")
+    for bench, _ in BENCHES.values():
+        yield "bench", importlib.import_module(bench)
 
+
+def read_by(module: ModuleType) -> set[str]:
+    """Names of arguments that a module reads: in its lists of them, and in its calls."""
+    found = {name for one in ("OWN", "OURS", "SHORT") for name in getattr(module, one, ())}
+    for node in ast.walk(ast.parse(Path(module.__file__).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in READERS:
+            found |= {one.value for one in ast.walk(node.args[1]) if isinstance(one, ast.Constant)}
+    return found
+
+
+@pytest.mark.parametrize(("verb", "module"), [pytest.param(*one, id=one[1].__name__) for one in sources()])
+def test_every_argument_of_a_commands_own_is_offered(verb, module):
+    """Those that its code reads, and those that its usage names, with the values that the usage lists."""
+    usage = getattr(module, "USAGE", "")
+    groups = group_choices(conf_dir())
+    named = set(re.findall(r"[^\w./]([a-z_]+)=", usage))
+    own = {name for name in named | read_by(module) if name not in groups and not known_setting(name)}
+    assert own <= set(OWN.get(verb, ())), own - set(OWN.get(verb, ()))
+    for key, values in re.findall(r"[^\w./]([a-z_]+)=([\w-]+(?:\|[\w-]+)+)(?=[\] \n]|$)", usage):
+        if key in own and values.islower():
+            assert set(values.split("|")) <= set(OWN[verb][key]), key
+
+
+def known_setting(name: str) -> bool:
+    """As `out` and `resume` are, and what stands for a setting with dots."""
+    return name in ("out", "resume") or "." in name
+
+
+def test_own_arguments_are_in_the_usage():
     for verb, own in OWN.items():
-        usage = importlib.import_module(f"room2dgs.commands.{verb}").USAGE
+        usage = " ".join(getattr(module, "USAGE", "") for name, module in sources() if name == verb)
         for key in set(own) - {"run", "hydra/launcher"}:
             assert f"{key}=" in usage, f"{verb} {key}"
