@@ -87,7 +87,7 @@ def _trust(scene: Scene, config: Config, out: Path, log: Log) -> dict[str, Trust
 
 @dataclass(frozen=True)
 class _Views:
-    """The training views, rendered anew each time that they are gone through."""
+    """The training views, rendered as they are gone through."""
 
     scene: Scene
     surfels: Surfels

@@ -53,13 +53,16 @@ def integrate_contracted(views: Iterable[FusedView], config: MeshConfig) -> trim
     """As `tsdf.integrate`, of everything that the views see.
 
     Args:
-        views: several times over.
+        views: gone through several times, so that going through them should cost little.
         config: voxel_m is the side of a voxel within the room.
     """
-    seen = [_points(view, config) for view in views]
+    seen, centres = [], []
+    for view in views:
+        seen.append(_points(view, config))
+        centres.append(view.camera.centre)
     if not any(map(len, seen)):
         return trimesh.Trimesh(process=False)
-    centre = np.mean([view.camera.centre for view in views], axis=0)
+    centre = np.mean(centres, axis=0)
     centre = np.round(centre / config.voxel_m) * config.voxel_m
     distances = np.concatenate([np.linalg.norm(points - centre, axis=1) for points in seen])
     radius = max(float(np.quantile(distances, INSIDE)), config.voxel_m * BLOCK)

@@ -6,8 +6,10 @@ from collections.abc import Iterable, Iterator
 
 import trimesh
 
+from room2dgs.captures.cache import Cache
 from room2dgs.config import MeshConfig
 from room2dgs.freed_memory import give_back
+from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.mesh.finish import NoSurface, cleaned, finished
 from room2dgs.mesh.tsdf import integrate
@@ -15,9 +17,9 @@ from room2dgs.mesh.views import FusedView
 
 
 def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str = "cpu") -> trimesh.Trimesh:
-    """Fuse, mesh, clean and smooth; the views are taken one at a time and not kept.
+    """Fuse, mesh, clean and smooth; the views are taken once, one at a time, and not kept.
 
-    With mesh.space=contracted they are taken several times, and kept if `views` can be taken only once.
+    With mesh.space=contracted, which needs them several times, they are kept meanwhile (`_Kept`).
 
     Args:
         config: `voxel_m` is a number (`voxel.with_voxel`).
@@ -52,19 +54,22 @@ def _integrated(views: Iterable[FusedView], config: MeshConfig, device: str) -> 
         return integrate(views, config)
     from room2dgs.mesh.contracted import integrate_contracted
 
-    return integrate_contracted(_OnCpu(views), config)
+    kept = _Kept(views)
+    try:
+        return integrate_contracted(kept, config)
+    finally:
+        kept.clear()
 
 
 class _Watched:
-    """The views as they come, each time that they are gone through.
+    """The views as they come.
 
     Attributes:
         any_pixel: whether one of them had a depth that may be fused.
     """
 
     def __init__(self, views: Iterable[FusedView], config: MeshConfig) -> None:
-        once = iter(views) is views
-        self._views = list(views) if once and config.space != "bounded" else views
+        self._views = views
         self._farthest = config.max_depth_m
         self.any_pixel = False
 
@@ -103,11 +108,32 @@ def _either(parts: list[str]) -> str:
     return f"{', '.join(parts[:-1])} or {parts[-1]}"
 
 
-class _OnCpu:
-    """The views in the CPU's memory, each time that they are gone through."""
+class _Kept:
+    """The views in the CPU's memory as often as they are gone through, though they are made once: rendering takes
+    longer than reading. What has no room lies on the disk. Without their normals, which nobody asks for here.
+    """
 
     def __init__(self, views: Iterable[FusedView]) -> None:
         self._views = views
+        self._cameras: list[Camera] = []
+        self._whole = False
+        self._cache = Cache()
 
     def __iter__(self) -> Iterator[FusedView]:
-        return (view.on_cpu() for view in self._views)
+        if self._whole:
+            for number, camera in enumerate(self._cameras):
+                depth, color, *weight = self._cache.get(number)
+                yield FusedView(camera, depth, color, *weight)
+            return
+        self._cameras = []
+        for number, view in enumerate(self._views):
+            there = view.on_cpu()
+            self._cameras.append(there.camera)
+            weight = () if there.weight is None else (there.weight,)
+            self._cache.put(number, (there.depth, there.color, *weight))
+            yield FusedView(there.camera, there.depth, there.color, *weight)
+        self._whole = True
+
+    def clear(self) -> None:
+        """Forget them."""
+        self._cache.clear()

@@ -7,7 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from room2dgs.captures.cache import Cache
 from room2dgs.config import load_config
+from room2dgs.mesh import fuse as fuse_module
+from room2dgs.mesh import voxel_table
 from room2dgs.mesh.contracted import contracted, expanded
 from room2dgs.mesh.fuse import fuse
 from room2dgs.mesh.views import FusedView
@@ -60,3 +63,30 @@ def test_what_lies_outside_the_room_is_meshed_too(make, mesh_config):
     assert (towards > 0).mean() > 0.95  # but for the window's reveal
     near = fuse(views, replace(mesh_config, space="bounded", max_depth_m=8.0), said.append)
     assert near.vertices[:, 0].max() < 3
+
+
+class Rendered:
+    """Views that are made anew each time."""
+
+    def __init__(self, cameras) -> None:
+        self.cameras, self.made = cameras, 0
+
+    def __iter__(self):
+        for number, camera in enumerate(self.cameras):
+            self.made += 1
+            one = view(camera)
+            yield one if number % 2 else replace(one, weight=np.full_like(one.depth, 0.5))
+
+
+@pytest.mark.parametrize("budget_mb", [1500.0, 0.1])
+def test_each_view_is_made_once_however_many_parts_the_table_has(make, mesh_config, monkeypatch, budget_mb):
+    small = replace(mesh_config, voxel_m=0.2)
+    cameras = make.all_around()
+    whole = fuse(Rendered(cameras), small, print)
+    monkeypatch.setattr(voxel_table, "ROWS", 8)
+    monkeypatch.setattr(fuse_module, "Cache", lambda: Cache(budget_mb))
+    views = Rendered(cameras)
+    mesh = fuse(views, small, print)
+    assert views.made == len(cameras)
+    assert np.array_equal(mesh.faces, whole.faces) and np.array_equal(mesh.vertices, whole.vertices)
+    assert np.array_equal(mesh.visual.vertex_colors, whole.visual.vertex_colors)
