@@ -11,7 +11,7 @@ from typing import Any
 
 from torch import Tensor
 
-from room2dgs.geometry.arguments import number
+from room2dgs.geometry.arguments import check_has_values, number
 from room2dgs.splat.constants import OPACITY_FLOOR, SH_DEGREE_OF
 from room2dgs.splat.types import Surfels
 
@@ -97,8 +97,7 @@ def check_floating(**tensors: Any) -> None:
                 f"{name} is {tensor.dtype} on {tensor.device}, but {first} {like.dtype} on {like.device}; all are to "
                 "be of one floating type on one device"
             )
-    if like.device.type == "meta":
-        raise ValueError(f"{first} is on the device meta, where tensors have no values")
+    check_has_values(first, like)
 
 
 def check_side(name: str, side: Any) -> None:

@@ -39,7 +39,19 @@ def load_surfels(path: Path) -> Surfels:
     wrong = _wrong(tensors)
     if wrong:
         raise InputError(f"{path} {wrong}; train again")
-    return Surfels(**tensors)
+    return Surfels(**{**tensors, "rotations": _sized(tensors["rotations"])})
+
+
+def _sized(rotations: Tensor) -> Tensor:
+    """The same rotations, those of a length whose square float32 cannot tell made unit ones: 0 is no rotation
+    (`rotation_matrices`), and other programs divide by the length."""
+    length = torch.linalg.vector_norm(rotations.double(), dim=1, keepdim=True)
+    odd = (length < SHORTEST) | (length > 1 / SHORTEST)
+    if not bool(odd.any()):
+        return rotations
+    none = torch.tensor([1.0, 0.0, 0.0, 0.0], dtype=torch.float64)
+    unit = torch.where(length > 0, rotations.double() / length.clamp_min(1e-300), none)
+    return torch.where(odd, unit.float(), rotations)
 
 
 def surfels_meta(path: Path) -> dict[str, Any]:
@@ -77,12 +89,10 @@ def _wrong_number(tensors: dict[str, Tensor]) -> str:
     for name, value in tensors.items():
         if not bool(torch.isfinite(value).all()):
             return f"has {name} that are not finite"
-    length = torch.linalg.vector_norm(tensors["rotations"], dim=1)
     scales, opacities = tensors["scales"], tensors["opacities"]
     within = {
         "centers that are no metres": tensors["centers"].abs() <= FARTHEST_M,
         "scales that are not above 0": (scales > 0) & (scales <= FARTHEST_M),
         "opacities that are not from 0 to 1": (opacities >= 0) & (opacities <= 1),
-        "rotations that are no quaternions": (length > SHORTEST) & (length < 1 / SHORTEST),
     }
     return next((f"has {words}" for words, fits in within.items() if not bool(fits.all())), "")
