@@ -128,8 +128,10 @@ def _fitted(
     if _to_be_turned(lens, header, shot.path.name, told):
         size, photo = turned_size(size, header.orientation), TurnedPhoto(shot.source, header.orientation)
     if lens is None:
+        others = any(one.lens for one in capture.shots)
+        whose = f"{shot.path}, unlike other photos, has" if others else f"{capture.root} brings"
         raise InputError(
-            f"{capture.root} brings no intrinsics; give scene.intrinsics=[fx,fy,cx,cy] in pixels of the photos "
+            f"{whose} no intrinsics; give scene.intrinsics=[fx,fy,cx,cy] in pixels of the photos "
             f"({size[0]}x{size[1]})"
         )
     sure = given is not None or lens.size == size

@@ -6,15 +6,17 @@ People delete photos and keep the list of poses; what is then paired by place is
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
 from room2dgs.captures.listing import natural
 from room2dgs.errors import InputError
+from room2dgs.texts import shown_name
 
 DIGITS = re.compile(r"[0-9]+")
 LONGEST_NUMBER = 18  # digits
+LEAST_IN_ORDER = 3  # numbers that tell from which one files are counted
 
 
 def numbers_of(names: Sequence[str], beside: Sequence[str] = ()) -> tuple[dict[str, int], dict[str, int]]:
@@ -64,7 +66,11 @@ def alike(photos: Sequence[str], others: Sequence[str]) -> dict[str, str]:
 
     Returns:
         photo -> other; photos without one are left out.
+
+    Raises:
+        InputError: one of the two counts from 0 and the other, of as many, from 1.
     """
+    check_first_number(photos, others)
     by_stem = {Path(name).stem: name for name in natural(others)}
     found = {name: by_stem[Path(name).stem] for name in photos if Path(name).stem in by_stem}
     if len(found) == len(photos) or not others:
@@ -78,6 +84,31 @@ def alike(photos: Sequence[str], others: Sequence[str]) -> dict[str, str]:
     return found
 
 
+def check_first_number(photos: Sequence[str], others: Sequence[str]) -> None:
+    """Refuse files of which as many are numbered from 0 as the photos from 1, or the other way: which is whose cannot
+    be told.
+
+    Raises:
+        InputError: so it is.
+    """
+    numbers, other_numbers = (sorted(found.values()) for found in numbers_of(photos, others))
+    if not numbers or len(numbers) != len(other_numbers) or not from_both(numbers, other_numbers):
+        return
+    ends = [natural(names)[place] for names in (photos, others) for place in (0, -1)]
+    raise InputError(
+        "photos {} to {} and files {} to {} are as many and do not count from one number, so that which is whose "
+        "cannot be told; number both alike".format(*map(shown_name, ends))
+    )
+
+
+def from_both(numbers: Sequence[int], others: Sequence[int]) -> bool:
+    """Whether one of two sorted lists of numbers is 0, 1, 2, ... and the other 1, 2, 3, ...; they are no shorter."""
+    if len(numbers) < LEAST_IN_ORDER:
+        return False
+    first, other = (list(range(start, start + len(numbers))) for start in (0, 1))
+    return [list(numbers), list(others)] in ([first, other], [other, first])
+
+
 def places(
     photos: Sequence[str],
     count: int,
@@ -85,6 +116,7 @@ def places(
     beside: Iterable[str] = (),
     from_zero: bool = True,
     keyed: bool = False,
+    keys: Collection[int] = (),
     damage: InputError | None = None,
 ) -> dict[str, int]:
     """Which of a list of poses is each photo's.
@@ -99,7 +131,7 @@ def places(
         label: the list's file, for messages.
         beside: names of depth maps, numbered as the photos: they tell of photos that are missing.
         from_zero: the layout numbers its photos from 0; False: some begin at 1.
-        keyed: the list says its poses' numbers itself, so there may be photos behind its last one.
+        keyed: the list says its poses' numbers itself, so there may be photos behind its last one; keys: these numbers.
         damage: of a line of the list, which may be one too many; then as many photos as poses must be known.
 
     Returns:
@@ -112,6 +144,13 @@ def places(
     known = sorted({*numbers.values(), *other_numbers.values()})
     if damage is not None and count != len(known or photos):
         raise damage
+    numbers_from = min(numbers.values(), default=0)
+    meant = not from_zero and numbers_from == 1  # photos from 1, which stand for poses from 0
+    if not meant and len(keys) == len(numbers) and from_both(sorted(numbers.values()), sorted(keys)):
+        raise InputError(
+            f"{label} has poses {min(keys)} to {max(keys)} for photos numbered {numbers_from} to "
+            f"{max(numbers.values())}, so that which is whose cannot be told; number both alike"
+        )
     if numbers and known[-1] < count and (from_zero or known[0] == 0):
         return numbers
     if numbers and keyed and known == list(range(len(known))):

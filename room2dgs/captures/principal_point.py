@@ -47,7 +47,8 @@ def _of_this_size(K: np.ndarray, size: tuple[int, int]) -> str | None:
         return None
     off = np.abs(np.array([x, y]) / 2 - 0.5)
     if abs(x / y - 1.0) < SAME_FACTOR and off.min() > USUAL_OFF_CENTRE / 2:
-        values = ",".join(f"{value:.6g}" for value in (K[0, 0] / x, K[1, 1] / y, K[0, 2] / x, K[1, 2] / y))
+        both = np.sqrt(x * y)  # photos are resized by one factor, and a principal point lies near the middle alone
+        values = ",".join(f"{value / both:.6g}" for value in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
         return f"they look like those of {width * x:.0f}x{height * y:.0f} pixels: give scene.intrinsics=[{values}]"
     turned = np.abs([2 * K[0, 2] / height - 1.0, 2 * K[1, 2] / width - 1.0])
     if turned.max() < SAME_FACTOR and abs(width / height - 1.0) > SAME_FACTOR:

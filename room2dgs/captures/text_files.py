@@ -30,7 +30,7 @@ def text_of(path: Path, longest: int = MAX_TEXT_BYTES) -> str:
     try:
         text = read_regular(path, longest).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} is no text; replace the file") from error
+        raise InputError(f"{path} is no text in UTF-8; save it so, or replace the file") from error
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import shutil
 from collections import Counter
 from dataclasses import dataclass
@@ -15,8 +16,11 @@ from PIL import Image, ImageOps
 
 from room2dgs.captures.exif import EXIF_BLOCK, FILM_DIAGONAL_MM, FOCAL_35MM
 from room2dgs.captures.image_files import color_size, read_photo
+from room2dgs.captures.left_out import some
 from room2dgs.captures.listing import PHOTO_SUFFIXES, photos_in, unread_photos
+from room2dgs.captures.mask_files import mask_folders
 from room2dgs.captures.opened_images import opened_image
+from room2dgs.captures.unmatched import called_map
 from room2dgs.captures.video import open_video
 from room2dgs.config import PrepareConfig
 from room2dgs.errors import InputError
@@ -35,6 +39,7 @@ MOST_SIZES = 4  # of photos in one folder; upright and lying ones count as one
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 97, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
 ORIENTATION = 0x0112
 SUBFOLDERS = ("images", "rgb", "color")
+CALLED_MAP = re.compile(r"[^a-z0-9]*(masks?|depths?)[^a-z0-9]*", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,9 @@ def taken_photos(config: PrepareConfig, folder: Path, stages: Stages, log: Log) 
         unread = unread_photos(path)
         if unread:
             log(f"NOTE: {unread}")
-        names = photos_in(path)
+        names, told = _photos_and_maps(path)
+        for line in told:
+            log(f"NOTE: {line}")
         state = [(name, check_regular(path / name, "delete it"), (path / name).stat().st_mtime_ns) for name in names]
         key = key_of("images", str(path), state, *chosen_by[:1])
     known = stages.found("photos", key)
@@ -209,8 +216,27 @@ def _frames(path: Path):
         capture.release()
 
 
-def _from_folder(path: Path, config: PrepareConfig, folder: Path, log: Log) -> list[TakenPhoto]:
+def _photos_and_maps(path: Path) -> tuple[list[str], list[str]]:
+    """Names of the photos in a folder, without masks and depth maps that lie among them, and notes on what is not used:
+    these, and folders of masks.
+    """
     names = photos_in(path)
+    photos = {text for name in names for text in (name, Path(name).stem, name.partition(".")[0])}
+    # "room_mask.png" is a photo, unless there is one called room
+    maps = [name for name in names if called_map(name) and CALLED_MAP.sub("", Path(name).stem) in photos]
+    notes = []
+    if maps:
+        notes.append(f"{len(maps)} files in {path} are called as masks or depth maps and are not used: {some(maps)}")
+    for folder in mask_folders(dict.fromkeys((path, path.parent))):
+        notes.append(
+            f"{folder} is not used for the poses; for a run put it into the capture as masks/, its files named as the "
+            "photos there"
+        )
+    return [name for name in names if name not in set(maps)], notes
+
+
+def _from_folder(path: Path, config: PrepareConfig, folder: Path, log: Log) -> list[TakenPhoto]:
+    names, _ = _photos_and_maps(path)
     if len(names) < LEAST_PHOTOS:
         raise InputError(f"{path} has {len(names)} photos, at least {LEAST_PHOTOS} are needed; take more of the room")
     _check_sizes(path, names)

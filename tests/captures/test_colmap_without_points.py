@@ -51,3 +51,13 @@ def test_maps_beside_photos_are_no_photos_without_a_pose(written, settings):
         for end in ("_mask.png", "_depth.png"):
             cv2.imwrite(str(photo.with_name(photo.stem + end)), np.zeros((72, 96), np.uint8))
     assert "has poses of" not in told(read_scene(settings(root)))
+
+
+def test_smaller_copies_of_the_photos_stand_in_for_them(written, settings, made):
+    root = written("colmap")
+    (root / "images").rename(root / "images_2")
+    for photo in (root / "images_2").rglob("*.jpg"):
+        cv2.imwrite(str(photo), cv2.resize(cv2.imread(str(photo)), (48, 36), interpolation=cv2.INTER_AREA))
+    camera = read_scene(settings(root)).frames[0].camera
+    assert camera.size == (48, 36)
+    np.testing.assert_allclose(camera.K[:2], made.K[:2] / 2)

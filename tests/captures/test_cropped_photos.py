@@ -51,8 +51,10 @@ def test_a_transforms_json_that_tells_no_size_is_not_trusted_with_one(written, s
     for frame in known["frames"]:
         frame |= {"fl_x": 162.0, "fl_y": 168.0, "cx": 93.0, "cy": 74.5}
     (root / "transforms.json").write_text(json.dumps(known))
-    with pytest.raises(InputError, match=r"look like those of 186x149 pixels: give scene\.intrinsics="):
+    with pytest.raises(InputError, match=r"look like those of 186x149 pixels: give scene\.intrinsics=") as caught:
         read_scene(settings(root))
+    named = [float(value) for value in str(caught.value).split("=[")[1].split("]")[0].split(",")]
+    np.testing.assert_allclose(named, [81.0, 84.0, 46.5, 37.25], rtol=0.01)  # photos are resized by one factor
 
 
 def test_what_cannot_be_is_refused_whoever_says_it(written, settings):

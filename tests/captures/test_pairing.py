@@ -6,10 +6,10 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from room2dgs.captures.pairing import alike, numbers_of, places
+from room2dgs.captures.pairing import alike, from_both, numbers_of, places
 from room2dgs.errors import InputError
 
 SCHEMES = [
@@ -106,14 +106,35 @@ def test_a_copy_among_numbered_photos_takes_no_pose():
 
 @given(photos=SUBSETS, maps=SUBSETS)
 def test_depth_by_number_whatever_is_gone(photos, maps):
+    assume(not from_both(sorted(photos), sorted(maps)))
     found = alike([f"frame{i:06d}.jpg" for i in photos], [f"depth{i}.png" for i in maps])
     assert found == {f"frame{i:06d}.jpg": f"depth{i}.png" for i in photos & maps}
 
 
 @given(photos=SUBSETS, maps=st.sets(st.integers(0, 19), min_size=1))
 def test_one_map_is_not_numbered_by_what_all_names_share(photos, maps):
+    assume(not from_both(sorted(photos), sorted(maps)))
     found = alike([f"scene0_2_{i}.jpg" for i in photos], [f"scene0_2_{i:05d}.png" for i in maps])
     assert found == {f"scene0_2_{i}.jpg": f"scene0_2_{i:05d}.png" for i in photos & maps}
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_files_that_count_from_0_and_from_1_are_not_paired_by_number(first):
+    photos = [f"frame{i + first}.jpg" for i in range(3)]
+    with pytest.raises(
+        InputError, match=f"photos frame{first}.jpg to frame{first + 2}.jpg and files {1 - first}.png to"
+    ):
+        alike(photos, [f"{i + 1 - first}.png" for i in range(3)])
+    assert len(alike(photos, [f"{i + 1 - first}.png" for i in range(4)])) >= 2  # nor are they as many
+
+
+def test_keyed_poses_that_count_from_1_are_not_those_of_photos_from_0():
+    photos = [f"{i:06d}_rgb.png" for i in range(4)]
+    with pytest.raises(InputError, match="has poses 1 to 4 for photos numbered 0 to 3"):
+        places(photos, 5, "cameras.npz", keyed=True, keys=range(1, 5))
+    assert places(photos, 5, "cameras.npz", keyed=True, keys=range(5)) == {name: i for i, name in enumerate(photos)}
+    # a .log counts from 0, and its photos may count from 1
+    assert places(["1.jpg", "2.jpg", "3.jpg"], 3, "t.log", from_zero=False, keyed=True, keys=range(3))["1.jpg"] == 0
 
 
 def test_the_same_name_comes_before_the_number():

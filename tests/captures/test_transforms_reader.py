@@ -284,3 +284,13 @@ def test_a_folder_of_masks_that_no_frame_names_is_told(written, settings, made):
     scene = read_scene(settings(root))
     said = [line for line in scene.warnings if "masks" in line]
     assert len(said) == 1 and "no frame names a mask (mask_path)" in said[0]
+
+
+def test_some_frames_without_intrinsics_are_not_all_of_them(changed, settings):
+    def some(known):
+        own = {key: known.pop(key) for key in ("fl_x", "fl_y", "cx", "cy")}
+        for frame in known["frames"][:3]:
+            frame.update(own)
+
+    with pytest.raises(InputError, match=r"frame_000\d\d\.png, unlike other photos, has no intrinsics"):
+        read_scene(settings(changed(some)))

@@ -94,3 +94,22 @@ def test_a_photo_that_is_none_is_one_sentence(folder, tmp_path, spoil, told):
     spoil(folder / "IMG_3.jpg")
     with pytest.raises(InputError, match=told):
         taken(folder, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["{}_mask.png", "mask_{}.png", "{}.jpg.mask.png", "{}_depth.png", "{}-depth.png"])
+def test_masks_and_depth_maps_among_photos_are_no_photos(folder, tmp_path, name):
+    for seed in range(6):
+        cv2.imwrite(str(folder / name.format(f"IMG_{seed}")), np.zeros((120, 160), np.uint8))
+    names, lines = taken(folder, tmp_path)
+    assert names == [f"IMG_{seed}.jpg" for seed in range(6)]
+    assert any(line.startswith(f"NOTE: 6 files in {folder} are called as masks or depth maps") for line in lines)
+
+
+def test_a_photo_that_is_only_called_as_a_mask_is_one(folder, tmp_path):
+    (folder / "IMG_5.jpg").rename(folder / "room mask.jpg")
+    assert "room mask.jpg" in taken(folder, tmp_path)[0]
+
+
+def test_folders_of_masks_are_told(folder, tmp_path):
+    (folder / "masks").mkdir()
+    assert any(f"{folder / 'masks'} is not used for the poses" in line for line in taken(folder, tmp_path)[1])

@@ -26,7 +26,8 @@ LAYOUT = "images/ and sparse/0/{cameras,images,points3D}.{bin,txt}"
 # Where models lie; a place may hold one, or several in folders called by numbers.
 PLACES = ("sparse", ".", "colmap/sparse", "colmap")
 PREPARED = "prepare.json"
-PHOTOS = ("images", "rgb", "color", "input", ".")
+# the later ones are smaller copies, which stand in for the photos; their intrinsics are scaled
+PHOTOS = ("images", "rgb", "color", "input", ".", "images_2", "images_4", "images_8")
 DEPTHS = ("depth", "depths", "depth_maps")
 SAMPLED = 100  # photos that are looked for in each folder
 FEW_POSED = 0.5  # of the photos; fewer poses are warned of

@@ -45,7 +45,8 @@ def read_monosdf(root: Path, config: SceneConfig) -> Capture:
     if not photos:
         raise InputError(f"{root} has no photos; they are called 000000_rgb.png or lie in image/")
     # photos in a folder may be called anyhow, 000000_rgb.png is world_mat_0's
-    place = places(photos, 1 + max(map(_number, matrices), default=-1), path, from_zero=folder == root, keyed=True)
+    keys = {_number(key) for key in matrices} - {-1}
+    place = places(photos, 1 + max(keys, default=-1), path, from_zero=folder == root, keyed=True, keys=keys)
     shots = []
     for name in photos:
         stem = name.removesuffix("_rgb.png") if folder == root else name

@@ -53,7 +53,7 @@ def read_open3d(root: Path, config: SceneConfig) -> Capture:
     if not photos:
         raise InputError(f"{folder} has no photos; a capture in this layout has {LAYOUT}")
     maps = [name for name in listed(root / "depth") if name.endswith(".png")]
-    place = places(photos, 1 + max(poses), path, maps, from_zero=False, keyed=True)
+    place = places(photos, 1 + max(poses), path, maps, from_zero=False, keyed=True, keys=poses)
     depths = alike(photos, maps)
     lens, unit, notes = _lens(root, config)
     shots = [
