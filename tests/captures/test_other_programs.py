@@ -21,6 +21,8 @@ from room2dgs.errors import InputError
             "Bundler's poses, which is not read: export the cameras as a COLMAP model",
         ),
         ("poses_bounds.npy", "x", "LLFF's poses"),
+        ("trajectory.json", '{"class_name": "PinholeCameraTrajectory"}', "Open3D's poses"),
+        ("cameras.json", '[{"img_name": "0"}]', "3D Gaussian Splatting's cameras"),
         ("reconstruction.json", "[]", "OpenSfM's poses"),
         ("database.db", "SQLite format 3", "COLMAP's features without a model, which is not read: run the mapping"),
         ("groundtruth.txt", "0 0 0 0 0 0 0 1\n", "TUM's poses, which is not read: put rgb.txt"),

@@ -38,6 +38,8 @@ PROGRAMS = (
     Program(("poses_bounds.npy",), "LLFF's poses", "give the COLMAP model that they are of"),
     Program(("*_SfM.log",), "Tanks and Temples' poses", "name it trajectory.log, and its folder of photos image"),
     Program(("groundtruth.txt",), "TUM's poses", "put rgb.txt, which names the photos with their times, beside it"),
+    Program(("trajectory.json",), "Open3D's poses", "write them as trajectory.log (write_pinhole_camera_trajectory)"),
+    Program(("cameras.json",), "3D Gaussian Splatting's cameras", "give the COLMAP model that it was trained on"),
     Program(("traj.txt",), "Replica's poses", "put its photos into results/ beside it"),
     Program(("database.db",), "COLMAP's features without a model", "run the mapping"),
 )
