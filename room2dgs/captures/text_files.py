@@ -119,6 +119,21 @@ def numbers(known: Mapping[str, Any], key: str, count: int, path: object) -> np.
     return np.array([float(item) for item in flat])
 
 
+def intrinsic_matrix(known: Mapping[str, Any], key: str, path: object) -> np.ndarray:
+    """(3, 3) K under a key, 9 numbers down the columns, as Eigen's matrices are written; or along the rows, which is
+    told by where its zeros are.
+
+    Raises:
+        InputError: there are not as many numbers, or it is no camera's.
+    """
+    K = numbers(known, key, 9, path).reshape(3, 3).T
+    if not K[2, :2].any():
+        return K
+    if K[:2, 2].any():
+        raise InputError(f"{path} has {key}, which is no matrix of a camera (fx 0 cx, 0 fy cy, 0 0 1); correct it")
+    return K.T
+
+
 def _is_number(item: Any) -> bool:
     if isinstance(item, float):
         return True

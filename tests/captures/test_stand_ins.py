@@ -48,7 +48,10 @@ def test_photos_that_were_taken_out_of_strays_video(written, settings, made):
 def test_photos_that_count_from_one_are_not_the_frames_of_their_numbers(written, settings, made):
     root = written("stray")
     photos_of_stray(root, made, 1)
-    with pytest.raises(InputError, match=r"rgb has 6 photos, 000001\.png to 000006\.png, which are not called by"):
+    with pytest.raises(InputError, match=r"000001\.png to 000006\.png are as many and do not count from one number"):
+        read_scene(settings(root))
+    (root / "rgb/000003.png").unlink()
+    with pytest.raises(InputError, match=r"rgb has 5 photos, 000001\.png to 000006\.png, which are not called by"):
         read_scene(settings(root))
 
 
@@ -124,4 +127,38 @@ def test_photos_on_another_machine_are_told(written, settings):
     path = root / "transforms.json"
     path.write_text(path.read_text().replace('"images/', '"C:/cap/images/'))
     with pytest.raises(InputError, match=r"names C:/cap/images/frame_000\d\d.png, a path of another machine"):
+        read_scene(settings(root))
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_open3d_intrinsics_along_the_rows(written, settings, made, nested):
+    root = written("open3d")
+    K = made.K_at_integers[:3, :3]
+    matrix = K.tolist() if nested else K.ravel().tolist()
+    (root / "intrinsic.json").write_text(json.dumps({"width": 96, "height": 72, "intrinsic_matrix": matrix}))
+    np.testing.assert_allclose(read_scene(settings(root)).frames[0].camera.K, made.K)
+
+
+def test_a_matrix_that_is_no_cameras_either_way_is_refused(written, settings, made):
+    root = written("open3d")
+    matrix = [81.0, 0, 46, 0, 84, 36, 5, 0, 1]
+    (root / "intrinsic.json").write_text(json.dumps({"width": 96, "height": 72, "intrinsic_matrix": matrix}))
+    with pytest.raises(InputError, match="has intrinsic_matrix, which is no matrix of a camera"):
+        read_scene(settings(root))
+
+
+def test_sdfstudio_cameras_that_k_does_not_tell_are_refused(written, settings):
+    root = written("sdfstudio")
+    path = root / "meta_data.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "camera_model": "OPENCV_FISHEYE"}))
+    with pytest.raises(InputError, match="has camera_model 'OPENCV_FISHEYE', and K alone is read"):
+        read_scene(settings(root))
+
+
+def test_a_sequence_that_is_still_packed_is_told(written, settings):
+    root = written("sevenscenes")
+    for sequence in ("seq-01", "seq-02"):
+        shutil.make_archive(str(root / sequence), "zip", root / sequence)
+        shutil.rmtree(root / sequence)
+    with pytest.raises(InputError, match=r"has seq-01\.zip, an archive of no layout that is read in place: unpack it"):
         read_scene(settings(root))

@@ -103,6 +103,9 @@ def _what(files: Listing) -> str | None:
     )
     if photos:
         return "has photos and poses are unknown"
+    packed = files.with_suffix(PACKED)
+    if packed:
+        return f"has {packed[0]}, an archive of no layout that is read in place: unpack it there"
     unread = unread_photos(root)
     return f"is in no layout that is known, and of its files {unread.partition(';')[0]}" if unread else None
 

@@ -17,7 +17,7 @@ from room2dgs.captures.known_keys import DISTORTION, check_no_distortion, unknow
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, photos_in
 from room2dgs.captures.pairing import alike, note_on, places
-from room2dgs.captures.text_files import floats, lines_of, number, numbers, positive, read_json_object
+from room2dgs.captures.text_files import floats, intrinsic_matrix, lines_of, number, positive, read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 
@@ -95,14 +95,14 @@ def _poses(path: Path) -> dict[int, np.ndarray | Callable[[], np.ndarray]]:
 
 
 def _lens(root: Path, config: SceneConfig) -> tuple[Lens | None, float, list[str]]:
-    """Open3D's own intrinsic.json, whose matrix goes down the columns; metres of one unit of depth, and notes."""
+    """Open3D's own intrinsic.json, or another's; metres of one unit of depth, and notes."""
     for name in INTRINSICS:
         path = root / name
         if path.is_file():
             known = read_json_object(path)
             check_no_distortion(known, path)
             size = int(number(known, "width", path)), int(number(known, "height", path))
-            K = numbers(known, "intrinsic_matrix", 9, path).reshape(3, 3).T
+            K = intrinsic_matrix(known, "intrinsic_matrix", path)
             lens = pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], size, path, config.pixel_centres == "half")
             unknown = unknown_keys(known, KEYS, path)
             return lens, 1.0 / positive(known, "depth_scale", path, 1000.0), [unknown] if unknown else []

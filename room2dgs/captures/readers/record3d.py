@@ -22,7 +22,7 @@ from room2dgs.captures.lzfse import unpacked_lzfse
 from room2dgs.captures.pairing import note_on, places
 from room2dgs.captures.photos import PhotoBytes
 from room2dgs.captures.readers.sens import the_file
-from room2dgs.captures.text_files import number, numbers, quaternion_pose, read_json_object
+from room2dgs.captures.text_files import intrinsic_matrix, number, numbers, quaternion_pose, read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.regular_files import read_regular
@@ -117,7 +117,7 @@ def _lenses(meta: dict[str, Any], count: int, source: Path, config: SceneConfig)
             )
         rows = [numbers({"K": row}, "K", 4, f"{source} (perFrameIntrinsicCoeffs)") for row in every]
         return [pinhole_lens(*row, size, source, half) for row in rows]
-    K = numbers(meta, "K", 9, source).reshape(3, 3).T
+    K = intrinsic_matrix(meta, "K", source)
     return [pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], size, source, half)]
 
 

@@ -17,8 +17,10 @@ from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.text_files import number, numbers, read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
+from room2dgs.texts import shown
 
 LAYOUT = "meta_data.json (SDFStudio)"
+PINHOLES = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")  # camera_model of a K without distortion
 KEYS = {
     *DISTORTION,
     *("height", "width", "worldtogt", "frames"),
@@ -49,6 +51,11 @@ def read_sdfstudio(root: Path, config: SceneConfig) -> Capture:
     size = int(number(meta, "width", path)), int(number(meta, "height", path))
     world, scale = _world(meta, path)
     check_no_distortion(meta, path)
+    model = meta.get("camera_model", PINHOLES[0])
+    if str(model).upper() not in PINHOLES:
+        raise InputError(
+            f"{path} has camera_model {shown(str(model), 40)!r}, and K alone is read; undistort the photos"
+        )
     frames = meta.get("frames")
     if not isinstance(frames, list) or not frames:
         raise InputError(f"{path} has no list of frames; write the file again")
