@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path, PurePath
@@ -28,12 +29,19 @@ def shared_stems(photos: Iterable[str | PurePath]) -> frozenset[str]:
 
 
 def in_folder(folder: Path, most_folders: int = 1000) -> list[str]:
-    """Names of the files in a folder and below it, relative to it, with slashes."""
+    """Names of the files in a folder and below it, relative to it, with slashes; a folder that links lead back to
+    counts once.
+    """
     found, left = [], [""]
+    seen: set[str] = set()
     for _ in range(most_folders):
         if not left:
             break
         start = left.pop()
+        real = os.path.realpath(folder / start)
+        if real in seen:
+            continue
+        seen.add(real)
         for path in sorted((folder / start).iterdir()):
             if not path.name.startswith("."):
                 (left if path.is_dir() else found).append(f"{start}/{path.name}" if start else path.name)

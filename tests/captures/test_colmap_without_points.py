@@ -61,3 +61,9 @@ def test_smaller_copies_of_the_photos_stand_in_for_them(written, settings, made)
     camera = read_scene(settings(root)).frames[0].camera
     assert camera.size == (48, 36)
     np.testing.assert_allclose(camera.K[:2], made.K[:2] / 2)
+
+
+def test_a_link_that_leads_back_makes_no_photos(written, settings):
+    root = written("colmap")
+    (root / "images/loop").symlink_to(root / "images")
+    assert "has poses of" not in told(read_scene(settings(root)))
