@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from enum import Enum
 
 from room2dgs.errors import InputError, first_line
+from room2dgs.texts import shown_name
 
 
 class Lack(Enum):
@@ -44,6 +45,16 @@ ERRNOS = {
     errno.ENFILE: Lack.FILES,
     errno.EAGAIN: Lack.THREADS,
     errno.ENOMEM: Lack.MEMORY,
+}
+# What the file system says of a place that was given, or that lies in a folder that was given
+PLACES = {
+    errno.EISDIR: "is a folder where a file belongs; delete it, or give it another name",
+    errno.ENOTDIR: "leads through a file where a folder belongs; delete that file, or give it another name",
+    errno.EEXIST: "is there already, and no folder; delete it, or give it another name",
+    errno.ENAMETOOLONG: "is a longer name than the file system allows; choose a shorter one",
+    errno.ELOOP: "is a link that leads back to itself; delete it",
+    errno.EACCES: "may not be read or written by this user; change its rights, or choose another place",
+    errno.EPERM: "may not be changed by this user; change its rights, or choose another place",
 }
 # What libraries say instead of an errno: SQLite, C++'s streams and threads, OpenCV, PyTorch, ONNX Runtime, NumPy.
 WORDS = (
@@ -82,10 +93,17 @@ def told(error: BaseException, again: str = "") -> str | None:
     if isinstance(error, InputError) and found not in (Lack.ROOM, Lack.SIZE):
         return str(error)
     if found is None:
-        return None
+        return _place(error)
     on = f"go on with: {again}" if again else "type the same command again"
     what = _what(error)
     return f"{found.value}{what and f': {what}'}; {MENDS[found]}, then {on}"
+
+
+def _place(error: BaseException) -> str | None:
+    """What is wrong with the place that an error names."""
+    if not isinstance(error, OSError) or error.errno not in PLACES or not isinstance(error.filename, str | os.PathLike):
+        return None
+    return f"{shown_name(os.fspath(error.filename))} {PLACES[error.errno]}"
 
 
 def _what(error: BaseException) -> str:

@@ -19,8 +19,8 @@ FLOW = (
     *(
         "texts",
         "errors",
-        "links_out",
         "regular_files",
+        "links_out",
         "owner",
         "blame",
         "logs",

@@ -8,6 +8,7 @@ import sqlite3
 
 import pytest
 
+from room2dgs import files
 from room2dgs.blame import Lack, by_the_machine, lack, told
 from room2dgs.errors import InputError
 
@@ -79,11 +80,45 @@ def test_a_sentence_of_ours_keeps_what_it_names():
         ValueError("shapes differ"),
         KeyError("f_score"),
         FileNotFoundError(errno.ENOENT, "No such file or directory", "x"),
-        PermissionError(errno.EACCES, "Permission denied", "x"),
+        PermissionError(errno.EACCES, "Permission denied"),
+        IsADirectoryError(errno.EISDIR, "Is a directory", 3),
     ],
 )
 def test_what_may_be_our_mistake_is_not_explained_away(error):
     assert told(error) is None and not by_the_machine(error)
+
+
+def place_of_a_folder(tmp_path) -> None:
+    (tmp_path / "a.ply").mkdir()
+    with files.whole_file(tmp_path / "a.ply") as temporary:
+        temporary.write_text("x")
+
+
+def place_in_a_file(tmp_path) -> None:
+    (tmp_path / "a").write_text("x")
+    (tmp_path / "a" / "b").mkdir()
+
+
+@pytest.mark.parametrize(
+    ("happens", "said"),
+    [
+        (place_of_a_folder, "a.ply is a folder where a file belongs; delete it, or give it another name"),
+        (place_in_a_file, "b leads through a file where a folder belongs; delete that file, or give it another name"),
+        (lambda folder: (folder / ("a" * 300)).is_file(), "... is a longer name than the file system allows; choose"),
+        (lambda folder: (folder / "\x1b" / ("a" * 5000)).is_file(), "\\x1b/aaaa"),
+    ],
+)
+def test_what_lies_in_the_way_is_one_sentence_that_names_the_place(tmp_path, happens, said):
+    with pytest.raises(OSError) as caught:
+        happens(tmp_path)
+    told_of_it = told(caught.value)
+    assert said in told_of_it and told_of_it.isprintable() and told_of_it.count(";") == 1 and len(told_of_it) < 420
+    assert not by_the_machine(caught.value)
+
+
+def test_rights_that_lack_are_told_with_the_place():
+    error = PermissionError(errno.EACCES, "Permission denied", "r/x.png")
+    assert told(error) == "r/x.png may not be read or written by this user; change its rights, or choose another place"
 
 
 def test_bad_input_is_told_as_it_is():

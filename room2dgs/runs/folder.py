@@ -34,6 +34,10 @@ MADE = {
     *("depth", "normal", "error", "agreeing", "filled", "filled_confidence", "dense.ply", "coverage.json"),
 }
 
+# Where a file of these names, or a folder, cannot be written
+FILES = (CONFIG, MESH, METRICS, SURFELS, PRIORS, POSES, REPORT, TRUST, LOG_FILE, "dense.ply", "coverage.json")
+FOLDERS = (KEPT, CHECKPOINTS, POINTS, RENDERS, PRIOR_MAPS, CACHE, EXPORTS, CAPTURE, "eval", "tensorboard")
+
 
 def new_run(overrides: list[str]) -> Config:
     """The settings of `run` and `train`; with resume=true those of the run in `out`, overrides on top.
@@ -120,7 +124,7 @@ def claimed(config: Config) -> Iterator[Path]:
         InputError: the folder cannot be written, or another process works there.
     """
     out = Path(config.out)
-    refuse_links_out(out)
+    _refuse_other_kinds(out)
     with owned(out):
         check_out(out, config.resume)  # again: somebody may have been faster
         remove_all_leftovers(out)
@@ -152,7 +156,7 @@ def at_work(config: Config) -> Iterator[Path]:
         InputError: the folder cannot be written, or another process works there.
     """
     out = Path(config.out)
-    refuse_links_out(out)
+    _refuse_other_kinds(out)
     with owned(out):
         remove_all_leftovers(out)
         yield out
@@ -168,7 +172,7 @@ def at_work_beside(config: Config, out: Path) -> Iterator[None]:
     run = Path(config.out)
     inside = out.is_relative_to(run)
     if inside:
-        refuse_links_out(run)
+        _refuse_other_kinds(run)
     with owned(run, writes=inside), nullcontext() if inside else owned(out):
         remove_leftovers(out, owned=True)
         yield
@@ -224,6 +228,18 @@ def check_out(out: Path, resume: bool) -> None:
         raise InputError(f"{out} holds another run; add resume=true to go on with it, or choose another out=DIR")
     if any(path.name not in (CAPTURE, LOCK) and not is_temporary(path.name) for path in out.iterdir()):
         raise InputError(f"{out} is not empty and is not a run's folder; choose another out=DIR")
+
+
+def _refuse_other_kinds(out: Path) -> None:
+    """Before any work: what lies in a run's folder is of the kind that its name says, and leads nowhere else."""
+    refuse_links_out(out)
+    for names, other, kind, belongs in (
+        (FILES, Path.is_dir, "folder", "file"),
+        (FOLDERS, Path.is_file, "file", "folder"),
+    ):
+        for path in (out / name for name in names):
+            if other(path):
+                raise InputError(f"{path} is a {kind} where a {belongs} belongs; delete it, or give it another name")
 
 
 def _clear(out: Path, there: set[str]) -> None:

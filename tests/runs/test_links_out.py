@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import socket
 
 import pytest
 
@@ -57,6 +58,36 @@ def test_a_link_to_itself_or_out_by_a_detour_is_named(folders):
     (run / "eval" / "up").symlink_to("../..")  # the folder around the run's
     with pytest.raises(InputError, match="run/eval/up is a link"):
         refuse_links_out(run)
+
+
+@pytest.mark.parametrize("name", ["kept", "trust.npz", "eval/views.png"])
+def test_a_pipe_or_a_socket_is_named_and_not_waited_for(folders, name):
+    run, _ = folders
+    os.mkfifo(run / name)
+    with pytest.raises(InputError, match=rf"run/{name} is a pipe where files and folders belong; delete it"):
+        refuse_links_out(run)
+    (run / name).unlink()
+    with socket.socket(socket.AF_UNIX) as one:
+        one.bind(os.path.relpath(run / name))
+    with pytest.raises(InputError, match=rf"run/{name} is a socket where"):
+        refuse_links_out(run)
+
+
+@pytest.mark.parametrize("name", ["report.html", "log.txt", "metrics.json"])
+def test_a_folder_in_the_place_of_a_file_of_a_run_is_named_at_once(finished, name, capsys):
+    (finished / name).unlink(missing_ok=True)
+    (finished / name).mkdir()
+    assert cli.main(["report", f"out={finished}"]) == 2
+    assert f"{finished / name} is a folder where a file belongs; " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["renders", "export", "eval", "kept"])
+def test_a_file_in_the_place_of_a_folder_of_a_run_is_named_at_once(finished, name, capsys):
+    (finished / name).write_text("mine")
+    before = sorted(os.listdir(finished))
+    assert cli.main(["report", f"out={finished}"]) == 2
+    assert f"{finished / name} is a file where a folder belongs; " in capsys.readouterr().err
+    assert (finished / name).read_text() == "mine" and sorted(os.listdir(finished)) == before
 
 
 @pytest.mark.parametrize("verb", VERBS)
