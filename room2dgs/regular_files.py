@@ -6,6 +6,7 @@ import errno
 import os
 import stat
 import unicodedata
+from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
@@ -124,11 +125,17 @@ def refusal(path: Path, error: OSError | ValueError, mend: str = COPY_AGAIN) -> 
 
 def written_otherwise(path: Path) -> str | None:
     """A name in the same folder that differs in case or in its Unicode form alone."""
-    wanted = _plain(path.name)
     try:
-        return next((name for name in sorted(os.listdir(path.parent)) if _plain(name) == wanted), None)
+        names = _by_plain(os.fspath(path.parent), os.stat(path.parent).st_mtime_ns)
     except (OSError, ValueError):
         return None
+    return names.get(_plain(path.name))
+
+
+@lru_cache(maxsize=16)  # of a list whose every file is missing, each one asks
+def _by_plain(folder: str, _changed_ns: int) -> dict[str, str]:
+    """The first name in a folder of each plain form."""
+    return {_plain(name): name for name in sorted(os.listdir(folder), reverse=True)}
 
 
 def how(wanted: str, found: str) -> str:

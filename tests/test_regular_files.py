@@ -65,3 +65,16 @@ def test_what_git_lfs_leaves_is_no_file_of_its_kind(tmp_path, read):
     path = tmp_path / "images.bin"
     path.write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
     assert sentence(path, read) == f"{path} is a pointer of Git LFS and not the file itself; run git lfs pull"
+
+
+def test_a_list_of_missing_files_lists_their_folder_once(tmp_path, monkeypatch):
+    for index in range(50):
+        (tmp_path / f"{index}.png").write_bytes(b"x")
+    listed, list_folder = [], os.listdir
+    monkeypatch.setattr(os, "listdir", lambda folder: listed.append(folder) or list_folder(folder))
+    for index in range(50):
+        assert sentence(tmp_path / f"{index}.jpg", check_regular).endswith("is missing; copy the capture again")
+    assert len(listed) == 1
+    (tmp_path / "0.JPG").write_bytes(b"x")
+    os.utime(tmp_path, ns=(0, 0))  # whatever a clock's steps
+    assert "but 0.JPG is there beside it" in sentence(tmp_path / "0.jpg", check_regular)
