@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from room2dgs.eval.protocol import MeshFile
     from room2dgs.splat.types import Surfels
 
-USAGE = "room2dgs eval out=DIR | pred=MESH gt=MESH scene=DIR [out=DIR] [eval.KEY=VALUE ...]"
+USAGE = "room2dgs eval run=DIR | pred=MESH gt=MESH scene=DIR [out=DIR] [eval.KEY=VALUE ...]"
 SHORT = {"pred": "eval.pred", "gt": "eval.gt", "scene": "scene.path"}
 
 
@@ -41,7 +41,7 @@ def main(argv: list[str]) -> int:
     """Score an earlier run, or any mesh against a ground truth seen by a capture's cameras."""
     if asked_for_help(argv):
         return show(USAGE, main.__doc__, ("scene", "eval"))
-    overrides = written_out(argv, SHORT)
+    overrides = written_out(argv, SHORT | {"run": "out"})
     out = last_value(overrides, "out")
     if out and (Path(out).expanduser() / CONFIG).is_file():
         config = earlier_run(overrides)

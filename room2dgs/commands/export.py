@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import importlib.util
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Scene
 from room2dgs.commands.settings_help import asked_for_help, settings
-from room2dgs.commands.stages import points_may_lack, read, rendered, trained_surfels, use_threads, with_poses_of_run
+from room2dgs.commands.stages import (
+    points_may_lack,
+    read,
+    rendered,
+    surfels_of_run,
+    trained_surfels,
+    use_threads,
+    with_poses_of_run,
+)
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log, to_terminal
-from room2dgs.runs.folder import EXPORTS, MESH, POINTS, SURFELS, at_work_beside, earlier_run, last_value, required
+from room2dgs.runs.folder import EXPORTS, MESH, POINTS, at_work_beside, earlier_run, last_value, required
 from room2dgs.runs.metrics import origin_of_run, record, timed
 
 if TYPE_CHECKING:
@@ -25,7 +33,10 @@ if TYPE_CHECKING:
 USAGE = "room2dgs export run=DIR to=FORMAT[,FORMAT...] [out=DIR] [up=auto] [faces=N] [max_error_m=0.01] [KEY=VALUE ...]"
 OURS = ("run", "to", "out")
 SHORT = {"up": "export.up", "faces": "export.faces", "max_error_m": "export.max_error_m"}
-NEEDS = {"surfels": (SURFELS, "train"), "mesh": (MESH, "mesh")}
+NEEDS: dict[str, Callable[[Path], Path]] = {
+    "surfels": surfels_of_run,
+    "mesh": lambda out: required(out / MESH, "mesh"),
+}
 
 
 def main(argv: list[str]) -> int:
@@ -140,8 +151,7 @@ def _check(run: Path, formats: Sequence[Format]) -> None:
     for one in formats:
         for need in one.needs:
             if need in NEEDS:
-                name, verb = NEEDS[need]
-                required(run / name, verb)
+                NEEDS[need](run)
             elif importlib.util.find_spec(need) is None:
                 raise InputError(f"to={one.name} needs {need}; install it with pip install 'room2dgs[export]'")
 

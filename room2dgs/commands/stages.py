@@ -13,8 +13,22 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.commands.units import note_scale
 from room2dgs.config import Config
+from room2dgs.errors import InputError
 from room2dgs.logs import Log
-from room2dgs.runs.folder import CACHE, CHECKPOINTS, KEPT, POINTS, POSES, PRIOR_MAPS, PRIORS, SURFELS, TRUST, required
+from room2dgs.runs.folder import (
+    CACHE,
+    CHECKPOINTS,
+    CONFIG,
+    KEPT,
+    POINTS,
+    POSES,
+    PRIOR_MAPS,
+    PRIORS,
+    SURFELS,
+    TRUST,
+    required,
+    saved_settings,
+)
 from room2dgs.runs.metrics import Stages, by_stage, record, timed
 
 if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be reported at once
@@ -242,11 +256,27 @@ def trained_surfels(out: Path) -> Surfels:
     """The surfels of a run.
 
     Raises:
-        InputError: it was not trained to the end, or the file is damaged.
+        InputError: it trained nothing, or not to the end, or the file is damaged.
     """
     from room2dgs.train import load_surfels
 
-    return load_surfels(required(out / SURFELS, "train"))
+    return load_surfels(surfels_of_run(out))
+
+
+def surfels_of_run(out: Path) -> Path:
+    """Their file.
+
+    Raises:
+        InputError: the run trained nothing, or not to the end.
+    """
+    if not (out / SURFELS).is_file() and (out / CONFIG).is_file():
+        source = saved_settings(out).mesh.source
+        if source != "surfels":
+            raise InputError(
+                f"{out} has no surfels: mesh.source={source} trains nothing; start another run without it, in another "
+                "out=DIR"
+            )
+    return required(out / SURFELS, "train")
 
 
 def rendered(

@@ -14,7 +14,7 @@ from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.json_files import read_json, update_json
 from room2dgs.logs import to_terminal
-from room2dgs.runs.folder import CAPTURE, CONFIG, earlier_run, last_value
+from room2dgs.runs.folder import CAPTURE, CONFIG, MESH, earlier_run, last_value
 from room2dgs.runs.metrics import earlier
 from room2dgs.runs.schema import is_number
 
@@ -105,10 +105,13 @@ def _of_run(config: Config, name: str, scene: str, protocol: str) -> Score:
     values = values_of(metrics, protocol, threshold_name(config.eval.threshold_m))
     if values is not None:
         return Score(name, scene, values)
-    why = f"not scored by {protocol}; run `room2dgs eval out={config.out} eval.protocols=[{protocol}]`"
-    return Score(
-        name, scene, {}, why if metrics.get("protocols") else f"not finished or without a ground truth: {config.out}"
-    )
+    if metrics.get("protocols"):
+        why = f"not scored by {protocol}; run `room2dgs eval out={config.out} eval.protocols=[{protocol}]`"
+    elif (Path(config.out) / MESH).is_file():
+        why = f"not scored since its mesh was made; run `room2dgs eval out={config.out}`, if there is a ground truth"
+    else:
+        why = f"not finished: {config.out}"
+    return Score(name, scene, {}, why)
 
 
 def _of_meshes(folder: Path, by_scene: dict[str, Config], protocol: str, out: Path) -> list[Score]:

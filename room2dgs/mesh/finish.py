@@ -77,7 +77,7 @@ def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trim
     else:
         filled = watertight(mesh, config.voxel_m)  # cleaning would tear it open where it was pressed flat
     before, after = ((np.asarray(one.vertices), np.asarray(one.faces)) for one in (mesh, filled))
-    added = area_m2(*after) - area_m2(*before)
+    added = max(area_m2(*after) - area_m2(*before), 0.0)  # of the same faces in another order it may be -1e-15
     closed = ", closed" if _closed(filled) else ", not closed everywhere" if config.fill == "watertight" else ""
     log(f"mesh: mesh.fill={config.fill} added {added:.2f} m2, {len(filled.faces):,} faces{closed}")
     return filled

@@ -210,9 +210,10 @@ def last_value(overrides: list[str], key: str) -> str | None:
 
 
 def required(path: Path, verb: str) -> Path:
-    """The path, or an InputError that names the command which makes it."""
+    """The path, or an InputError that names the command which makes it of what the run's folder holds."""
     if not path.is_file():
-        raise InputError(f"{path} is missing; make it with `room2dgs {verb} out={path.parent}`")
+        resume = " resume=true" if verb in ("run", "train") and (path.parent / CONFIG).is_file() else ""
+        raise InputError(f"{path} is missing; make it with `room2dgs {verb} out={path.parent}{resume}`")
     return path
 
 
