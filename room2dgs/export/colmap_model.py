@@ -10,14 +10,15 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Scene
 from room2dgs.captures.world_offset import Origin, camera_in_world, xyz_in_world
 from room2dgs.colmap import pycolmap
-from room2dgs.export.photos import write_photos
+from room2dgs.export.photos import write_masks, write_photos
 from room2dgs.export.source import Source
 from room2dgs.files import whole_folder
 
 
 def write_colmap(source: Source, folder: Path, text: bool) -> list[Path]:
-    """images/ and sparse/0/ (cameras, images, points3D; .bin or .txt)."""
+    """images/, masks/ if the photos have some, and sparse/0/ (cameras, images, points3D; .bin or .txt)."""
     names = write_photos(source.scene.frames, folder / "images")
+    masks = write_masks(source.scene.frames, folder / "masks", names)
     model = folder / "sparse" / "0"
     model.parent.mkdir(parents=True, exist_ok=True)
     reconstruction = colmap_model(source.scene, source.points, names)
@@ -26,7 +27,8 @@ def write_colmap(source: Source, folder: Path, text: bool) -> list[Path]:
             reconstruction.write_text(partial)
         else:
             reconstruction.write_binary(partial)
-    return [*(folder / "images" / name for name in names.values()), *sorted(model.iterdir())]
+    pictures = [folder / "images" / name for name in names.values()]
+    return [*pictures, *(folder / "masks" / name for name in masks.values()), *sorted(model.iterdir())]
 
 
 def colmap_model(scene: Scene, points: PointCloud, names: dict[str, str]) -> pycolmap.Reconstruction:

@@ -1,12 +1,13 @@
-"""A capture's photos as its cameras see them: without distortion, at the size that the run worked with."""
+"""A capture's photos and masks as its cameras see them: without distortion, at the size that the run worked with."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.scene import Frame
@@ -35,3 +36,23 @@ def write_photos(frames: Iterable[Frame], folder: Path) -> dict[str, str]:
                 temporary.write_bytes(cv2.imencode(".jpg", frame.color()[..., ::-1], JPEG)[1].tobytes())
         names[frame.name] = name
     return names
+
+
+def write_masks(frames: Iterable[Frame], folder: Path, names: Mapping[str, str]) -> dict[str, str]:
+    """What of the photos may be used, white; of those of which not everything may. Called PHOTO.png, as COLMAP does.
+
+    Args:
+        names: of `write_photos`.
+
+    Returns:
+        Frame's name -> its mask's name in the folder.
+    """
+    masks = {}
+    for frame in frames:
+        usable = frame.mask()
+        if usable is None:
+            continue
+        masks[frame.name] = f"{names[frame.name]}.png"
+        with whole_file(folder / masks[frame.name]) as temporary:
+            temporary.write_bytes(cv2.imencode(".png", usable.astype(np.uint8) * 255)[1].tobytes())
+    return masks

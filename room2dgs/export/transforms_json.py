@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 
 from room2dgs.captures.world_offset import AT_ORIGIN
-from room2dgs.export.photos import write_photos
+from room2dgs.export.photos import write_masks, write_photos
 from room2dgs.export.source import Source
 from room2dgs.files import whole_file
 
@@ -25,6 +25,7 @@ def write_transforms(source: Source, folder: Path) -> list[Path]:
     """
     scene = source.scene
     names = write_photos(scene.frames, folder / "images")
+    masks = write_masks(scene.frames, folder / "masks", names)
     frames = []
     for frame in scene.frames:
         K = frame.camera.K
@@ -38,6 +39,7 @@ def write_transforms(source: Source, folder: Path) -> list[Path]:
                 "cx": K[0, 2],
                 "cy": K[1, 2],
                 "transform_matrix": (frame.camera.world_from_cam @ OPENGL_FROM_OPENCV).tolist(),
+                **({"mask_path": f"masks/{masks[frame.name]}"} if frame.name in masks else {}),
             }
         )
     parts = {}
@@ -58,4 +60,5 @@ def write_transforms(source: Source, folder: Path) -> list[Path]:
         source.log("transforms.json: poses and points are near the scene; applied_transform leads there from the world")
     with whole_file(folder / "transforms.json") as temporary:
         temporary.write_text(json.dumps(meta, indent=1) + "\n", encoding="utf-8")
-    return [folder / "transforms.json", folder / POINTS, *(folder / "images" / name for name in names.values())]
+    pictures = [folder / "images" / name for name in names.values()]
+    return [folder / "transforms.json", folder / POINTS, *pictures, *(folder / "masks" / one for one in masks.values())]
