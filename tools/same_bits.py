@@ -63,15 +63,22 @@ def built(commit: str, work: Path) -> Path:
 
 
 def run(python: Path, settings: list[str], out: Path) -> None:
-    """One run, unless it is there; its log goes to a file beside it."""
+    """One run, unless it is there; its log goes to a file beside it.
+
+    Raises:
+        InputError: it failed.
+    """
     if (out / "metrics.json").exists():
         return
     shutil.rmtree(out, ignore_errors=True)
     out.parent.mkdir(parents=True, exist_ok=True)
-    with (out.parent / f"{out.name}.log").open("w") as log:
+    path = out.parent / f"{out.name}.log"
+    with path.open("w") as log:
         command = [str(python), "-m", "room2dgs", "run", *settings, f"out={out}"]
         environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-        subprocess.run(command, cwd=out.parent, stdout=log, stderr=log, env=environment, check=True)
+        done = subprocess.run(command, check=False, cwd=out.parent, stdout=log, stderr=log, env=environment)
+    if done.returncode:
+        raise InputError(f"the run in {out} failed (exit {done.returncode}); {path} says why")
 
 
 def results(out: Path) -> dict[str, str]:
