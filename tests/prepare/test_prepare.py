@@ -200,7 +200,14 @@ def test_photos_that_show_something_else_are_left_out_by_name(walk, tmp_path, ca
     database, names = out / "work/database.db", ["cat.png", *(f"room {index}.png" for index in range(8)), "zoo.png"]
     _rename(database, [f"photo-{index}" for index in range(10)])  # as a kill amid matching leaves them
     config = load_config([f"scene.path={source}", "out=unused"]).prepare
-    matched(database, [SimpleNamespace(name=name) for name in names], [], tmp_path, config, lambda line: None)
+    matched(
+        database,
+        [SimpleNamespace(name=name, size=(160, 120)) for name in names],
+        [],
+        tmp_path,
+        config,
+        lambda line: None,
+    )
     with pycolmap.Database.open(database) as opened:
         assert [image.name for image in opened.read_all_images()] == names
 
