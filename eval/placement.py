@@ -5,10 +5,35 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
+from room2dgs.errors import InputError
+
 SHARE = 0.01  # of the faces at either end, which may be strays
 MOST_TIMES_AS_LARGE = 15.0  # a part of a room, or a room of a flat
 UNITS = ((1000.0, "millimetres"), (100.0, "centimetres"), (39.37, "inches"))
+FAR_M, FAR_TIMES = 1e4, 100.0  # where float32 has steps of a millimetre; the distance of most faces from the middle
 SURE = 1.6  # factor to both sides by which sizes tell a unit
+
+
+def check_together(mesh: trimesh.Trimesh, name: str) -> None:
+    """A mesh whose faces all lie where most of them do.
+
+    Distances are found in float32 about the middle of a mesh. One vertex that is 1e8 m away leaves the room steps of
+    4 m there, and every query as near to one face as to all others.
+
+    Raises:
+        InputError: a few faces reach far out; names how many.
+    """
+    corners = np.asarray(mesh.vertices, np.float64)[mesh.faces]
+    if not len(corners) or not np.ptp(corners.reshape(-1, 3), axis=0).max() > FAR_M:
+        return
+    away = np.linalg.norm(corners - np.median(corners.reshape(-1, 3), axis=0), axis=-1).max(axis=1)
+    limit = max(FAR_M, FAR_TIMES * float(np.quantile(away, 0.5)))
+    far = int((away > limit).sum())
+    if far:
+        raise InputError(
+            f"{name} has {far:,} of {len(away):,} faces that reach up to {away.max():.0e} m away from the rest: too "
+            "far to tell millimetres; remove them"
+        )
 
 
 def misplaced(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> str | None:

@@ -13,6 +13,7 @@ import trimesh
 
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.eval.geometry_scores import Scores, downsample, nearest_vertices, scores
+from room2dgs.eval.placement import check_together
 from room2dgs.eval.surface import Surface
 from room2dgs.mesh.checks import check_mesh
 from room2dgs.mesh.world import read_in_scene
@@ -75,16 +76,18 @@ def load(source: str | Path | trimesh.Trimesh | MeshFile, origin_m: Origin = AT_
         origin_m: of the scene whose cameras are to see the mesh (`Scene.origin_m`), in the world of the file.
 
     Raises:
-        InputError: as `read_mesh`.
+        InputError: as `read_mesh` and `check_together`.
         TypeError, ValueError: neither a path nor a mesh, or one of faces or vertices that cannot be.
     """
     if isinstance(source, MeshFile):
         return source
     if not isinstance(source, str | Path):
         check_mesh(source)
+        check_together(source, "the mesh")
         return MeshFile(source)
     path = Path(source)
     mesh = read_in_scene(path, origin_m)
+    check_together(mesh, str(path))
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while chunk := file.read(1 << 20):

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import trimesh
 
-from room2dgs.eval.placement import misplaced
+from room2dgs.errors import InputError
+from room2dgs.eval.placement import check_together, misplaced
+from room2dgs.eval.protocol import load
+from room2dgs.mesh.io import write_mesh
 
 
 def room(scale: float = 1.0, moved=(0.0, 0.0, 0.0)) -> trimesh.Trimesh:
@@ -39,3 +43,25 @@ def test_strays_and_parts_of_a_room_are_no_doubt():
 def test_meshes_without_a_size_are_no_doubt():
     flat = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     assert misplaced(flat, room()) is None
+
+
+def with_far_vertex(metres: float) -> trimesh.Trimesh:
+    mesh = room()
+    mesh.vertices = np.where(np.arange(len(mesh.vertices))[:, None] == 5, metres, mesh.vertices)
+    return mesh
+
+
+@pytest.mark.parametrize("metres", [2e4, 1e8, -1e11])
+def test_a_vertex_that_is_far_away_is_told_before_it_takes_the_rooms_millimetres(tmp_path, metres):
+    mesh = with_far_vertex(metres)
+    with pytest.raises(InputError, match=r"^the mesh has \d of 768 faces that reach up to .* m away from the rest"):
+        load(mesh)
+    write_mesh(tmp_path / "a.ply", mesh)
+    with pytest.raises(InputError, match=r"a\.ply has \d of 768 faces that reach"):
+        load(tmp_path / "a.ply")
+
+
+@pytest.mark.parametrize("mesh", [room(), room(1e4), room(1.0, (5e5, 5e6, 0)), with_far_vertex(500.0)])
+def test_rooms_in_any_unit_and_place_are_together(mesh):
+    check_together(mesh, "a")
+    check_together(trimesh.Trimesh(mesh.vertices, np.zeros((0, 3), int), process=False), "a")
