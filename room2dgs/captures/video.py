@@ -35,7 +35,11 @@ def open_video(path: Path, upright: bool) -> cv2.VideoCapture:
     _check_container(path)
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # what is wrong with a file is ours to say
     # an absolute path is no address ("concat:a|b"), and FFmpeg takes no %d for a number as OpenCV's pictures do
-    capture = cv2.VideoCapture(os.path.abspath(path), cv2.CAP_FFMPEG)
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # so it is for OpenCV
+    try:
+        capture = cv2.VideoCapture(os.path.abspath(path), cv2.CAP_FFMPEG)
+    finally:
+        cv2.utils.logging.setLogLevel(level)
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1 if upright else 0)
     if not capture.isOpened():
         capture.release()

@@ -88,6 +88,13 @@ def test_files_that_are_not_there_or_no_files(tmp_path, walk):
         Video(tmp_path / "cut.mp4").frame(0)
 
 
+def test_of_a_damaged_video_libraries_say_nothing_besides(tmp_path, capfd):
+    (tmp_path / "a.mp4").write_bytes(b"\0\0\0\x18ftypmp42" + bytes(40))
+    with pytest.raises(InputError, match="it is damaged or of a codec"):
+        open_video(tmp_path / "a.mp4", True)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_names_that_are_patterns_or_addresses_are_names(tmp_path, walk, frames, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("walk_%02d.mp4", "concat:a|b.mp4", "-i.mp4", "file:x.mp4", "walk\n.mp4", "${out}.mp4"):
