@@ -16,6 +16,7 @@ from room2dgs.errors import InputError
 from room2dgs.links_out import refuse_links_out
 from room2dgs.logs import Log, in_lines, run_log, to_terminal
 from room2dgs.owner import owned
+from room2dgs.regular_files import check_regular
 from room2dgs.runs.folder import (
     CONFIG,
     MESH,
@@ -69,8 +70,7 @@ def score_mesh(overrides: list[str], out: str | None) -> None:
         overrides = [*overrides, f"out={path.with_name(path.stem + '_scores')}"]
     config = absolute(load_config(overrides))
     gt = ground_truth(config)
-    if not Path(config.eval.pred).is_file():
-        raise InputError(f"{config.eval.pred} is missing; give pred=MESH")
+    check_regular(Path(config.eval.pred), "give pred=MESH")
     scene = read(config)
     gt = gt or scene.gt_mesh
     if gt is None:
@@ -108,13 +108,12 @@ def ground_truth(config: Config) -> Path | None:
     """The mesh that eval.gt names, or None.
 
     Raises:
-        InputError: it is not there.
+        InputError: it is not there, or no file.
     """
     if not config.eval.gt:
         return None
     path = Path(config.eval.gt)
-    if not path.is_file():
-        raise InputError(f"{path} is missing; give eval.gt the path of the ground-truth mesh")
+    check_regular(path, "give eval.gt the path of the ground-truth mesh")
     return path
 
 

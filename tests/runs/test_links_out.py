@@ -117,6 +117,19 @@ def test_scores_of_a_mesh_look_at_what_they_write_alone(folders, wall, capsys):
     assert f"{run / 'eval'} is a link to" in capsys.readouterr().err and sorted(os.listdir(outside)) == ["mine"]
 
 
+@pytest.mark.parametrize("given", ["pred", "gt"])
+def test_a_pipe_or_a_folder_that_is_to_be_scored_is_called_so(tmp_path, wall, given, capsys):
+    paths = dict.fromkeys(("pred", "gt"), wall / "gt_mesh.ply") | {given: tmp_path / "a.ply"}
+    argv = ["eval", *(f"{key}={path}" for key, path in paths.items()), f"scene={wall}", f"out={tmp_path / 'scores'}"]
+    os.mkfifo(tmp_path / "a.ply")
+    assert cli.main(argv) == 2
+    assert "a.ply is a pipe where a file belongs; give " in capsys.readouterr().err
+    (tmp_path / "a.ply").unlink()
+    (tmp_path / "a.ply").mkdir()
+    assert cli.main(argv) == 2
+    assert "a.ply is a folder where a file belongs; give " in capsys.readouterr().err
+
+
 def test_a_log_that_becomes_a_link_or_a_pipe_is_not_written_to(folders, capsys):
     run, outside = folders
     log = run_log(run)
