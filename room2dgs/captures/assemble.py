@@ -29,6 +29,7 @@ from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.poses import inverse_pose
+from room2dgs.regular_files import check_regular
 
 MIN_VIEWS = 3
 
@@ -207,8 +208,7 @@ def _gt_mesh(capture: Capture, config: SceneConfig) -> Path | None:
     if not config.gt_mesh:
         return capture.gt_mesh
     path = Path(config.gt_mesh)
-    if not path.is_file():
-        raise InputError(f"{path} is missing; give scene.gt_mesh the path of the ground-truth mesh")
+    check_regular(path, "give scene.gt_mesh the path of the ground-truth mesh")
     return path
 
 

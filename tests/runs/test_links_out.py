@@ -9,6 +9,8 @@ import socket
 import pytest
 
 from room2dgs import cli
+from room2dgs.captures.read import read_scene
+from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.links_out import refuse_links_out
 from room2dgs.logs import append, in_lines, logged, run_log
@@ -124,6 +126,9 @@ def test_a_pipe_or_a_folder_that_is_to_be_scored_is_called_so(tmp_path, wall, gi
     os.mkfifo(tmp_path / "a.ply")
     assert cli.main(argv) == 2
     assert "a.ply is a pipe where a file belongs; give " in capsys.readouterr().err
+    if given == "gt":
+        with pytest.raises(InputError, match=r"a\.ply is a pipe where a file belongs; give scene\.gt_mesh the path"):
+            read_scene(load_config([f"scene.path={wall}", "out=o", f"scene.gt_mesh={tmp_path / 'a.ply'}"]).scene)
     (tmp_path / "a.ply").unlink()
     (tmp_path / "a.ply").mkdir()
     assert cli.main(argv) == 2
