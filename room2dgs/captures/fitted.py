@@ -131,8 +131,7 @@ def _fitted(
         others = any(one.lens for one in capture.shots)
         whose = f"{shot.path}, unlike other photos, has" if others else f"{capture.root} brings"
         raise InputError(
-            f"{whose} no intrinsics; give scene.intrinsics=[fx,fy,cx,cy] in pixels of the photos "
-            f"({size[0]}x{size[1]})"
+            f"{whose} no intrinsics; give scene.intrinsics=[fx,fy,cx,cy] in pixels of the photos ({size[0]}x{size[1]})"
         )
     sure = given is not None or lens.size == size
     try:
