@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -17,16 +16,7 @@ from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.prepare.photos import taken_photos
 from room2dgs.prepare.stages import Stages
-
-HEIC = base64.b64decode(  # 64x48, red 4 x, green 5 y, blue 90
-    "AAAAHGZ0eXBoZWljAAAAAG1pZjFoZWljbWlhZgAAAX1tZXRhAAAAAAAAACFoZGxyAAAAAAAAAABwaWN0AAAAAAAAAAAAAAAAAAAAACJpbG9jAAAA"
-    "AERAAAEAAQAAAAABoQABAAAAAAAAAJMAAAAjaWluZgAAAAAAAQAAABVpbmZlAgAAAAABAABodmMxAAAAAA5waXRtAAAAAAABAAAA/WlwcnAAAADd"
-    "aXBjbwAAAHZodmNDAQNwAAAAkAAAAAAAHvAA/P34+AAADwNgAAEAGEABDAH//wNwAAADAJAAAAMAAAMAHroCQGEAAQAqQgEBA3AAAAMAkAAAAwAA"
-    "AwAeoCCBBZbq5Ka5uAhoMCAAAAMDIAAAAwAhYgABAAZEAcFzwIkAAAATY29scm5jbHgAAQANAAaAAAAAFGlzcGUAAAAAAAAAQAAAAEAAAAAoY2xh"
-    "cAAAAEAAAAABAAAAMAAAAAEAAAAAAAAAAv////AAAAACAAAAEHBpeGkAAAAAAwgICAAAABhpcG1hAAAAAAAAAAEAAQWBAgMFhAAAAJttZGF0AAAA"
-    "jygBrwngPg6bnk4QdLDGLT7Bfo0eRrgROeJ8F7zEEF8FD69d93LtsfbcvqzRfLbc/hn+hUXcmLFvpdzIUXSS8a7gBSe8rTuc8C0gyXQfn0OY+DNo"
-    "Qjkp3WGmD2ouHsMdFGOrnJA/g9SfP+9b9nSqZ8txox3kKUIYUFhoZ//DpRv7W/E4Shtw8QFDD/1RfFuA"
-)
+from tests.captures.heic_file import HEIC
 
 
 @pytest.fixture
