@@ -48,7 +48,7 @@ def test_upright_and_lying_photos_go_through_stereo_and_training(mixed, corner_v
     common = [f"scene.path={mixed}", "scene.test_every=0", "scene.image_width=160", "points.max_features=1000"]
     assert cli.main(["depth", *common, f"out={depth}", "stereo.width=160", "mesh.voxel_m=0.03"]) == 0
     for index, (_, _, millimetres) in enumerate(corner_views):
-        found, truth = np.load(depth / f"depth/{index}.npy"), millimetres / 1000.0
+        found, truth = np.load(depth / f"depth/images_{index}.npy"), millimetres / 1000.0
         if index % 2:
             truth = np.rot90(truth, -1)
         assert found.shape[::-1] == ((120, 160) if index % 2 else (160, 120))

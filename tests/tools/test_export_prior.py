@@ -88,5 +88,5 @@ def test_a_file_that_computes_something_else_is_not_written(checkpoint, tmp_path
 
 
 def test_a_missing_checkpoint_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"checkpoint\.safetensors is not there"):
+    with pytest.raises(InputError, match=r"checkpoint\.safetensors is missing"):
         export_prior.export_prior(tmp_path, tmp_path / "room_prior.onnx")
