@@ -22,6 +22,7 @@ RAW_SUFFIXES = (
     ".dng", ".raw", ".cr2", ".cr3", ".nef", ".nrw", ".arw", ".orf", ".rw2", ".raf", ".pef", ".srw", ".x3f", ".3fr",
 )  # fmt: skip
 OTHER_SUFFIXES = (".avif", ".jxl", ".jp2", ".j2k", ".jfif", ".gif", ".ppm", ".pgm", ".tga", ".psd", ".insp")
+MESH_SUFFIXES = (".ply", ".obj", ".off", ".stl", ".glb")
 VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".m4v", ".webm")
 _PARTS = re.compile(r"(\d+)")
 
@@ -135,10 +136,10 @@ def gt_mesh_in(root: Path, *patterns: str, own: bool = True) -> Path | None:
     """The first file that a pattern finds, the patterns in their order.
 
     Args:
-        own: gt_mesh.ply, which is ours, comes before all of them.
+        own: gt_mesh.ply, or another kind of mesh of that name, which is ours, comes before all of them.
     """
     names = listed(root)
-    for pattern in (("gt_mesh.ply",) if own else ()) + patterns:
+    for pattern in (tuple(f"gt_mesh{end}" for end in MESH_SUFFIXES) if own else ()) + patterns:
         found = sorted(name for name in names if fnmatch(name, pattern))
         if found:
             return root / found[0]

@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from trimesh.resolvers import Resolver
 
+from room2dgs.captures.listing import MESH_SUFFIXES
 from room2dgs.errors import InputError, first_line
 from room2dgs.files import whole_file
 from room2dgs.mesh.checks import FARTHEST
@@ -18,7 +19,6 @@ from room2dgs.mesh.ply_mesh import read_ply_mesh
 from room2dgs.regular_files import check_regular, open_regular
 from room2dgs.texts import shown_name
 
-KINDS = (".ply", ".obj", ".off", ".stl", ".glb")
 MEND = "give the path of a triangle mesh (.ply)"
 
 
@@ -45,9 +45,10 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     path = Path(path)
     check_regular(path, MEND)
     kind = path.suffix.lower()
-    if kind not in KINDS:
+    if kind not in MESH_SUFFIXES:
         raise InputError(
-            f"{path} cannot be decoded as a mesh: its name ends in {path.suffix!r}; give one of {', '.join(KINDS)}"
+            f"{path} cannot be decoded as a mesh: its name ends in {path.suffix!r}; give one of "
+            f"{', '.join(MESH_SUFFIXES)}"
         )
     try:
         if kind == ".ply":

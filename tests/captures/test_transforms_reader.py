@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import trimesh
 
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.read import read_scene
@@ -294,3 +296,21 @@ def test_some_frames_without_intrinsics_are_not_all_of_them(changed, settings):
 
     with pytest.raises(InputError, match=r"frame_000\d\d\.png, unlike other photos, has no intrinsics"):
         read_scene(settings(changed(some)))
+
+
+def test_names_without_a_suffix_that_fit_several_files_are_told(written, settings):
+    root = written("instant_ngp")
+    assert not read_scene(settings(root)).warnings
+    names = [frame["file_path"] for frame in json.loads((root / "transforms.json").read_text())["frames"]]
+    assert not any(Path(name).suffix for name in names)
+    photo = next((root / names[0]).parent.glob(Path(names[0]).name + ".*"))
+    photo.with_suffix(".jpg" if photo.suffix == ".png" else ".png").write_bytes(photo.read_bytes())
+    (told,) = read_scene(settings(root)).warnings
+    assert told.startswith("1 photos are named without their suffix and there are several of each: ")
+
+
+@pytest.mark.parametrize("name", ["gt_mesh.ply", "gt_mesh.obj", "gt_mesh.glb"])
+def test_a_truth_of_any_kind_of_mesh_is_found(written, settings, name):
+    root = written("nerfstudio")
+    trimesh.creation.box().export(root / name)
+    assert read_scene(settings(root)).gt_mesh == root / name

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -104,6 +104,7 @@ def _shots(meta: dict[str, Any], path: Path, config: SceneConfig, told: Told) ->
     told.warnings += [*warnings, *contradictions(meta, frames, path)]
     depth = _depth_of(meta, frames, path, config.unit, told)
     shots = shots_of(meta, frames, path, partial(photo_at, path.parent, path=path), depth=depth, told=told)
+    told.warnings += _of_several(shots)
     shots, gone = without_missing_maps(shots, path)
     told.warnings += gone
     return _with_masks_of_ngp(shots, told)
@@ -183,6 +184,24 @@ def photo_at(folder: Path, name: str, path: Path) -> Path:
     if file.suffix and (file.is_file() or file.suffix.lower() in ENDINGS):
         return file
     return next((found for end in ENDINGS if (found := Path(f"{file}{end}")).is_file()), file)
+
+
+def _of_several(shots: list[Shot]) -> list[str]:
+    """A warning where names without a suffix fit several files."""
+    several = [
+        f"{shot.path.name} of {', '.join(fits)}"
+        for shot in shots
+        if Path(shot.name).suffix.lower() not in ENDINGS and len(fits := _fitting(shot)) > 1
+    ]
+    if not several:
+        return []
+    return [f"{len(several)} photos are named without their suffix and there are several of each: {some(several)}"]
+
+
+def _fitting(shot: Shot) -> list[str]:
+    """Names of the files that a name without its suffix may mean."""
+    names, start = listed(shot.path.parent), PurePosixPath(shot.name.replace("\\", "/")).name
+    return [f"{start}{end}" for end in ENDINGS if f"{start}{end}" in names]
 
 
 def capture_world(meta: Mapping[str, Any], path: Path) -> np.ndarray | None:
