@@ -53,7 +53,8 @@ def main(argv: list[str]) -> int:
     try:
         viewer.start()
         warn_of_host(host, print)
-        print(f"look at {viewer.url}; Ctrl-C ends it", flush=True)
+        # on a line of its own: terminals take what follows an address for part of it
+        print(f"look at {viewer.url}\nCtrl-C ends it", flush=True)
         threading.Event().wait()
     finally:
         viewer.stop()
