@@ -87,7 +87,7 @@ def test_configuration_scores_network_kernels_and_types_travel_inside(names):
             if file.is_file() and not built:
                 assert f"{inside}/{file.relative_to(CHECKOUT / folder).as_posix()}" in names
     assert {
-        f"room2dgs/priors/network/{name}" for name in ("room_prior.onnx", "depth_correction.onnx", "README.md")
+        f"room2dgs/depth/network/{name}" for name in ("room_prior.onnx", "depth_correction.onnx", "README.md")
     } <= names
     assert any(name.startswith("room2dgs/_C.") and name.endswith(".so") for name in names)
     assert {"room2dgs/py.typed", "room2dgs/_C/__init__.pyi", "room2dgs/_C/bench.pyi"} <= names

@@ -2,7 +2,7 @@
 
     python -m room2dgs.tools.export_correction RUN depth_correction.onnx
 
-Input: evidence (1, 26, H, W), see `room2dgs.priors.completion.evidence`; H and W multiples of 8. Outputs: shift
+Input: evidence (1, 26, H, W), see `room2dgs.depth.completion.evidence`; H and W multiples of 8. Outputs: shift
 (1, H, W), to add to ln depth, and error (1, H, W), the relative error to be expected then. Weights are stored as half
 floats and computed with as floats.
 """
@@ -17,9 +17,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from room2dgs.depth.completion.evidence import CHANNELS
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
-from room2dgs.priors.completion.evidence import CHANNELS
 from room2dgs.tools.command_line import command_line
 from room2dgs.tools.correction_network.network import CorrectionNetwork, WithErrors
 from room2dgs.tools.correction_network.training import load

@@ -26,7 +26,7 @@ from room2dgs.captures.read import read_scene
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.sfm.sparse import sparse_points
-from room2dgs.stereo.looks import FIRST_WIDTH, NARROWER, with_windows
+from room2dgs.stereo.passes import FIRST_WIDTH, NARROWER, with_windows
 from room2dgs.stereo.scene import scene_neighbours, scene_stereo
 from room2dgs.stereo.worth import TOGETHER, evidence
 from room2dgs.tools.command_line import command_line
@@ -62,11 +62,13 @@ def gathered(capture: Path, scratch: Path) -> Pixels:
     settings = replace(with_windows(config.stereo, NARROWER), width=FIRST_WIDTH)
     cameras, found = scene_stereo(scene.train, points, settings)
     views = list(found)
-    near = scene_neighbours(scene.train, cameras, points, settings.asked)
+    near = scene_neighbours(scene.train, cameras, points, settings.consistency_views)
     parts = []
     for frame, camera, view, beside in zip(scene.train, cameras, views, near, strict=True):
         others = [(cameras[other], views[other].depth) for other in beside]
-        maps = evidence((camera, view.depth), view.agreeing, others, settings.max_px, settings.max_relative)
+        maps = evidence(
+            (camera, view.depth), view.agreeing, others, settings.max_reprojection_px, settings.max_relative_difference
+        )
         truth = true_depth(frame, camera)
         here = (truth > 0) & (view.depth > 0)
         wrong = np.abs(view.depth - truth)[here] > WRONG_M

@@ -5,7 +5,7 @@
 Each room is filmed (`make_captures`) with its own noise, exposures and, for some, poses that are off. Poses are refined
 and the depth of the photos is found as a run does it; then the film is deleted. A room is a folder of .npy files, with
 N the photos of both looks:
-    evidence.npy (N, CHANNELS, h, w) float16, see `room2dgs.priors.completion.evidence`;
+    evidence.npy (N, CHANNELS, h, w) float16, see `room2dgs.depth.completion.evidence`;
     shift.npy    (N, h, w) float16, ln of true over completed depth, NaN = unknown.
 Rooms that are there already are kept.
 """
@@ -27,15 +27,15 @@ from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import load_config
+from room2dgs.depth import load_priors
+from room2dgs.depth.completion.correction import Correct
+from room2dgs.depth.completion.evidence import ERROR, KNOWN, LN_DEPTH, LN_MEDIAN
 from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
-from room2dgs.priors import load_priors
-from room2dgs.priors.completion.correction import Correct
-from room2dgs.priors.completion.evidence import ERROR, KNOWN, LN_DEPTH, LN_MEDIAN
 from room2dgs.sfm.refinement import refined_poses
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.splat import set_threads
-from room2dgs.stereo.anchors import FirstLook, StereoPoints, stereo_points
+from room2dgs.stereo.anchors import FirstPass, StereoPoints, stereo_points
 from room2dgs.tools.command_line import command_line
 from room2dgs.tools.correction_network.samples import EVIDENCE, SHIFT
 from room2dgs.tools.make_captures import CaptureOptions, make_capture
@@ -90,11 +90,11 @@ def views(capture: Path, width: int | None, out: Path) -> tuple[np.ndarray, np.n
     config = load_config(given)
     scene, _ = refined_poses(read_scene(config.scene), config.sfm, config.points, out / "points", _quiet)
     points = sparse_points(scene, config.points, out / "points", _quiet)
-    looks, prior = config.prior.depth.looks, replace(config.prior, cache=str(out / "maps"))
+    looks, prior = config.prior.depth.passes, replace(config.prior, cache=str(out / "maps"))
     seen: list[tuple[np.ndarray, np.ndarray]] = []
 
-    def compare(first: FirstLook | None) -> StereoPoints:
-        return stereo_points(scene.keyframes, points, config.stereo, _quiet, first=first, looks=looks)
+    def compare(first: FirstPass | None) -> StereoPoints:
+        return stereo_points(scene.keyframes, points, config.stereo, _quiet, first=first, passes=looks)
 
     load_priors(scene.keyframes, points, prior, _quiet, compare, correct=recording(scene, seen))
     return np.stack([one for one, _ in seen]), np.stack([one for _, one in seen])

@@ -16,25 +16,25 @@ from room2dgs.captures.confidence import error_of
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import NETWORK_SOURCES, Config, PriorConfig
+from room2dgs.depth import Priors, load_priors
+from room2dgs.depth.align.scale_shift import Fit
+from room2dgs.depth.completion.on_planes import on_planes
+from room2dgs.depth.completion.views import LEAST_STEREO
+from room2dgs.depth.files import read_depth, read_normal
+from room2dgs.depth.network.map_cache import read_array
+from room2dgs.depth.network.maps import predicted_maps, read_models
+from room2dgs.depth.normals.convention import camera_normals
+from room2dgs.depth.sensor.maps import sensor_map
 from room2dgs.errors import InputError
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.mesh.world import read_in_scene
-from room2dgs.priors import Priors, load_priors
-from room2dgs.priors.align.scale_shift import Fit
-from room2dgs.priors.completion.on_planes import on_planes
-from room2dgs.priors.completion.views import LEAST_STEREO
-from room2dgs.priors.files import read_depth, read_normal
-from room2dgs.priors.network.map_cache import read_array
-from room2dgs.priors.network.maps import predicted_maps, read_models
-from room2dgs.priors.normals.convention import camera_normals
-from room2dgs.priors.sensor.maps import sensor_map
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.splat import set_threads
 from room2dgs.stereo.anchors import StereoPoints, stereo_points, with_stereo
 from room2dgs.stereo.dense import DenseView
-from room2dgs.stereo.looks import Compared, FirstLook, weigh
+from room2dgs.stereo.passes import Compared, FirstPass, weigh
 from room2dgs.stereo.scene import scene_stereo
 
 ON_PLANE = 0.5  # trust in a plane from which on a pixel is counted as the plane's
@@ -84,12 +84,12 @@ def _sources(scene: Scene, config: Config, cache: Path, log: Log) -> Iterator[tu
     views = list(found)
     shown = {frame.name: (view.depth.copy(), view.agreeing) for frame, view in zip(frames, views, strict=True)}
 
-    def compare(first: FirstLook | None) -> StereoPoints:
-        looks = prior.depth.looks
+    def compare(first: FirstPass | None) -> StereoPoints:
+        looks = prior.depth.passes
         if looks == 1:
             weigh(Compared(frames, (), points, config.stereo, log, config.render.device), cameras, shown)
             return StereoPoints(with_stereo(points, frames, cameras, shown), shown)
-        found = stereo_points(frames, points, config.stereo, log, config.render.device, first, looks=looks)
+        found = stereo_points(frames, points, config.stereo, log, config.render.device, first, passes=looks)
         shown.update(found.maps)
         return found
 

@@ -9,9 +9,9 @@ from room2dgs.bench.prior_measure import SceneScore, measured
 from room2dgs.bench.prior_prediction import open_networks
 from room2dgs.bench.prior_views import scene_views
 from room2dgs.config import PriorConfig, SceneConfig
-from room2dgs.priors.network.maps import KINDS
-from room2dgs.priors.network.shipped import NAME
-from room2dgs.priors.simulated import simulated
+from room2dgs.depth.network.maps import KINDS
+from room2dgs.depth.network.shipped import NAME
+from room2dgs.depth.simulated import simulated
 
 
 def measured_scenes(scenes: Sequence[SceneConfig], prior: PriorConfig, log=print) -> list[SceneScore]:

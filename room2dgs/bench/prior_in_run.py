@@ -16,8 +16,8 @@ from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config, DepthPriorConfig
+from room2dgs.depth import load_priors
 from room2dgs.logs import Log
-from room2dgs.priors import load_priors
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.stereo.anchors import stereo_points
 
@@ -60,7 +60,7 @@ def depth_in_run(config: Config, log: Log) -> dict[str, DepthInRun]:
         for name, depth in _steps(config.prior.depth).items():
             prior = replace(config.prior, cache=cache, depth=depth)
             given = (scene.train, points, config.stereo, log, config.render.device)
-            compare = partial(stereo_points, *given, looks=depth.looks)
+            compare = partial(stereo_points, *given, passes=depth.passes)
             compared = compare if config.stereo.enabled else None
             found[name] = _score(frames, load_priors(scene.train, points, prior, log, compared).by_frame)
     return found

@@ -25,10 +25,10 @@ from room2dgs.bench.prior_truth import REFERENCE_WIDTH, fitted_planes
 from room2dgs.bench.prior_views import View, Views
 from room2dgs.captures.selection import evenly_spaced
 from room2dgs.config import PriorConfig
+from room2dgs.depth.network.maps import KINDS
+from room2dgs.depth.network.session import Network
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
-from room2dgs.priors.network.maps import KINDS
-from room2dgs.priors.network.session import Network
 
 POOLED_WIDTH = 320  # of a frame, about 320 x 240 evenly spaced pixels go into what is pooled over frames
 PICTURED = 4  # frames

@@ -12,14 +12,14 @@ import numpy as np
 
 from room2dgs.captures.scene import Frame
 from room2dgs.config import PriorConfig
+from room2dgs.depth.files import find_map, read_depth, read_normal
+from room2dgs.depth.network.flip import Prediction as RawMap
+from room2dgs.depth.network.maps import KINDS, at_camera, read_models
+from room2dgs.depth.network.network import predictions, same_input
+from room2dgs.depth.network.session import Network, open_network
+from room2dgs.depth.normals.convention import camera_normals
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
-from room2dgs.priors.files import find_map, read_depth, read_normal
-from room2dgs.priors.network.flip import Prediction as RawMap
-from room2dgs.priors.network.maps import KINDS, at_camera, read_models
-from room2dgs.priors.network.network import predictions, same_input
-from room2dgs.priors.network.session import Network, open_network
-from room2dgs.priors.normals.convention import camera_normals
 
 
 @dataclass

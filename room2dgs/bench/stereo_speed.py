@@ -88,9 +88,9 @@ def sweep_over_bare(
 
     The planes are those that were found, so that what is tried lies where views see it.
     """
-    matching = Matching(radius=settings.radius, step=settings.step, best=settings.best)
+    matching = Matching(radius=settings.radius, step=settings.step, top_k=settings.top_k)
     middle = len(frames) // 2
-    near = nearest(cameras, middle, settings.neighbours)
+    near = nearest(cameras, middle, settings.num_source_views)
     here, *others = [packed(grey(frames[index], cameras[index]), cameras[index]) for index in (middle, *near)]
     planes = views[middle].planes
     search = Search(here, others, matching, (0.1, 100.0), 1)
@@ -139,7 +139,7 @@ def bare_seconds(matching: Matching) -> float:
         views.append(packed(photo, Camera(K, width, height, pose)))
     planes = np.zeros((3, height, width), np.float32)
     planes[0] = 0.5
-    alike = replace(matching, best=1)  # of one view there is no second best
+    alike = replace(matching, top_k=1)  # of one view there is no second best
 
     def costs(others: Sequence[Packed]) -> Callable[[], Any]:
         search = Search(views[0], others, alike, (0.1, 100.0), 1)

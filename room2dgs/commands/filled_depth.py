@@ -16,8 +16,8 @@ from room2dgs.runs.metrics import Stages, timed
 
 if TYPE_CHECKING:
     from room2dgs.captures.point_cloud import PointCloud
+    from room2dgs.depth import Priors
     from room2dgs.geometry.camera import Camera
-    from room2dgs.priors import Priors
     from room2dgs.stereo.dense import DenseView
 
 
@@ -46,15 +46,15 @@ def filled(
     Raises:
         InputError: as `load_priors`.
     """
-    from room2dgs.priors import load_priors
+    from room2dgs.depth import load_priors
     from room2dgs.stereo.anchors import StereoPoints, stereo_points, with_stereo
-    from room2dgs.stereo.looks import Compared, FirstLook, weigh
+    from room2dgs.stereo.passes import Compared, FirstPass, weigh
 
-    def compare(first: FirstLook | None) -> StereoPoints:
+    def compare(first: FirstPass | None) -> StereoPoints:
         if first:
-            looks, device = config.prior.depth.looks, config.render.device
+            passes, device = config.prior.depth.passes, config.render.device
             return stereo_points(
-                scene.keyframes, points, config.stereo, log, device, first, looks=looks, beside=scene.beside
+                scene.keyframes, points, config.stereo, log, device, first, passes=passes, beside=scene.beside
             )
         maps = {
             frame.name: (view.depth.copy(), view.agreeing) for frame, view in zip(scene.keyframes, views, strict=True)

@@ -16,8 +16,8 @@ from room2dgs.logs import Log
 if TYPE_CHECKING:
     import trimesh
 
+    from room2dgs.depth import Priors
     from room2dgs.mesh.views import FusedView
-    from room2dgs.priors import Priors
 
 
 def mesh_of_depth(scene: Scene, config: Config, out: Path, log: Log, seconds: dict[str, float]) -> None:

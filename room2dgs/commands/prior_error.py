@@ -17,11 +17,11 @@ from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.stages import read
 from room2dgs.config import Config, load_config
 from room2dgs.config.overrides import quoted
+from room2dgs.depth.network.maps import read_models
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.json_files import read_json
 from room2dgs.logs import Log, in_lines, run_log
-from room2dgs.priors.network.maps import read_models
 from room2dgs.runs.folder import POINTS, PRIOR_MAPS, absolute
 from room2dgs.study.ablation import rows_of
 from room2dgs.study.jobs import (

@@ -73,13 +73,13 @@ def render_scene(
         for name, frames in (("test", scene.test), ("train", scene.train)):
             if views in (name, "all"):
                 for frame, rendering in rendered(surfels, frames, config):
-                    write_png(out / RENDERS / name / f"{frame.name}.png", side_by_side(frame, rendering))
+                    write_png(out / RENDERS / name / f"{frame.name}.png", parallel_map(frame, rendering))
                     drawn += 1
     record(out, {}, seconds)
     log(f"renders: {drawn} pictures in {out / RENDERS} (photo, colour, depth, normal)")
 
 
-def side_by_side(frame: Frame, rendering: Rendering) -> np.ndarray:
+def parallel_map(frame: Frame, rendering: Rendering) -> np.ndarray:
     """(H, 4 W, 3) uint8 RGB: photo, rendered colour, median depth, normals."""
     covered = (rendering.alpha >= MIN_ALPHA).numpy()
     color = np.round(rendering.color.clamp(0, 1).numpy() * 255).astype(np.uint8)

@@ -51,9 +51,9 @@ def _used_own_depth(frames: Sequence[Frame], config: Config, depth_source: str) 
 
 
 def _views(frames: Sequence[Frame], config: Config) -> Iterator[FusedView]:
+    from room2dgs.depth.sensor.maps import sensor_depth
     from room2dgs.errors import InputError
     from room2dgs.mesh.views import FusedView
-    from room2dgs.priors.sensor.maps import sensor_depth
 
     for frame in frames:
         try:

@@ -34,7 +34,7 @@ from room2dgs.runs.metrics import Stages, by_stage, record, timed
 if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be reported at once
     import numpy as np
 
-    from room2dgs.priors import Priors
+    from room2dgs.depth import Priors
     from room2dgs.sfm.sparse import MayLack
     from room2dgs.splat.types import Rendering, Surfels
 
@@ -69,7 +69,7 @@ def refined(
         InputError: as `refined_poses` and `read_poses`.
     """
     from room2dgs.captures.poses_file import write_poses
-    from room2dgs.priors.network.ahead import maps_ahead
+    from room2dgs.depth.network.ahead import maps_ahead
     from room2dgs.sfm.refinement import refined_poses
 
     told(scene, out, log)
@@ -217,19 +217,19 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     Raises:
         InputError: as `load_priors` and `stereo_points`.
     """
+    from room2dgs.depth import load_priors
     from room2dgs.files import whole_file
-    from room2dgs.priors import load_priors
     from room2dgs.report.csv_text import csv_lines
     from room2dgs.runs.trust import write_trust
     from room2dgs.stereo.anchors import StereoPoints, stereo_points
-    from room2dgs.stereo.looks import FirstLook
+    from room2dgs.stereo.passes import FirstPass
 
     stereo: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
-    def compare(first: FirstLook | None) -> StereoPoints:
-        looks, device = config.prior.depth.looks, config.render.device
+    def compare(first: FirstPass | None) -> StereoPoints:
+        passes, device = config.prior.depth.passes, config.render.device
         found = stereo_points(
-            scene.keyframes, points, config.stereo, log, device, first, looks=looks, beside=scene.beside
+            scene.keyframes, points, config.stereo, log, device, first, passes=passes, beside=scene.beside
         )
         stereo.update(found.maps)
         return found

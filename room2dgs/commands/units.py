@@ -18,7 +18,7 @@ from room2dgs.logs import Log
 from room2dgs.runs.metrics import earlier, record
 
 if TYPE_CHECKING:
-    from room2dgs.priors import Priors
+    from room2dgs.depth import Priors
 
 SCALE = "prior_scale"  # in metrics.json
 LEAST_VIEWS, ASKED_VIEWS, LEAST_POINTS = 3, 12, 100

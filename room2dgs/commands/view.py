@@ -102,7 +102,7 @@ def _drawn(mesh: Path, scene: Scene) -> DrawnMesh:
 
 def _add_meshes(viewer: Viewer, mesh: Path, scene: Scene) -> None:
     from room2dgs.mesh.world import read_in_scene
-    from room2dgs.runs.page.solid import solid, with_error
+    from room2dgs.runs.page.mesh_layer import solid, with_error
     from room2dgs.viewer.server import ERROR
     from room2dgs.viewer.server import MESH as SHOWN_MESH
 

@@ -84,11 +84,11 @@ def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trim
 
 
 def _few(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:
-    from room2dgs.mesh.few_faces import few_faces
+    from room2dgs.mesh.decimation import decimation
 
     if config.max_error_m is None:
         return mesh
-    found = few_faces(mesh, config.max_error_m)
+    found = decimation(mesh, config.max_error_m)
     if config.fill == "watertight" and _closed(mesh) and not _closed(found.mesh):
         log("mesh: all faces stay: with fewer it would not be closed (mesh.fill=watertight)")
         return mesh

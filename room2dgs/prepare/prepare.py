@@ -40,10 +40,10 @@ from room2dgs.prepare.metres import (
 from room2dgs.prepare.pairs import all_pairs, loop_pairs, sequential_pairs
 from room2dgs.prepare.photos import TakenPhoto, taken_photos
 from room2dgs.prepare.picture import draw_path
-from room2dgs.prepare.room_lines import RoomFrame, room_frame
 from room2dgs.prepare.similar import similarity
 from room2dgs.prepare.sources import depth_files, network_depths, sensor_depths
 from room2dgs.prepare.stages import Progress, Stages, key_of
+from room2dgs.prepare.vanishing_points import RoomFrame, room_frame
 from room2dgs.prepare.verdict import FEW_POINTS, doubts, scale_dict, upright_line, verdict_lines, weak_stretches
 
 VERDICT, PICTURE, WORK = "prepare.json", "camera_path.png", "work"

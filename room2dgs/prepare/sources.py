@@ -85,10 +85,10 @@ def network_depths(threads: int | None) -> DepthOf:
     Raises:
         InputError: the network did not come with this installation.
     """
-    from room2dgs.priors.network.maps import at_camera
-    from room2dgs.priors.network.network import predicted
-    from room2dgs.priors.network.session import open_network
-    from room2dgs.priors.network.shipped import model_path
+    from room2dgs.depth.network.maps import at_camera
+    from room2dgs.depth.network.network import predicted
+    from room2dgs.depth.network.session import open_network
+    from room2dgs.depth.network.shipped import model_path
 
     settings = load_config(["scene.path=unused", "out=unused", "prior/depth=room_prior"]).prior.depth
     network = open_network(model_path(settings), "depth", settings.onnx, threads, "cpu")

@@ -10,7 +10,7 @@ import numpy as np
 from room2dgs.prepare.contradictions import DOUBTFUL
 from room2dgs.prepare.metres import Scale
 from room2dgs.prepare.photos import TakenPhoto
-from room2dgs.prepare.room_lines import RoomFrame
+from room2dgs.prepare.vanishing_points import RoomFrame
 
 FEW_POINTS = 60  # of a photo
 FEW_FEATURES = 500

@@ -18,11 +18,11 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Scene
 from room2dgs.captures.stored_maps import StoredMaps
 from room2dgs.config import Config
+from room2dgs.depth import Priors
+from room2dgs.depth.align.scale_shift import Fit
 from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE, whole_folder
 from room2dgs.logs import Log
-from room2dgs.priors import Priors
-from room2dgs.priors.align.scale_shift import Fit
 
 INDEX = "index.json"
 FORMAT = 1

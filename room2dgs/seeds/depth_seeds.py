@@ -17,8 +17,8 @@ from scipy.spatial import cKDTree
 from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
+from room2dgs.depth.joint.overlap import Overlap, overlap
 from room2dgs.geometry.depth_maps import depth_normals
-from room2dgs.priors.joint.overlap import Overlap, overlap
 from room2dgs.seeds.voxelise import cell_centres, cell_keys
 
 AGREES = 0.03  # relative difference of depth within which two views see the same surface

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from room2dgs.captures.point_cloud import Tracks
 from room2dgs.geometry.camera import Camera
 from room2dgs.sfm.bundle import Spread, aligned, bundle_adjusted, moves
-from room2dgs.sfm.chains import MIN_TRACK, covering, some
+from room2dgs.sfm.feature_tracks import MIN_TRACK, covering, some
 from room2dgs.sfm.structure import parallax_deg, reprojection_errors, track_errors, triangulated
 
 ROUNDS = 5

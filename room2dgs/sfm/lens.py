@@ -12,7 +12,7 @@ from room2dgs.captures.point_cloud import Tracks
 from room2dgs.geometry.camera import Camera
 from room2dgs.sfm.adjust import SEEN, adjusted, consistent, spread_of
 from room2dgs.sfm.bundle import lens_adjusted
-from room2dgs.sfm.chains import covering, judges_and_used, some
+from room2dgs.sfm.feature_tracks import covering, judges_and_used, some
 from room2dgs.sfm.structure import track_errors
 
 LEAST_TRACKS = 500

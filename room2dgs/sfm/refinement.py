@@ -22,11 +22,11 @@ from room2dgs.logs import Log
 from room2dgs.sfm.adjust import adjusted
 from room2dgs.sfm.bundle import moves
 from room2dgs.sfm.capture_points import capture_points
-from room2dgs.sfm.carried import carried
-from room2dgs.sfm.chains import Chains, chains, judges_and_used
+from room2dgs.sfm.feature_tracks import FeatureTracks, feature_tracks, judges_and_used
 from room2dgs.sfm.lens import LensFound, found_lens
 from room2dgs.sfm.matching import IndexPairs, Matches, agreement, match, of_photos
 from room2dgs.sfm.pairs import match_pairs, seen_by_others, shared_view
+from room2dgs.sfm.propagated import propagated
 from room2dgs.sfm.resection import known_points, resected
 from room2dgs.sfm.sparse import digest_of_views, keep_points
 from room2dgs.sfm.structure import track_errors
@@ -150,13 +150,13 @@ def _refined(
 ) -> tuple[Scene, PoseReport]:
     matches, pairs = _matched(scene, settings, work / "given", log, extracted)
     given = [frame.camera for frame in scene.train]
-    joined = chains(matches, given, pairs)
+    joined = feature_tracks(matches, given, pairs)
     lens = found_lens(given, joined.tracks) if config.refine_lens and _may_have_a_lens(scene) else None
     if lens is not None:
         scene = with_lens(scene, lens.lens)
         matches, pairs = _matched(scene, settings, work / "straight", log)
         given = [frame.camera for frame in scene.train]
-        joined = chains(matches, given, pairs)
+        joined = feature_tracks(matches, given, pairs)
     cameras, found = judged(given, joined.tracks, matches, pairs, forced=config.refine_poses is True)
     if lens is not None:
         found = replace(found, lens=_as_report(lens))
@@ -217,7 +217,7 @@ def carried_over(given: Scene, refined: Scene, left: Collection[str]) -> tuple[d
     for names in (training, training.union(left)):  # training views first, who are to know nothing of held-out ones
         before, after = ([one for one in scene.frames if one.name in names] for scene in (given, refined))
         known = np.array([one.name in training and one.name not in left for one in after])
-        found = carried([one.camera for one in after], [one.camera for one in before], known)
+        found = propagated([one.camera for one in after], [one.camera for one in before], known)
         for frame, camera, share in zip(after, found.cameras, found.remaining, strict=True):
             if frame.name in left:
                 cameras.setdefault(frame.name, camera)
@@ -272,7 +272,7 @@ def judged(
 
 
 def _placed(
-    scene: Scene, matches: Matches, joined: Chains, cameras: Sequence[Camera], found: PoseReport
+    scene: Scene, matches: Matches, joined: FeatureTracks, cameras: Sequence[Camera], found: PoseReport
 ) -> tuple[dict[str, Camera], list[str]]:
     """Cameras of all frames by name, and the held-out views that kept their poses."""
     placed = {frame.name: camera for frame, camera in zip(scene.train, cameras, strict=True)}

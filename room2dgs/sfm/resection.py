@@ -9,7 +9,7 @@ import numpy as np
 
 from room2dgs.colmap import pycolmap
 from room2dgs.geometry.camera import Camera
-from room2dgs.sfm.chains import Chains, pair_inliers
+from room2dgs.sfm.feature_tracks import FeatureTracks, pair_inliers
 from room2dgs.sfm.matching import Matches, pinhole
 from room2dgs.sfm.structure import parallax_deg, reprojection_errors, triangulated
 
@@ -20,9 +20,9 @@ CUT = 5.0
 MIN_PARALLAX_DEG = 1.0
 
 
-def known_points(chains: Chains, cameras: Sequence[Camera]) -> np.ndarray:
+def known_points(feature_tracks: FeatureTracks, cameras: Sequence[Camera]) -> np.ndarray:
     """(M, 3) metres: the tracks' points, NaN where an observation is far off or the rays are almost parallel."""
-    tracks = chains.tracks
+    tracks = feature_tracks.tracks
     xyz = triangulated(cameras, tracks)
     if len(xyz):
         start = np.flatnonzero(np.diff(tracks.point, prepend=-1))
@@ -36,7 +36,7 @@ def resected(
     photo: int,
     given: Camera,
     matches: Matches,
-    chains: Chains,
+    feature_tracks: FeatureTracks,
     xyz: np.ndarray,
     cameras: Sequence[Camera],
     sigma_m: float,
@@ -46,8 +46,8 @@ def resected(
     Args:
         photo: index in `matches`.
         given: its camera with a pose that is a little off.
-        xyz: (M, 3) of the chains' points, NaN for those that do not count.
-        cameras: of the photos that the chains join.
+        xyz: (M, 3) of the tracks' points, NaN for those that do not count.
+        cameras: of the photos that the tracks join.
         sigma_m: how far the given centre may be off.
 
     Returns:
@@ -56,7 +56,10 @@ def resected(
     point_of = {
         (frame, feature): point
         for frame, feature, point in zip(
-            chains.tracks.frame.tolist(), chains.feature.tolist(), chains.tracks.point.tolist(), strict=True
+            feature_tracks.tracks.frame.tolist(),
+            feature_tracks.feature.tolist(),
+            feature_tracks.tracks.point.tolist(),
+            strict=True,
         )
     }
     seen: dict[int, int] = {}  # feature of the photo -> point

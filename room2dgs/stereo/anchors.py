@@ -14,7 +14,7 @@ from room2dgs.captures.seen_points import probably_seen
 from room2dgs.config import StereoConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
-from room2dgs.stereo.looks import Compared, FirstLook, Maps, first_of_two, only_look, second_of_two
+from room2dgs.stereo.passes import Compared, FirstPass, Maps, first_of_two, second_pass_of_two, single_pass
 from room2dgs.stereo.thinned import thinned
 
 COLUMNS = 160  # of the pixels that are taken: as many as the joint optimisation looks at
@@ -40,9 +40,9 @@ def stereo_points(
     settings: StereoConfig,
     log: Log = print,
     device: str = "cpu",
-    first: FirstLook | None = None,
+    first: FirstPass | None = None,
     *,
-    looks: int = 1,
+    passes: int = 1,
     beside: Sequence[Frame] = (),
 ) -> StereoPoints:
     """Compare the photos of some frames.
@@ -52,7 +52,7 @@ def stereo_points(
         points: sparse points, metres.
         device: what matches, as `render.device` names it.
         first: None at the first look; at the second its pixels stay where the second finds nothing.
-        looks: how many there will be; a first without a second is at full size.
+        passes: how many there will be; a first without a second is at full size.
         beside: more views to match with, whose own depth is not asked for.
 
     Raises:
@@ -61,9 +61,9 @@ def stereo_points(
     started = time.monotonic()
     photos = Compared(frames, beside, points, settings, log, device)
     if first:
-        cameras, maps = second_of_two(photos, first)
+        cameras, maps = second_pass_of_two(photos, first)
     else:
-        cameras, maps = first_of_two(photos) if looks > 1 else only_look(photos)
+        cameras, maps = first_of_two(photos) if passes > 1 else single_pass(photos)
     share = np.array([np.mean(depth > 0) for depth, _ in maps.values()])
     stage = "stereo, from the completed depth" if first else "stereo"
     log(

@@ -11,7 +11,7 @@ import numpy as np
 from room2dgs import _C
 from room2dgs.block_code import build_of
 from room2dgs.geometry.camera import Camera
-from room2dgs.side_by_side import side_by_side
+from room2dgs.parallel_map import parallel_map
 from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, Packed, Search, packed
@@ -252,7 +252,7 @@ def _filtered(
 
     order = range(wanted)
     # a GPU is chosen for the thread that asks for it
-    done = side_by_side(filtered, order, _C.threads()) if options.device == "cpu" else map(filtered, order)
+    done = parallel_map(filtered, order, _C.threads()) if options.device == "cpu" else map(filtered, order)
     for index, found in enumerate(done):
         progress("stereo, filter", index + 1, wanted)
         yield found

@@ -21,7 +21,7 @@ class Matching:
         radius, step: window of (2 radius / step + 1)^2 samples, pixels.
         sigma_grey: of the bilateral weight, grey levels of 255; sigma_px: likewise, pixels.
         variance_floor: added to both windows' variances in the NCC, grey levels^2: blank windows agree by chance.
-        best: the cost of a plane is its mean over this many of the views that like it most.
+        top_k: the cost of a plane is its mean over this many of the views that like it most.
         slope: steepest planes are looked at, as |gradient of inverse depth| x focal length / inverse depth.
         geometric_weight: cost of a pixel of forward-backward reprojection error.
     """
@@ -31,7 +31,7 @@ class Matching:
     sigma_grey: float = 12.0
     sigma_px: float = 4.0
     variance_floor: float = 1.0
-    best: int = 3
+    top_k: int = 3
     slope: float = 3.0
     geometric_weight: float = 0.1
 
@@ -128,7 +128,7 @@ class Search:
             settings.sigma_grey,
             settings.sigma_px,
             settings.variance_floor,
-            min(settings.best, len(others)),
+            min(settings.top_k, len(others)),
             1 / far,
             1 / near,
             settings.slope / focal,

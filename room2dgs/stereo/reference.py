@@ -29,7 +29,7 @@ def plane_costs(
 
     The cost in one view is 1 - NCC of the window and its image under the plane's affine warp, both weighted by
     grey level and distance (bilateral), with a floor under both variances; `WORST` where the view does not see the
-    window or sees it too foreshortened. Of the views the `settings.best` smallest costs are averaged.
+    window or sees it too foreshortened. Of the views the `settings.top_k` smallest costs are averaged.
 
     Args:
         view: grey photo (H, W) uint8 and its camera.
@@ -77,7 +77,7 @@ def plane_costs(
         if inverse_depths is not None:
             cost += geometric * _round_trip(camera, other, x, y, u, v, inverse_depths[index])
         costs.append(np.where(seen, cost, worst))
-    best = np.sort(np.stack(costs), axis=0)[: min(settings.best, len(others))]
+    best = np.sort(np.stack(costs), axis=0)[: min(settings.top_k, len(others))]
     return best.mean(axis=0), variance
 
 

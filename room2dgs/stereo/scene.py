@@ -22,7 +22,7 @@ from room2dgs.logs import Log
 from room2dgs.stereo.dense import COARSEST_WIDTH, DenseView, Options, Sight, dense_views
 from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked
-from room2dgs.stereo.second_look import second_look
+from room2dgs.stereo.second_pass import second_pass
 
 LOG_SECONDS = 10.0
 MOST_PIXELS = 15_000_000  # of a photo: the kernels index theirs, which have a border, with floats
@@ -73,7 +73,7 @@ def scene_stereo(
     return cameras[: len(frames)], (_unmasked(view, frame) for view, frame in zip(views, frames, strict=True))
 
 
-def scene_second_look(
+def scene_second_pass(
     frames: Sequence[Frame],
     points: PointCloud,
     settings: StereoConfig,
@@ -93,7 +93,7 @@ def scene_second_look(
     cameras, photos, sights, options, matching = _prepared([*frames, *beside], points, settings, device)
     views = PackedWhenAsked(photos, cameras, build_of(device))
     known = [partial(start.get, frame.name, UNKNOWN) for frame in frames]
-    found = second_look(views, cameras, sights, points.xyz, known, options, matching, _progress(log))
+    found = second_pass(views, cameras, sights, points.xyz, known, options, matching, _progress(log))
     usable = ((_usable(frame, depth.shape), depth, count) for frame, (depth, count) in zip(frames, found, strict=True))
     return cameras[: len(frames)], ((depth * where, count * where) for where, depth, count in usable)
 
@@ -109,20 +109,20 @@ def _prepared(frames: Sequence[Frame], points: PointCloud, settings: StereoConfi
     photos = [grey(frame, camera) for frame, camera in zip(frames, cameras, strict=True)]
     sights = [_sight(frame, camera, points) for frame, camera in zip(frames, cameras, strict=True)]
     options = Options(
-        neighbours=settings.neighbours,
-        asked=settings.asked,
+        neighbours=settings.num_source_views,
+        asked=settings.consistency_views,
         iterations=settings.iterations,
         refinements=settings.refinements,
         rounds=settings.rounds,
         levels=_levels(max(camera.width for camera in cameras)),
-        min_agreeing=settings.min_agreeing,
-        max_px=settings.max_px,
-        max_relative=settings.max_relative,
+        min_agreeing=settings.min_num_consistent,
+        max_px=settings.max_reprojection_px,
+        max_relative=settings.max_relative_difference,
         max_cost=settings.max_cost,
         device=device,
     )
     return Prepared(
-        cameras, photos, sights, options, Matching(radius=settings.radius, step=settings.step, best=settings.best)
+        cameras, photos, sights, options, Matching(radius=settings.radius, step=settings.step, top_k=settings.top_k)
     )
 
 

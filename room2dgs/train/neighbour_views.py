@@ -10,8 +10,8 @@ from torch import Tensor
 
 from room2dgs.captures.cache import Arrays
 from room2dgs.config import Config
+from room2dgs.train.depth_cache import DepthCache, DeviceDepthCache
 from room2dgs.train.grey import GreyPhoto, grey_photo
-from room2dgs.train.kept_depths import DeviceDepths, KeptDepths
 from room2dgs.train.neighbours import neighbours
 from room2dgs.train.schedule import image_fraction, multiview_acts
 from room2dgs.train.views import View, Views
@@ -26,7 +26,7 @@ class Pair(NamedTuple):
         photo: the view's own.
         neighbour: another view, of which nobody asks for priors.
         neighbour_photo: its photo.
-        inverse_depth: (h, w) of the neighbour, as `KeptDepths` has it.
+        inverse_depth: (h, w) of the neighbour, as `DepthCache` has it.
         seed: of the iteration's draw of pixels.
     """
 
@@ -49,7 +49,7 @@ class NeighbourViews:
     def __init__(self, views: Views, config: Config) -> None:
         self.views = views
         self._config = config
-        self._depths = DeviceDepths(views.on_device.device) if views.on_device else KeptDepths(views.cache)
+        self._depths = DeviceDepthCache(views.on_device.device) if views.on_device else DepthCache(views.cache)
         self._mine = object()  # tells its keys from those of others
         self._lists: list[np.ndarray] | None = None
 

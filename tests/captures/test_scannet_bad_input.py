@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from room2dgs.captures.read import read_scene
+from room2dgs.depth.sensor.maps import sensor_depth
 from room2dgs.errors import InputError
-from room2dgs.priors.sensor.maps import sensor_depth
 
 
 @pytest.fixture

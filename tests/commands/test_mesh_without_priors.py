@@ -12,7 +12,7 @@ import trimesh
 
 from room2dgs import cli
 from room2dgs.commands import stages
-from room2dgs.priors.network import ahead, maps
+from room2dgs.depth.network import ahead, maps
 
 WALL_Z = 2.0
 SOURCES = ("stereo", "points")

@@ -13,8 +13,8 @@ import pytest
 from room2dgs import cli
 from room2dgs.captures.read import read_scene
 from room2dgs.config import load_config
+from room2dgs.depth.files import find_map
 from room2dgs.errors import InputError
-from room2dgs.priors.files import find_map
 from room2dgs.tools.simulate_priors import PriorOptions, simulate_priors
 
 NAMES = [f"{side}/{index:04d}.png" for side in ("left", "right") for index in range(4)]

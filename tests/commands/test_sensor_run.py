@@ -15,7 +15,7 @@ from room2dgs.captures.read import read_scene
 from room2dgs.commands.ablate import DEFAULTS as ABLATE
 from room2dgs.commands.prior_error import DEFAULTS as PRIOR_ERROR
 from room2dgs.config import load_config
-from room2dgs.priors import load_priors
+from room2dgs.depth import load_priors
 from room2dgs.sfm.sparse import sparse_points
 
 ROOT = Path(__file__).resolve().parents[2]

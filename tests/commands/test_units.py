@@ -12,7 +12,7 @@ import trimesh
 
 from room2dgs import cli
 from room2dgs.commands.units import unit_doubt
-from room2dgs.runs.page.words import logged_warnings
+from room2dgs.runs.page.texts import logged_warnings
 
 FIFTIETH = 0.02
 WALL_Z = 2.0

@@ -13,8 +13,8 @@ from room2dgs.config import load_config
 from room2dgs.mesh.area import area_m2, twice_areas
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.contracted import contracted, expanded
+from room2dgs.mesh.decimation import decimation
 from room2dgs.mesh.edges import edges_and_faces, is_closed
-from room2dgs.mesh.few_faces import few_faces
 from room2dgs.mesh.fill import holes_filled, watertight
 from room2dgs.mesh.finish import cleaned, finished
 from room2dgs.mesh.simplify import Measure, colors_at, decimated, measured, simplified
@@ -40,7 +40,7 @@ def config(tmp_path_factory):
     return replace(load_config([f"scene.path={folder}", f"out={folder / 'out'}"]).mesh, voxel_m=0.1)
 
 
-@pytest.fixture(params=["clean", "smoothed", "holes_filled", "watertight", "few_faces", "simplified", "decimated",
+@pytest.fixture(params=["clean", "smoothed", "holes_filled", "watertight", "decimation", "simplified", "decimated",
                         "decimated by open3d", "measured", "measured against", "Measure", "colors_at", "cleaned",
                         "finished"])  # fmt: skip
 def door(request, config):
@@ -50,7 +50,7 @@ def door(request, config):
         "smoothed": lambda mesh: smoothed(mesh, 1),
         "holes_filled": lambda mesh: holes_filled(mesh, 0.2),
         "watertight": lambda mesh: watertight(mesh, 0.3),
-        "few_faces": lambda mesh: few_faces(mesh, 0.05),
+        "decimation": lambda mesh: decimation(mesh, 0.05),
         "simplified": lambda mesh: simplified(mesh, 100),
         "decimated": lambda mesh: decimated(mesh, 100),
         "decimated by open3d": lambda mesh: decimated(mesh, 100, careful=True),
@@ -123,7 +123,7 @@ def test_whole_numbers_are_asked_for(run, value):
     [
         lambda value: holes_filled(ball(), value),
         lambda value: watertight(ball(), value),
-        lambda value: few_faces(ball(), value),
+        lambda value: decimation(ball(), value),
         lambda value: simplified(ball(), max_error_m=value or float("nan")),
         lambda value: contracted(VERTICES, value),
         lambda value: expanded(VERTICES, value),

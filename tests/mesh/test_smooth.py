@@ -11,7 +11,7 @@ import trimesh
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.fuse import fuse
 from room2dgs.mesh.smooth import smoothed
-from tests.mesh.test_few_faces import rim
+from tests.mesh.test_decimation import rim
 from tests.mesh.test_tsdf import VOXEL, box_view, make_camera, make_config
 
 STEPS = 5

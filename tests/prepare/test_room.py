@@ -12,7 +12,7 @@ from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.poses import inverse_pose
 from room2dgs.prepare.metres import height_over_floor, scale_by_length, scale_by_maps
-from room2dgs.prepare.room_lines import room_frame
+from room2dgs.prepare.vanishing_points import room_frame
 
 K = np.array([[260.0, 0, 160], [0, 260.0, 120], [0, 0, 1]])
 

@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 
 from room2dgs.runs.page.coverage import blurred_photos, coverage, spots
-from room2dgs.runs.page.solid import solid
+from room2dgs.runs.page.mesh_layer import solid
 
 SIDE = 4.0
 

@@ -16,8 +16,8 @@ from room2dgs.captures.read import read_scene
 from room2dgs.captures.stored_maps import StoredMaps
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import load_config
-from room2dgs.priors import Priors
-from room2dgs.priors.align.scale_shift import Fit
+from room2dgs.depth import Priors
+from room2dgs.depth.align.scale_shift import Fit
 from room2dgs.runs import kept_priors as module
 from room2dgs.runs.kept_priors import keep_priors, kept_priors, key_of
 

@@ -14,9 +14,9 @@ import trimesh
 
 from room2dgs.json_files import update_json
 from room2dgs.mesh.io import write_mesh
-from room2dgs.runs.page.curves import HELD_OUT, PSNR, drawings, read_curves
-from room2dgs.runs.page.discs import turned_over
-from room2dgs.runs.page.solid import solid, with_error
+from room2dgs.runs.page.mesh_layer import solid, with_error
+from room2dgs.runs.page.plots import HELD_OUT, PSNR, drawings, read_curves
+from room2dgs.runs.page.surfel_layer import turned_over
 from room2dgs.runs.page.trust import picture, sentences
 from room2dgs.runs.trust import read_trust
 

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from room2dgs.depth.network.map_cache import is_cached
 from room2dgs.logs import logged
 from room2dgs.prepare.stages import Stages
-from room2dgs.priors.network.map_cache import is_cached
-from room2dgs.runs.page.curves import drawings, read_curves
+from room2dgs.runs.page.plots import drawings, read_curves
 from room2dgs.runs.trust import read_trust
 
 GOOD = np.full((3, 4), 7, np.uint8)

@@ -22,7 +22,7 @@ from room2dgs.geometry.poses import pose_at
 from room2dgs.sfm import refinement
 from room2dgs.sfm.adjust import adjusted
 from room2dgs.sfm.bundle import Spread, aligned, angles_deg, far_points, moves, rotation_hold
-from room2dgs.sfm.chains import covering
+from room2dgs.sfm.feature_tracks import covering
 from room2dgs.sfm.matching import Matches, of_photos
 from room2dgs.sfm.refinement import carried_over, dispensable, judged, refined_poses
 from room2dgs.sfm.sparse import sparse_points

@@ -14,7 +14,7 @@ from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.dense import Options, Sight, dense_views
 from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked, packed
-from room2dgs.stereo.second_look import second_look
+from room2dgs.stereo.second_pass import second_pass
 
 
 def sparse(corner, count=60):
@@ -73,7 +73,7 @@ def test_a_second_look_mends_depth_that_is_all_but_right(corner):
     options = Options(levels=2, rounds=1, refinements=1)
     views = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
     known = [partial(np.copy, depth) for depth in start]
-    found, agreeing = next(second_look(views, cameras, nearer, xyz, known, options, Matching()))
+    found, agreeing = next(second_pass(views, cameras, nearer, xyz, known, options, Matching()))
     depth, kept = corner[0][2], found > 0
     off = np.abs(found - depth)[kept] / depth[kept]
     assert (agreeing[kept] >= 2).all() and not agreeing[~kept].any()
@@ -91,7 +91,7 @@ def test_a_second_look_keeps_nothing_that_looks_unlike_the_other_photos(corner):
     for limit in (0.6, 2.0):
         options = Options(rounds=1, refinements=1, min_agreeing=1, max_cost=limit)
         views = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
-        depth, _ = next(second_look(views, cameras, xyz_sights[1], xyz_sights[0], known, options, Matching()))
+        depth, _ = next(second_pass(views, cameras, xyz_sights[1], xyz_sights[0], known, options, Matching()))
         kept.append(np.mean(depth[26:44, 36:60] > 0))  # windows that see nothing else
     assert kept[0] == 0 and kept[1] > 0.1
 
@@ -118,10 +118,10 @@ def test_a_second_look_at_some_views_is_held_to_the_others_photos(corner):
     views = PackedWhenAsked(photos, cameras, at_once=2)
     known = [partial(np.copy, depth) for _, _, depth, _ in corner[:3]]
     rest = (cameras, sights, xyz, known, Options(rounds=1, refinements=1), Matching())
-    found = list(second_look(views, *rest))
+    found = list(second_pass(views, *rest))
     assert len(found) == 3
     packed_before = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
-    for one, same in zip(found, second_look(packed_before, *rest), strict=True):
+    for one, same in zip(found, second_pass(packed_before, *rest), strict=True):
         np.testing.assert_array_equal(one, same)
     depth, agreeing = found[0]
     kept, exact = depth > 0, corner[0][2]
@@ -138,7 +138,7 @@ def test_a_second_look_asks_the_views_that_have_depth(corner):
     options = Options(rounds=1, refinements=1, asked=2)
     assert {4, 3} & set(choose_neighbours(cameras, [sight.points for sight in sights], xyz, 2)[0])
     views = PackedWhenAsked(photos, cameras)
-    depth, agreeing = next(second_look(views, cameras, sights, xyz, known, options, Matching()))
+    depth, agreeing = next(second_pass(views, cameras, sights, xyz, known, options, Matching()))
     assert (depth > 0).mean() > 0.5 and agreeing.max() == 2
 
 

@@ -32,7 +32,7 @@ def some_planes(corner, seed=0):
 
 
 @pytest.mark.parametrize("isa", ["avx2", "baseline"])
-@pytest.mark.parametrize("settings", [Matching(), Matching(radius=3, step=1, best=2, sigma_grey=25.0)])
+@pytest.mark.parametrize("settings", [Matching(), Matching(radius=3, step=1, top_k=2, sigma_grey=25.0)])
 def test_costs_are_the_references(corner, settings, isa, monkeypatch):
     monkeypatch.setenv("ROOM2DGS_ISA", isa)
     planes = some_planes(corner)
@@ -95,7 +95,7 @@ def test_each_of_many_views_is_asked_about_its_own_photo(corner, isa, monkeypatc
     monkeypatch.setenv("ROOM2DGS_ISA", isa)
     others = [corner[1 + index % 4] for index in range(12)]
     others = [(np.roll(photo, index, axis=0), camera) for index, (camera, photo, _, _) in enumerate(others)]
-    planes, settings = some_planes(corner), Matching(best=4)
+    planes, settings = some_planes(corner), Matching(top_k=4)
     run = Search(packed(corner[0][1], corner[0][0]), [packed(*other) for other in others], settings, RANGE, 0)
     expected, _ = plane_costs((corner[0][1], corner[0][0]), others, planes, settings)
     assert np.mean(np.abs(run.costs(planes)[0] - expected) > 2e-4) < 2e-3
@@ -113,7 +113,7 @@ def test_thrift_after_the_first_iteration_costs_little(corner):
 
 @pytest.mark.parametrize(
     "settings",
-    [Matching(), Matching(radius=3, step=1, best=2, geometric_weight=0.3), Matching(best=1, step=4)],
+    [Matching(), Matching(radius=3, step=1, top_k=2, geometric_weight=0.3), Matching(top_k=1, step=4)],
 )
 def test_the_kernels_for_a_gpu_find_the_same_bits(corner, settings, monkeypatch):
     """As plain C++, which has no fused multiply-add (a GPU has AVX2's); in any order of blocks and threads."""
@@ -206,7 +206,7 @@ def test_arrays_of_another_size_are_refused(corner, call):
 
 
 def test_impossible_settings_are_refused(corner):
-    for settings in (Matching(radius=0), Matching(best=9), Matching(sigma_grey=0.0), Matching(radius=12, step=1)):
+    for settings in (Matching(radius=0), Matching(top_k=9), Matching(sigma_grey=0.0), Matching(radius=12, step=1)):
         with pytest.raises(ValueError):
             search([*corner, *corner, *corner], settings)
     camera, photo, _, _ = corner[0]

@@ -13,7 +13,7 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.config import StereoConfig, load_config
 from room2dgs.errors import InputError
-from room2dgs.stereo.scene import scene_second_look, scene_stereo
+from room2dgs.stereo.scene import scene_second_pass, scene_stereo
 
 HIDDEN = 40  # columns at the first view's left
 
@@ -53,7 +53,7 @@ def test_what_a_mask_hides_has_no_depth_and_nobody_agrees_with_it(frames, points
         found = [(view.depth, view.agreeing) for view in views]
     else:
         start = {frame.name: depth.astype(np.float32) for frame, (_, _, depth, _) in zip(frames, corner, strict=True)}
-        _, pairs = scene_second_look(frames, points, settings, lambda _: None, "cpu", start)
+        _, pairs = scene_second_pass(frames, points, settings, lambda _: None, "cpu", start)
         found = list(pairs)
     (depth, agreeing), (open_depth, _) = found[0], found[1]
     assert not depth[:, :HIDDEN].any() and not agreeing[:, :HIDDEN].any()

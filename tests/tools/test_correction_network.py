@@ -7,8 +7,8 @@ import onnx
 import pytest
 import torch
 
+from room2dgs.depth.completion import evidence
 from room2dgs.errors import InputError
-from room2dgs.priors.completion import evidence
 from room2dgs.tools import export_correction, train_correction
 from room2dgs.tools.correction_network.losses import Target, losses
 from room2dgs.tools.correction_network.network import Correction, CorrectionNetwork

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from room2dgs.priors.completion import evidence
+from room2dgs.depth.completion import evidence
 from room2dgs.tools import make_correction_data
 from room2dgs.tools.correction_network.samples import read_rooms
 

@@ -11,8 +11,8 @@ import pytest
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.read import read_scene
 from room2dgs.config import load_config
+from room2dgs.depth import load_priors
 from room2dgs.errors import InputError
-from room2dgs.priors import load_priors
 from room2dgs.tools.prior_errors import image_field, turned
 from room2dgs.tools.simulate_priors import PriorOptions, main, simulate_priors
 

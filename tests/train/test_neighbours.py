@@ -7,8 +7,8 @@ import torch
 from room2dgs.config import MultiviewConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from room2dgs.train.depth_cache import DepthCache
 from room2dgs.train.grey import grey_photo
-from room2dgs.train.kept_depths import KeptDepths
 from room2dgs.train.neighbours import neighbours
 
 K = np.array([[100.0, 0, 80], [0, 100.0, 60], [0, 0, 1]])
@@ -69,7 +69,7 @@ def test_grey_photos_and_their_texture():
 
 
 def test_depths_are_kept_inverse_at_every_other_pixel_and_for_one_size_only():
-    depths = KeptDepths()
+    depths = DepthCache()
     depth = (1 + torch.arange(15.0)).reshape(3, 5).requires_grad_()
     alpha = torch.ones(3, 5)
     alpha[2, 2] = 0.4
@@ -82,7 +82,7 @@ def test_depths_are_kept_inverse_at_every_other_pixel_and_for_one_size_only():
     depths.keep(1, 0.5, torch.zeros(3, 5), alpha)
     assert depths.get(1, 0.5).tolist() == [[0, 0, 0], [0, 0, 0]]
     assert depths.get(4, 0.5) is None and depths.get(4, 1.0) is None
-    again = KeptDepths()
+    again = DepthCache()
     again.load(depths.state())
     assert torch.equal(again.get(1, 0.5), depths.get(1, 0.5)) and again.get(1, 1.0) is None
 

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from room2dgs.priors.completion.evidence import ANCHOR, CHANNELS, PRIOR
+from room2dgs.depth.completion.evidence import ANCHOR, CHANNELS, PRIOR
 from room2dgs.tools.prior_network.context import ContextBlock
 
 WIDTHS = (16, 40, 80, 128)  # by scale, 1/1 to 1/8

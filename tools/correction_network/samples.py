@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from room2dgs.depth.completion import evidence
 from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE
-from room2dgs.priors.completion import evidence
 from room2dgs.tools.correction_network.losses import Target
 
 EVIDENCE, SHIFT = "evidence.npy", "shift.npy"

@@ -16,11 +16,11 @@ from room2dgs.bench.numerics.compare import relative_error
 from room2dgs.bench.numerics.wall import HEIGHT, WALL_M, WIDTH, StageResult, camera_at, photo_of
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
+from room2dgs.depth.joint import optimise, reference
+from room2dgs.depth.joint.draws import drawn
+from room2dgs.depth.joint.energy import Energy
+from room2dgs.depth.joint.overlap import overlap
 from room2dgs.geometry.camera import Camera
-from room2dgs.priors.joint import optimise, reference
-from room2dgs.priors.joint.draws import drawn
-from room2dgs.priors.joint.energy import Energy
-from room2dgs.priors.joint.overlap import overlap
 from room2dgs.splat import set_threads
 
 FEW_STEPS = 4  # of each stage

@@ -38,11 +38,11 @@ def tables(found: dict[str, list[Row]]) -> list[Table]:
         columns |= {"bound": lambda r: number(r["bound"]), "": _verdict}
         made.append(table("Rasterizer: worst relative error of images and of each gradient, and what must not matter",
                           columns, rows))  # fmt: skip
-        pairs = [row for row in rows if "side_by_side" in row]
+        pairs = [row for row in rows if "parallel_map" in row]
         parts = {"opacity": ("centre form", "three planes"), "depth": ("centre form", "three planes"),
                  "distortion": ("shifted", "running sums")}  # fmt: skip
         columns = {"case": lambda r: r["case"]} | {
-            f"{part}, {form}": lambda r, part=part, k=k: number(r["side_by_side"][part][k])
+            f"{part}, {form}": lambda r, part=part, k=k: number(r["parallel_map"][part][k])
             for part, forms in parts.items()
             for k, form in enumerate(forms)
         }

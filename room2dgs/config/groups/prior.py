@@ -50,7 +50,7 @@ class DepthPriorConfig:
     relief: bool = Field(description="and planes bend by centimetres to what stereo finds on them from place to place")
     other_views: bool = Field(description="and each is drawn to what is sure in other views, projected into it")
     free_space: bool = Field(description="and what other views look through, by stereo's word, counts for less")
-    second_look: bool = Field(
+    second_pass: bool = Field(
         description="and stereo looks again, from the completed depth; then all of the above anew"
     )
     correction: bool = Field(
@@ -60,9 +60,9 @@ class DepthPriorConfig:
     onnx: OnnxConfig = Field()
 
     @property
-    def looks(self) -> int:
-        """How often stereo looks at the photos, where it does."""
-        return 2 if self.joint and self.completion and self.second_look else 1
+    def passes(self) -> int:
+        """How many times stereo runs, where it does."""
+        return 2 if self.joint and self.completion and self.second_pass else 1
 
     @model_validator(mode="after")
     def _fits_together(self) -> DepthPriorConfig:

@@ -14,8 +14,8 @@ class StereoConfig:
 
     enabled: bool = Field(description="compare the photos, and hold the depth prior to what they say")
     width: Int | None = Field(ge=16, description="of the photos that are compared (null: the working size)")
-    neighbours: Int = Field(ge=1, le=32, description="views that a view is compared with")
-    best: Int = Field(ge=1, le=8, description="the cost of a plane is its mean over this many views that like it most")
+    num_source_views: Int = Field(ge=1, le=32, description="views that a view is compared with")
+    top_k: Int = Field(ge=1, le=8, description="the cost of a plane is its mean over this many views that like it most")
     radius: Int = Field(
         ge=1, le=12, description="of the compared windows, pixels; where photos are looked at twice, half of it"
     )
@@ -25,10 +25,12 @@ class StereoConfig:
         ge=0, le=10, description="of the first look: searches that also ask the other views' depth, at each image size"
     )
     refinements: Int = Field(ge=1, le=100, description="sweeps of each of them")
-    asked: Int = Field(ge=1, le=64, description="views that are asked whether they agree with a depth")
-    min_agreeing: Int = Field(ge=1, le=64, description="pixels that fewer of them agree with have no depth")
-    max_px: Float = Field(gt=0, le=10, description="a view agrees if its depth leads back to within this many pixels")
-    max_relative: Float = Field(gt=0, le=1, description="and differs by a smaller share")
+    consistency_views: Int = Field(ge=1, le=64, description="views that are asked whether they agree with a depth")
+    min_num_consistent: Int = Field(ge=1, le=64, description="pixels that fewer of them agree with have no depth")
+    max_reprojection_px: Float = Field(
+        gt=0, le=10, description="a view agrees if its depth leads back to within this many pixels"
+    )
+    max_relative_difference: Float = Field(gt=0, le=1, description="and differs by a smaller share")
     max_cost: Float = Field(
         gt=0, le=2, description="pixels whose windows correlate less than 1 minus this have no depth"
     )

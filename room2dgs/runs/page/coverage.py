@@ -16,7 +16,7 @@ from room2dgs.captures.selection import evenly_spaced
 from room2dgs.eval.culling import sees
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
-from room2dgs.runs.page.solid import Solid
+from room2dgs.runs.page.mesh_layer import Solid
 
 ASKED = 150  # cameras, evenly spaced
 INWARDS = 0.1  # of the way from a corner to its triangle's middle

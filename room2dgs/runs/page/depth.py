@@ -20,7 +20,7 @@ from room2dgs.report.table import NOTHING, Table, table
 from room2dgs.runs.depth_coverage import Coverage, counted, total
 from room2dgs.runs.folder import REPORT
 from room2dgs.runs.metrics import earlier
-from room2dgs.runs.page import trust, words
+from room2dgs.runs.page import texts, trust
 from room2dgs.runs.page.views import small
 from room2dgs.runs.pictures import depth_picture
 from room2dgs.runs.trust import Trust
@@ -72,9 +72,9 @@ def write_depth_report(
         pictured=pictured,
         keys=_keys(str(metrics.get("depth_source") or "none"), bool(filled)),
         photos=_table("", photos),
-        changed=words.changed_settings(config),
+        changed=texts.changed_settings(config),
         settings=dump_config(config),
-        closing=words.closing(metrics),
+        closing=texts.closing(metrics),
     )
     with whole_file(out / REPORT) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -82,7 +82,7 @@ def write_depth_report(
 
 
 def _facts(whole: Coverage, count: int, metrics: dict[str, Any]) -> list[dict[str, str]]:
-    wall, cpu = (sum(words.part(metrics, key).values()) for key in ("seconds", "cpu_seconds"))
+    wall, cpu = (sum(texts.part(metrics, key).values()) for key in ("seconds", "cpu_seconds"))
     found = [(str(count), "photos"), (_share(whole.stereo), "of the pixels have stereo's depth")]
     if whole.filled is not None:
         found.append((_share(whole.filled), "were filled"))
@@ -94,7 +94,7 @@ def _facts(whole: Coverage, count: int, metrics: dict[str, Any]) -> list[dict[st
 
 def _warnings(scene: Scene, out: Path) -> list[str]:
     """The capture's, and what the log warned of besides."""
-    return list(dict.fromkeys([*scene.warnings, *words.logged_warnings(logged(out))]))
+    return list(dict.fromkeys([*scene.warnings, *texts.logged_warnings(logged(out))]))
 
 
 def _little(photos: Sequence[Coverage]) -> list[str]:
@@ -119,7 +119,7 @@ def _totals(whole: Coverage) -> Table:
 
 
 def _seconds(metrics: dict[str, Any], count: int) -> Table:
-    wall, cpu, memory = (words.part(metrics, key) for key in ("seconds", "cpu_seconds", "stage_peak_memory_mb"))
+    wall, cpu, memory = (texts.part(metrics, key) for key in ("seconds", "cpu_seconds", "stage_peak_memory_mb"))
     columns = {
         "stage": lambda stage: stage,
         "seconds": lambda stage: f"{wall[stage]:.1f}",

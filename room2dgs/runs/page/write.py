@@ -22,10 +22,10 @@ from room2dgs.mesh.world import read_in_scene
 from room2dgs.report.page import page
 from room2dgs.runs.folder import MESH, REPORT, TRUST
 from room2dgs.runs.metrics import earlier
-from room2dgs.runs.page import discs, trust, words
+from room2dgs.runs.page import surfel_layer, texts, trust
 from room2dgs.runs.page.coverage import Coverage, Spot, advice, coverage, spots
-from room2dgs.runs.page.curves import drawings, read_curves
-from room2dgs.runs.page.solid import SEEN, Solid, block, solid, with_error, with_photos
+from room2dgs.runs.page.mesh_layer import SEEN, Solid, block, solid, with_error, with_photos
+from room2dgs.runs.page.plots import drawings, read_curves
 from room2dgs.runs.page.views import FULL, KINDS, Rendered, view_pictures
 from room2dgs.runs.trust import read_trust
 
@@ -65,10 +65,10 @@ def write_report(scene: Scene, surfels: Surfels | None, rendered: Rendered, conf
     text = page(
         "run.html.j2",
         title=f"Room from photos: {Path(config.scene.path).name}",
-        opening=words.opening(config, metrics),
-        facts=words.facts(scene, metrics),
-        warnings=words.warnings(scene, config, metrics, log),
-        solid=_solid(room, surfels, places, scene, config, words.threshold_m(metrics, config)) if room else None,
+        opening=texts.opening(config, metrics),
+        facts=texts.facts(scene, metrics),
+        warnings=texts.warnings(scene, config, metrics, log),
+        solid=_solid(room, surfels, places, scene, config, texts.threshold_m(metrics, config)) if room else None,
         views=view_pictures(scene, rendered, maps, settings.views),
         kinds=[kind for kind in KINDS if kind[0] != "trust" or maps],
         kind_keys=_kind_keys(source),
@@ -76,10 +76,10 @@ def write_report(scene: Scene, surfels: Surfels | None, rendered: Rendered, conf
         advice=advice(scene, seen),
         trusted=trust.sentences(maps, source),
         curves=drawings(read_curves(log)),
-        tables=words.tables(metrics),
-        changed=words.changed_settings(config),
+        tables=texts.tables(metrics),
+        changed=texts.changed_settings(config),
         settings=dump_config(config),
-        closing=words.closing(metrics),
+        closing=texts.closing(metrics),
         scripts=[_script(name) for name in ("three.min.js", "viewer.js", "compare.js")],
     )
     with whole_file(out / REPORT) as temporary:
@@ -117,7 +117,7 @@ def _solid(
     shown = dict.fromkeys(room.layers)
     said = f"{len(room.faces):,} triangles of the mesh"
     if config.report.discs and surfels is not None:
-        about["discs"], disc_bytes = discs.block(surfels, config.report.discs, room)
+        about["discs"], disc_bytes = surfel_layer.block(surfels, config.report.discs, room)
         blocks.append(("discs", disc_bytes))
         shown["discs"] = None
         said += f" and {about['discs']['count']:,} of {len(surfels.centers):,} surfels"

@@ -11,11 +11,11 @@ using room2dgs::AgreementJob;
 
 namespace {
 
-struct Carried {
+struct Propagated {
   f8 x, y, z;
 };
 // Pixels in the other view, and z relative to the first view's.
-R2_INLINE Carried carried(const float* m, f8 x, f8 y, f8 w) {
+R2_INLINE Propagated carried(const float* m, f8 x, f8 y, f8 w) {
   const auto along = [&](const float* r) { return fma(splat(r[0]), x, fma(splat(r[1]), y, fma(splat(r[3]), w, splat(r[2])))); };
   const f8 z = along(m + 8);
   return {along(m) / z, along(m + 4) / z, z};
@@ -50,13 +50,13 @@ R2_INLINE void count_up(uint8_t* counts, i8 mask) {
 // Comparisons are written so that NaN fails them.
 R2_INLINE void agree8(const AgreementJob& job, f8 x, f8 y, f8 w, uint8_t* count, uint8_t* through, uint8_t* hidden,
                       float* total, float* squares) {
-  const Carried to = carried(job.there, x, y, w);
+  const Propagated to = carried(job.there, x, y, w);
   i8 inside = (w > 0.0f) & (to.z > 1e-6f) & (to.x > -0.5f) & (to.x < static_cast<float>(job.columns) - 0.5f) &
               (to.y > -0.5f) & (to.y < static_cast<float>(job.rows) - 0.5f);
   if (!any(inside)) return;
   const f8 seen = seen_at(job, masked(inside, to.x), masked(inside, to.y));
   inside &= seen > 0.0f;
-  const Carried back = carried(job.back, to.x, to.y, seen);
+  const Propagated back = carried(job.back, to.x, to.y, seen);
   const f8 dx = back.x - x, dy = back.y - y, ratio = w / to.z / seen;  // of the neighbour's depth there to the point's
   const i8 same = (ratio - 1.0f < job.max_relative) & (1.0f - ratio < job.max_relative);
   const i8 agrees = inside & same & (back.z > 1e-6f) & (dx * dx + dy * dy < job.max_px * job.max_px);

@@ -22,8 +22,8 @@ from room2dgs.losses.multiview import (
 )
 from room2dgs.losses.sampling import patches_at
 from room2dgs.splat.types import Rendering
+from room2dgs.train.depth_cache import MIN_ALPHA, STEP
 from room2dgs.train.device import upload
-from room2dgs.train.kept_depths import MIN_ALPHA, STEP
 from room2dgs.train.neighbour_views import Pair
 from room2dgs.train.terms.term import LossTerm, TermContext
 from room2dgs.train.views import View

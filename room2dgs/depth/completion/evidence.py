@@ -1,0 +1,71 @@
+"""What speaks for a view's completed depth and against it, as one array for the network that corrects it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from room2dgs.depth.completion.small_maps import Completed, SmallMaps
+from room2dgs.stereo.agreement import Agreement
+
+ASKED = 10  # views that are asked whether they agree
+MOST = 0.5  # of ln of another source's depth over the completed
+MOST_ERROR = 0.3  # relative
+# The channels: PHOTO and NORMAL begin there and have three each (RGB; camera frame), RAYS two (x and y where z = 1).
+# LN_DEPTH is over the view's median, LN_MEDIAN in metres. PRIOR, ANCHOR, OTHERS and PLANE are ln of the joint depth, of
+# stereo, of what other views lend and of the room's planes over the completed depth.
+PHOTO, LN_DEPTH, KNOWN, PRIOR, ANCHOR, ANCHOR_TRUST, NORMAL, NORMAL_SURE, PRIOR_SURE = 0, 3, 4, 5, 6, 7, 8, 11, 12
+AGREEING, THROUGH, HIDDEN, FREE_SPACE, OTHERS, OTHERS_TRUST, PLANE, PLANE_TRUST, FLAT = range(13, 22)
+ERROR, RAYS, LN_MEDIAN = 22, 23, 25
+CHANNELS = 26
+OF_NORMALS = (NORMAL, NORMAL + 1, NORMAL + 2, NORMAL_SURE, PLANE, PLANE_TRUST, FLAT)  # 0 where nobody knows normals
+
+
+def evidence(
+    maps: SmallMaps,
+    small: Completed,
+    others: Agreement,
+    through: np.ndarray,
+    lent: tuple[np.ndarray, np.ndarray],
+    planes: tuple[np.ndarray, np.ndarray],
+    error: np.ndarray,
+) -> np.ndarray:
+    """(CHANNELS, h, w) float32.
+
+    Args:
+        maps: what the depth was completed from.
+        small: what came of it.
+        others: what `ASKED` other views say of it.
+        through: (h, w) share of all other views' word that there is nothing.
+        lent: depth that other views have there and the trust in it (`depth_of_other_views`).
+        planes: likewise of the room's planes (`on_planes`).
+        error: (h, w) expected relative error.
+    """
+    known = small.depth > 0
+    median = float(np.median(small.depth[known])) if known.any() else 1.0
+    log_depth = np.log(np.where(known, small.depth, median))
+
+    def ratio(depth: np.ndarray) -> np.ndarray:
+        both = known & (depth > 0)
+        return np.clip(np.where(both, np.log(np.where(both, depth, 1)) - log_depth, 0), -MOST, MOST)
+
+    found = np.empty((CHANNELS, *known.shape), np.float32)
+    found[PHOTO : PHOTO + 3] = np.moveaxis(maps.photo, 2, 0)
+    found[LN_DEPTH] = log_depth - np.log(median)
+    found[KNOWN] = known
+    found[PRIOR] = ratio(maps.prior)
+    found[ANCHOR] = ratio(maps.anchor)
+    found[ANCHOR_TRUST] = maps.trust * (maps.anchor > 0)
+    found[NORMAL : NORMAL + 3] = np.moveaxis(maps.camera.turned_to_camera(maps.normal), 2, 0)
+    found[NORMAL_SURE] = maps.tie
+    found[PRIOR_SURE] = maps.prior_weight
+    for channel, count in zip((AGREEING, THROUGH, HIDDEN), (others.count, others.through, others.hidden), strict=True):
+        found[channel] = count / np.float32(ASKED)
+    found[FREE_SPACE] = through
+    for channel, (depth, trust) in ((OTHERS, lent), (PLANE, planes)):
+        found[channel] = ratio(depth)
+        found[channel + 1] = trust * (depth > 0)
+    found[FLAT] = small.flat
+    found[ERROR] = np.minimum(error, MOST_ERROR)
+    found[RAYS : RAYS + 2] = np.moveaxis(maps.camera.rays()[..., :2], 2, 0)
+    found[LN_MEDIAN] = np.log(median)
+    return found

@@ -1,0 +1,33 @@
+"""The same work on many things, some at once: numpy and the kernels let other threads run."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TypeVar
+
+Thing = TypeVar("Thing")
+Result = TypeVar("Result")
+
+
+def parallel_map(function: Callable[[Thing], Result], things: Iterable[Thing], threads: int) -> Iterator[Result]:
+    """What the function gives for each of the things, in their order; the first error as it comes up.
+
+    Args:
+        function: is called in other threads, so it must not change what the next call reads.
+        things: are taken one by one, no more than two for each thread before their results are asked for.
+        threads: that work at once.
+    """
+    with ThreadPoolExecutor(threads) as pool:
+        waiting: deque[Future[Result]] = deque()
+        try:
+            for thing in things:
+                waiting.append(pool.submit(function, thing))
+                if len(waiting) == 2 * threads:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            for one in waiting:
+                one.cancel()

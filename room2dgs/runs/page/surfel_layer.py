@@ -1,0 +1,49 @@
+"""The surfels of a page: those that cover most, each a disc that looks into the room."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from scipy.spatial import cKDTree
+
+from room2dgs.geometry.rotations import normals
+from room2dgs.runs.page.packing import packed, stepped
+
+if TYPE_CHECKING:
+    from room2dgs.runs.page.mesh_layer import Solid
+    from room2dgs.splat.types import Surfels
+
+C0 = 0.28209479177387814  # the constant harmonic
+
+
+def block(surfels: Surfels, most: int, room: Solid | None) -> tuple[dict, str]:
+    """What viewer.js wants to know of the discs, and their bytes.
+
+    Colours are those that do not depend on the direction (harmonics of degree 0). Where there is a mesh, discs are
+    turned over to face as it does: from outside one looks through the backs of walls, as with the mesh.
+
+    Args:
+        most: no more discs; those with the largest area times opacity stay.
+    """
+    centers, quaternions, scales, opacities = (np.asarray(part.detach().numpy(), np.float64) for part in surfels[:4])
+    kept = np.sort(np.argsort(-scales.prod(axis=1) * opacities, kind="stable")[:most])
+    centers, quaternions, scales, opacities = (part[kept] for part in (centers, quaternions, scales, opacities))
+    quaternions = quaternions / np.maximum(np.linalg.norm(quaternions, axis=1, keepdims=True), 1e-12)
+    if room is not None and len(room.vertices) and len(centers):
+        facing = room.normals[cKDTree(room.vertices).query(centers)[1]]
+        back = (normals(torch.from_numpy(quaternions)).numpy() * facing).sum(axis=1) < 0
+        quaternions = np.where(back[:, None], turned_over(quaternions), quaternions)
+    rgb = np.clip(0.5 + C0 * surfels.sh.detach().numpy()[kept, 0], 0, 1)
+    color = np.round(np.concatenate([rgb, opacities[:, None]], axis=1) * 255).astype(np.uint8)
+    place, low, step = stepped(centers)
+    about = {"count": len(centers), "low": low.tolist(), "step": step}
+    turned = np.round(quaternions * 32767).astype(np.int16)
+    return about, packed(place, scales.astype(np.float32), turned, color)
+
+
+def turned_over(quaternions: np.ndarray) -> np.ndarray:
+    """(N, 4) w x y z, half a turn about each disc's own first axis: the same disc, its normal the other way."""
+    w, x, y, z = quaternions.T
+    return np.stack([-x, w, z, -y], axis=1)

@@ -1,0 +1,169 @@
+"""Which photos, windows and depths the looks at a capture take."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from room2dgs.captures.point_cloud import PointCloud
+from room2dgs.captures.scene import Frame
+from room2dgs.config import StereoConfig, load_config
+from room2dgs.geometry.camera import Camera
+from room2dgs.stereo import looks
+from room2dgs.stereo.anchors import stereo_points
+from room2dgs.stereo.dense import DenseView
+from room2dgs.stereo.passes import FirstPass, with_windows
+
+CAMERA = Camera(np.array([[60.0, 0, 40], [0, 60, 30], [0, 0, 1]]), 80, 60, np.eye(4))
+NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+BLANK = np.full((30, 40), 128, np.uint8)
+SHARP = np.tile(np.uint8(255) * (np.arange(40) // 4 % 2 == 1), (30, 1))
+
+
+def frame(width: int = 80) -> Frame:
+    return Frame(name="a", color_path=Path("a.jpg"), camera=CAMERA.resized_to_width(width))
+
+
+def view(width: int, height: int, there: tuple[slice, slice], depth: float, agreeing: int) -> DenseView:
+    """Depth in a part of the photo."""
+    z, count = np.zeros((height, width), np.float32), np.zeros((height, width), np.uint8)
+    z[there], count[there] = depth, agreeing
+    zero = np.zeros_like(z)
+    return DenseView(z, np.zeros((height, width, 3), np.float32), count, zero, np.zeros((3, height, width), np.float32))
+
+
+RIGHT, UPPER = (slice(None), slice(20, None)), (slice(0, 7), slice(None))  # of 40 x 30, of 20 x 15
+FINE, ROUGH = view(40, 30, RIGHT, 2.0, 7), view(20, 15, UPPER, 4.0, 3)
+
+
+@cache
+def defaults() -> StereoConfig:
+    return load_config(["scene.path=a", "out=b"]).stereo
+
+
+@pytest.fixture(autouse=True)
+def _every_depth_is_worth_the_views_that_agree(monkeypatch):
+    monkeypatch.setattr(looks, "worth", lambda view, agreeing, others, max_px, max_relative: agreeing)
+
+
+@pytest.fixture
+def first(monkeypatch):
+    """The photo, to be set, and the settings of each search; the second finds the right half, the first the upper."""
+    photo, asked = [BLANK], []
+
+    def stage(frames, points, settings, log, device, beside):
+        asked.append((settings.width, settings.radius, settings.step, beside))
+        found = ROUGH if len(asked) == 1 else FINE
+        return [CAMERA.resized(*found.depth.shape[::-1])], iter([found])
+
+    monkeypatch.setattr(looks, "scene_stereo", stage)
+    monkeypatch.setattr(looks, "grey", lambda frame, camera: photo[0])
+    return photo, asked
+
+
+def test_on_blank_walls_the_first_look_has_wide_windows_where_narrow_ones_find_nothing(first):
+    photo, asked = first
+    lines = []
+    depth, agreeing = stereo_points([frame()], NOTHING, defaults(), lines.append, passes=2).maps["a"]
+    assert len(asked) == 2 and "73%" in lines[0]
+    np.testing.assert_array_equal(depth[:, 20:], 2.0)
+    np.testing.assert_array_equal(agreeing[:, 20:], 7)
+    np.testing.assert_allclose(depth[:14, :20], 4.0)
+    assert (agreeing[:14, :20] == 3).all() and not depth[14:, :20].any() and not agreeing[14:, :20].any()
+    photo[0] = SHARP
+    asked.clear()
+    depth, agreeing = stereo_points([frame()], NOTHING, defaults(), lines.append, passes=2).maps["a"]
+    np.testing.assert_array_equal(depth, FINE.depth)  # where the photo has contrast, wide windows are not believed
+    np.testing.assert_array_equal(agreeing, FINE.agreeing)
+
+
+@pytest.mark.parametrize(
+    ("photo", "setting", "first_width", "wide"),
+    [(640, 640, 320, 160), (1296, None, 648, 324), (500, 640, 320, 160), (320, 640, 320, 160), (200, 640, 200, 160),
+     (80, 60, 60, 60)],
+)  # fmt: skip
+def test_the_first_of_two_looks_is_at_half_the_width_down_to_320(first, photo, setting, first_width, wide):
+    beside = [frame()]
+    asked = replace(defaults(), width=setting)
+    stereo_points([frame(photo)], NOTHING, asked, lambda line: None, passes=2, beside=beside)
+    assert first[1] == [(wide, 4, 2, beside), (first_width, 2, 1, beside)]
+
+
+def test_an_only_look_is_at_full_size(first):
+    depth, _ = stereo_points([frame(640)], NOTHING, replace(defaults(), width=500), lambda line: None).maps["a"]
+    assert first[1] == [(500, 4, 2, ())]
+    np.testing.assert_array_equal(depth, ROUGH.depth)
+
+
+def test_a_second_look_begins_with_the_completed_depth_and_keeps_what_only_the_first_found(monkeypatch):
+    before = FirstPass({"a": np.full((60, 80), 3, np.float32)}, {"a": (ROUGH.depth, ROUGH.agreeing)})
+    begun, lines = [], []
+
+    def stage(frames, points, settings, log, device, start, beside):
+        begun.append((settings.width, start, beside))
+        return [CAMERA.resized(40, 30)], iter([(FINE.depth, FINE.agreeing)])
+
+    monkeypatch.setattr(looks, "scene_second_pass", stage)
+    others, asked = [frame()], replace(defaults(), width=70)
+    found = stereo_points([frame()], NOTHING, asked, lines.append, first=before, passes=2, beside=others)
+    depth, agreeing = found.maps["a"]
+    assert begun == [(70, before.completed, others)] and "from the completed depth: 73%" in lines[0]
+    np.testing.assert_array_equal(depth[:, 20:], 2.0)
+    np.testing.assert_array_equal(agreeing[:, 20:], 7)
+    np.testing.assert_allclose(depth[:14, :20], 4.0)
+    assert (agreeing[:14, :20] == 3).all() and not depth[14:, :20].any() and not agreeing[14:, :20].any()
+
+
+@pytest.mark.parametrize(
+    ("photo", "setting", "window"),
+    [(640, 640, (4, 2)), (1296, None, (4, 2)), (500, 640, (4, 2)), (320, 640, (2, 1)), (200, None, (2, 1))],
+)
+def test_windows_of_the_second_look_cover_as_much_as_the_first_ones_narrow_ones(monkeypatch, photo, setting, window):
+    windows = []
+
+    def stage(frames, points, settings, log, device, start, beside):
+        windows.append((settings.radius, settings.step))
+        return [CAMERA], iter([(FINE.depth, FINE.agreeing)])
+
+    monkeypatch.setattr(looks, "scene_second_pass", stage)
+    asked = replace(defaults(), width=setting)
+    stereo_points([frame(photo)], NOTHING, asked, lambda line: None, first=FirstPass({}, {}), passes=2)
+    assert windows == [window]
+
+
+@pytest.mark.parametrize("second", [False, True])
+def test_depth_counts_by_what_it_is_worth_and_what_is_worth_nothing_is_no_depth(monkeypatch, second):
+    """The neighbour's depth is asked for."""
+    frames = [frame(), replace(frame(), name="b")]
+    cameras = [CAMERA.resized(40, 30)] * 2
+    monkeypatch.setattr(looks, "scene_stereo", lambda *_: (cameras, iter([FINE, FINE])))
+    monkeypatch.setattr(looks, "scene_second_pass", lambda *_: (cameras, iter([(FINE.depth, FINE.agreeing)] * 2)))
+    monkeypatch.setattr(looks, "scene_neighbours", lambda *_: [np.array([1]), np.array([0])])
+    monkeypatch.setattr(looks, "grey", lambda *_: SHARP)  # nothing is believed of wide windows
+
+    def worth(view, agreeing, others, max_px, max_relative):
+        assert len(others) == 1 and others[0][1] is FINE.depth and (max_px, max_relative) == (1.0, 0.01)
+        return np.where(np.arange(40) < 30, np.minimum(agreeing, 2), 0).astype(np.uint8)
+
+    monkeypatch.setattr(looks, "worth", worth)
+    before = FirstPass({}, {}) if second else None
+    found = stereo_points(frames, NOTHING, defaults(), lambda line: None, first=before, passes=2)
+    for depth, agreeing in found.maps.values():
+        np.testing.assert_array_equal(agreeing, np.where((FINE.agreeing > 0) & (np.arange(40) < 30), 2, 0))
+        np.testing.assert_array_equal(depth > 0, agreeing > 0)
+
+
+@settings(deadline=None)  # the first one reads the configuration
+@given(st.integers(1, 12), st.integers(1, 12), st.floats(0.5, 10))
+def test_other_windows_have_as_many_samples_and_fit_the_kernels(radius, step, times):
+    assume(step <= radius and radius // step <= 5)
+    other = with_windows(replace(defaults(), radius=radius, step=step), times)
+    assert other.radius // other.step == radius // step and other.radius % other.step == 0
+    asked = max(1, round(step * times))
+    assert min(step, asked) <= other.step <= max(step, asked) and other.radius <= 12
