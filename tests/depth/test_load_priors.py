@@ -206,7 +206,7 @@ def photographed(room, folder):
     ("settings", "times"),
     [
         ({}, 2),
-        ({"depth__second_look": False}, 1),
+        ({"depth__second_pass": False}, 1),
         ({"depth__completion": False}, 1),
         ({"depth__joint": False}, 0),
         ({"depth__source": "none"}, 0),
@@ -229,7 +229,7 @@ def test_stereo_is_asked_twice_at_most_and_only_for_maps_that_it_can_hold(
 
 
 @pytest.mark.parametrize("normals", [{}, {"normal__source": "none"}])
-def test_a_second_look_gets_what_the_first_came_to_and_its_word_counts(
+def test_a_second_pass_gets_what_the_first_came_to_and_its_word_counts(
     room, prior_config, map_files, tmp_path, normals
 ):
     """Maps that are 5 % too far; stereo has them 2 % too far at first and right at the second look."""

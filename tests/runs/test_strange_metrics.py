@@ -16,7 +16,7 @@ from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.json_files import update_json
 from room2dgs.runs.metrics import earlier, record
-from room2dgs.runs.page import words
+from room2dgs.runs.page import texts
 from room2dgs.runs.schema import BY_KEY
 from room2dgs.study.ablation import figures_of
 from room2dgs.study.score_table import values_of
@@ -34,12 +34,12 @@ def read_everywhere(out) -> None:
     metrics = earlier(out)
     config = load_config(["scene.path=x", f"out={out}"])
     scene = Scene("x", (), ())
-    words.opening(config, metrics)
-    words.facts(scene, metrics)
-    words.warnings(scene, config, metrics, ["WARNING: x"])
-    words.tables(metrics)
-    words.closing(metrics)
-    words.threshold_m(metrics, config)
+    texts.opening(config, metrics)
+    texts.facts(scene, metrics)
+    texts.warnings(scene, config, metrics, ["WARNING: x"])
+    texts.tables(metrics)
+    texts.closing(metrics)
+    texts.threshold_m(metrics, config)
     values_of(metrics, "area", "5cm")
     figures_of(metrics, "5cm")
     record(out, {}, {"read": 1.0})

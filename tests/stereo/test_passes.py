@@ -15,7 +15,7 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.config import StereoConfig, load_config
 from room2dgs.geometry.camera import Camera
-from room2dgs.stereo import looks
+from room2dgs.stereo import passes
 from room2dgs.stereo.anchors import stereo_points
 from room2dgs.stereo.dense import DenseView
 from room2dgs.stereo.passes import FirstPass, with_windows
@@ -49,7 +49,7 @@ def defaults() -> StereoConfig:
 
 @pytest.fixture(autouse=True)
 def _every_depth_is_worth_the_views_that_agree(monkeypatch):
-    monkeypatch.setattr(looks, "worth", lambda view, agreeing, others, max_px, max_relative: agreeing)
+    monkeypatch.setattr(passes, "worth", lambda view, agreeing, others, max_px, max_relative: agreeing)
 
 
 @pytest.fixture
@@ -62,8 +62,8 @@ def first(monkeypatch):
         found = ROUGH if len(asked) == 1 else FINE
         return [CAMERA.resized(*found.depth.shape[::-1])], iter([found])
 
-    monkeypatch.setattr(looks, "scene_stereo", stage)
-    monkeypatch.setattr(looks, "grey", lambda frame, camera: photo[0])
+    monkeypatch.setattr(passes, "scene_stereo", stage)
+    monkeypatch.setattr(passes, "grey", lambda frame, camera: photo[0])
     return photo, asked
 
 
@@ -109,7 +109,7 @@ def test_a_second_look_begins_with_the_completed_depth_and_keeps_what_only_the_f
         begun.append((settings.width, start, beside))
         return [CAMERA.resized(40, 30)], iter([(FINE.depth, FINE.agreeing)])
 
-    monkeypatch.setattr(looks, "scene_second_pass", stage)
+    monkeypatch.setattr(passes, "scene_second_pass", stage)
     others, asked = [frame()], replace(defaults(), width=70)
     found = stereo_points([frame()], NOTHING, asked, lines.append, first=before, passes=2, beside=others)
     depth, agreeing = found.maps["a"]
@@ -131,7 +131,7 @@ def test_windows_of_the_second_look_cover_as_much_as_the_first_ones_narrow_ones(
         windows.append((settings.radius, settings.step))
         return [CAMERA], iter([(FINE.depth, FINE.agreeing)])
 
-    monkeypatch.setattr(looks, "scene_second_pass", stage)
+    monkeypatch.setattr(passes, "scene_second_pass", stage)
     asked = replace(defaults(), width=setting)
     stereo_points([frame(photo)], NOTHING, asked, lambda line: None, first=FirstPass({}, {}), passes=2)
     assert windows == [window]
@@ -142,16 +142,16 @@ def test_depth_counts_by_what_it_is_worth_and_what_is_worth_nothing_is_no_depth(
     """The neighbour's depth is asked for."""
     frames = [frame(), replace(frame(), name="b")]
     cameras = [CAMERA.resized(40, 30)] * 2
-    monkeypatch.setattr(looks, "scene_stereo", lambda *_: (cameras, iter([FINE, FINE])))
-    monkeypatch.setattr(looks, "scene_second_pass", lambda *_: (cameras, iter([(FINE.depth, FINE.agreeing)] * 2)))
-    monkeypatch.setattr(looks, "scene_neighbours", lambda *_: [np.array([1]), np.array([0])])
-    monkeypatch.setattr(looks, "grey", lambda *_: SHARP)  # nothing is believed of wide windows
+    monkeypatch.setattr(passes, "scene_stereo", lambda *_: (cameras, iter([FINE, FINE])))
+    monkeypatch.setattr(passes, "scene_second_pass", lambda *_: (cameras, iter([(FINE.depth, FINE.agreeing)] * 2)))
+    monkeypatch.setattr(passes, "scene_neighbours", lambda *_: [np.array([1]), np.array([0])])
+    monkeypatch.setattr(passes, "grey", lambda *_: SHARP)  # nothing is believed of wide windows
 
     def worth(view, agreeing, others, max_px, max_relative):
         assert len(others) == 1 and others[0][1] is FINE.depth and (max_px, max_relative) == (1.0, 0.01)
         return np.where(np.arange(40) < 30, np.minimum(agreeing, 2), 0).astype(np.uint8)
 
-    monkeypatch.setattr(looks, "worth", worth)
+    monkeypatch.setattr(passes, "worth", worth)
     before = FirstPass({}, {}) if second else None
     found = stereo_points(frames, NOTHING, defaults(), lambda line: None, first=before, passes=2)
     for depth, agreeing in found.maps.values():
