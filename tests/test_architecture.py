@@ -24,6 +24,8 @@ FLOW = (
         "owner",
         "blame",
         "logs",
+        "registry",
+        "registries",
         "files",
         "json_files",
         "cores",
@@ -60,6 +62,9 @@ FLOW = (
 # `eval` is a library of its own: these alone.
 EVAL_NEEDS = {
     "errors",
+    "logs",
+    "registry",
+    "registries",
     "owner",
     "files",
     "regular_files",
