@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Scene
-from room2dgs.commands.stages import with_map_cache
 from room2dgs.commands.units import note_scale
 from room2dgs.config import Config
 from room2dgs.logs import Log
+from room2dgs.runs.folder import PRIOR_MAPS
 from room2dgs.runs.metrics import Stages, timed
 
 if TYPE_CHECKING:
@@ -44,26 +44,11 @@ def filled(
         cameras, views: of stereo, in the order of the training views.
 
     Raises:
-        InputError: as `load_priors`.
+        InputError: as `estimate_depth`.
     """
-    from room2dgs.depth import load_priors
-    from room2dgs.stereo.anchors import StereoPoints, stereo_points, with_stereo
-    from room2dgs.stereo.passes import Compared, FirstPass, weigh
+    from room2dgs.depth import StereoViews, estimate_depth
 
-    def compare(first: FirstPass | None) -> StereoPoints:
-        if first:
-            passes, device = config.prior.depth.passes, config.render.device
-            return stereo_points(
-                scene.keyframes, points, config.stereo, log, device, first, passes=passes, beside=scene.beside
-            )
-        maps = {
-            frame.name: (view.depth.copy(), view.agreeing) for frame, view in zip(scene.keyframes, views, strict=True)
-        }
-        photos = Compared(scene.keyframes, scene.beside, points, config.stereo, log, config.render.device)
-        weigh(photos, cameras, maps)
-        return StereoPoints(with_stereo(points, scene.keyframes, cameras, maps), maps)
-
-    settings = with_map_cache(config, out).prior
-    priors = load_priors(scene.keyframes, points, settings, log, compare, partial(timed, seconds))
+    stereo = StereoViews(cameras, views)
+    priors = estimate_depth(scene, points, config, out / PRIOR_MAPS, log, partial(timed, seconds), stereo)
     note_scale(priors, points, scene, config, out, log)
     return priors

@@ -32,8 +32,6 @@ from room2dgs.runs.folder import (
 from room2dgs.runs.metrics import Stages, by_stage, record, timed
 
 if TYPE_CHECKING:  # torch takes seconds to import, and a wrong path should be reported at once
-    import numpy as np
-
     from room2dgs.depth import Priors
     from room2dgs.sfm.sparse import MayLack
     from room2dgs.splat.types import Rendering, Surfels
@@ -215,33 +213,19 @@ def read_priors(scene: Scene, points: PointCloud, config: Config, out: Path, log
     out/trust.npz.
 
     Raises:
-        InputError: as `load_priors` and `stereo_points`.
+        InputError: as `estimate_depth`.
     """
-    from room2dgs.depth import load_priors
+    from room2dgs.depth import estimate_depth
     from room2dgs.files import whole_file
     from room2dgs.report.csv_text import csv_lines
     from room2dgs.runs.trust import write_trust
-    from room2dgs.stereo.anchors import StereoPoints, stereo_points
-    from room2dgs.stereo.passes import FirstPass
 
-    stereo: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-
-    def compare(first: FirstPass | None) -> StereoPoints:
-        passes, device = config.prior.depth.passes, config.render.device
-        found = stereo_points(
-            scene.keyframes, points, config.stereo, log, device, first, passes=passes, beside=scene.beside
-        )
-        stereo.update(found.maps)
-        return found
-
-    settings = with_map_cache(config, out).prior
     seconds = Stages()
-    compared = compare if config.stereo.enabled else None
-    priors = load_priors(scene.keyframes, points, settings, log, compared, partial(timed, seconds))
-    covered = [float((depth > 0).mean()) for depth, _ in stereo.values()]
+    priors = estimate_depth(scene, points, config, out / PRIOR_MAPS, log, partial(timed, seconds))
+    covered = [float((depth > 0).mean()) for depth, _ in priors.stereo.values()]
     share = round(sum(covered) / len(covered), 4) if covered else None
     record(out, {"prior_seconds": by_stage(seconds), "stereo_coverage": share}, {})
-    write_trust(out / TRUST, scene.keyframes, priors.by_frame, stereo)
+    write_trust(out / TRUST, scene.keyframes, priors.by_frame, priors.stereo)
     note_scale(priors, points, scene, config, out, log)
     if priors.fits:
         rows = [("view", "scale", "shift", "median_relative_residual", "points")]

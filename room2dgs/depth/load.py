@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -56,6 +57,8 @@ class Priors(NamedTuple):
         networks: "depth" and "normal" -> digest of the model that made the maps (`ModelFile.digest`).
         depth_source: where depth comes from, "auto" decided: "sensor", "room_prior", "files", "onnx" or "none".
         planes: the room's planes that completion drew depth to.
+        stereo: frame name -> stereo's depth, metres, 0 = none, and how many consistent views it counts as; of the
+            last pass.
     """
 
     by_frame: StoredMaps
@@ -64,6 +67,7 @@ class Priors(NamedTuple):
     networks: dict[str, str]
     depth_source: str
     planes: tuple[Plane, ...] = ()
+    stereo: Maps = MappingProxyType({})
 
 
 def load_priors(
