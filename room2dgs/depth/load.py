@@ -155,7 +155,6 @@ def load_priors(
                     planes=settings.planes,
                     right_angles=settings.right_angles,
                     creases=settings.creases,
-                    relief=settings.relief,
                     other_views=settings.other_views,
                     space=held.space,
                     correct=correct,

@@ -20,7 +20,7 @@ def test_defaults_are_those_that_were_measured():
     assert first_opacity(config) == 0.6
     depth = config.prior.depth
     assert depth.completion and depth.planes and depth.right_angles and depth.free_space and depth.second_pass
-    assert depth.creases and depth.other_views and depth.correction and not depth.relief
+    assert depth.creases and depth.other_views and depth.correction
     assert config.scene.keyframes == 1
     assert config.stereo.enabled
 

@@ -47,7 +47,6 @@ class DepthPriorConfig:
     creases: bool = Field(
         description="and planes meet where the photos see them meet, as far as stereo does not know them better"
     )
-    relief: bool = Field(description="and planes bend by centimetres to what stereo finds on them from place to place")
     other_views: bool = Field(description="and each is drawn to what is sure in other views, projected into it")
     free_space: bool = Field(description="and what other views look through, by stereo's word, counts for less")
     second_pass: bool = Field(

@@ -47,9 +47,6 @@ def on_planes(
         facing = rays @ plane.normal
         to_plane = plane.offset - centre @ plane.normal
         z = np.divide(to_plane, facing, out=np.zeros(depth.shape), where=facing < -1e-3)
-        if plane.relief is not None:  # centimetres: what it is where the ray meets the flat plane is near enough
-            higher = to_plane + plane.relief.at(centre + rays * z[..., None])
-            z = np.divide(higher, facing, out=np.zeros(depth.shape), where=facing < -1e-3)
         seen = (z > 0) & (depth > 0)
         off = np.log(np.where(seen, z, 1) / np.where(seen, depth, 1)) / near
         turned = np.clip((normal @ plane.normal - TURNED[0]) / (TURNED[1] - TURNED[0]), 0, 1)

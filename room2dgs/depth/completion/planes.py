@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from room2dgs.depth.completion.relief import Relief
 from room2dgs.depth.completion.right_angles import direction_covariance, turned
 
 LEAST_SHARE = 0.01  # of all samples, that a plane has to hold
@@ -55,13 +54,11 @@ class Plane(NamedTuple):
         normal: (3,) unit, world frame, towards the cameras.
         offset: metres.
         share: of the samples that lie on it.
-        relief: what is added to the offset from place to place; None: nothing.
     """
 
     normal: np.ndarray
     offset: float
     share: float
-    relief: Relief | None = None
 
 
 def find_planes(samples: Samples, *, right_angles: bool, width: float = 1.0) -> list[Plane]:

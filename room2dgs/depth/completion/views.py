@@ -27,7 +27,6 @@ from room2dgs.depth.completion.other_views import LENDING, SureView, depth_of_ot
 from room2dgs.depth.completion.places import placed
 from room2dgs.depth.completion.planes import Plane, Samples, find_planes
 from room2dgs.depth.completion.reconciled import on_their_planes, with_neighbours
-from room2dgs.depth.completion.relief import LEAST_TRUST, Anchors, with_reliefs
 from room2dgs.depth.completion.small_maps import Completed, SmallMaps, enlarged, moved, small_maps
 from room2dgs.depth.completion.solve import System, solved, system
 from room2dgs.depth.files import resize_depth
@@ -64,7 +63,6 @@ def complete_views(
     planes: bool,
     right_angles: bool,
     creases: bool,
-    relief: bool,
     other_views: bool,
     space: FreeSpace | None,
     correct: Correct | None = None,
@@ -84,7 +82,6 @@ def complete_views(
         planes: what looks as if it lay on one of the room's large planes is drawn to it.
         right_angles: and those that are almost parallel or at right angles are so.
         creases: and they meet where the photos see them meet.
-        relief: and each bends by centimetres to what stereo finds on it.
         other_views: depth is drawn to what is sure in other views.
         space: depth that other views look through counts for less; None = not asked.
         correct: corrects what comes of all this; None = nothing does.
@@ -115,7 +112,7 @@ def complete_views(
             flat = find_planes(_samples(given, parts, errors, space), right_angles=right_angles, width=width)
             if creases:
                 flat = placed(flat, list(pool.map(partial(_seen_planes, planes=flat), given, parts)))
-            return with_reliefs(flat, _stereo_anchors(given, space)) if relief and flat else flat
+            return flat
 
         for _ in range(ROUNDS if planes or other_views else 0):
             errors = list(pool.map(expecting(small, alone, near, space), range(len(frames))))
@@ -184,18 +181,6 @@ def _samples(
         off = error[row, column][use] * depth[use]
         parts.append(Samples(xyz, normal[use], depth[use], weight, off))
     return Samples(*(np.concatenate(one) for one in zip(*parts, strict=True)))
-
-
-def _stereo_anchors(given: Sequence[SmallMaps], space: FreeSpace | None) -> Anchors:
-    """What holds the views' depth in place, where their normals are known."""
-    parts = []
-    for view, maps in enumerate(given):
-        row, column = np.nonzero((maps.trust >= LEAST_TRUST) & (maps.anchor > 0) & maps.normal.any(axis=2))
-        depth = maps.anchor[row, column]
-        xyz = maps.camera.unproject(np.stack([column, row], axis=1) + 0.5, depth)
-        trust = maps.trust[row, column] * (1 - seen_through(space, xyz)) ** 2
-        parts.append(Anchors(xyz, maps.normal[row, column], depth, trust, np.full(len(depth), view)))
-    return Anchors(*(np.concatenate(one) for one in zip(*parts, strict=True)))
 
 
 def _held_by_planes(maps: SmallMaps, before: Completed, planes: Sequence[Plane], space: FreeSpace | None) -> SmallMaps:

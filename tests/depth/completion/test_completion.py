@@ -239,7 +239,6 @@ def everything(frames, depths, points, stereo=None, misfits=None, normals=None, 
         planes=planes,
         right_angles=True,
         creases=True,
-        relief=True,
         other_views=True,
         space=None,
     )

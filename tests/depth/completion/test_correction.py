@@ -108,7 +108,7 @@ def completed(room, tmp_path):
         complete_views(
             frames, depths, {}, normals, {}, points, maps, {}, lambda line: None,
             lambda name, *maps: taken.update({name: maps}),
-            planes=True, right_angles=True, creases=True, relief=False, other_views=True, space=None, correct=correct,
+            planes=True, right_angles=True, creases=True, other_views=True, space=None, correct=correct,
         )  # fmt: skip
         return taken
 

@@ -192,7 +192,7 @@ def test_the_views_depth_of_a_wall_goes_where_its_creases_are(box_room, creases)
     complete_views(
         room.frames, depths, {}, normals, {}, points, {}, {}, lambda line: None,
         lambda *one: found.update({one[0]: one[1]}),
-        planes=True, right_angles=True, creases=creases, relief=False, other_views=True, space=None,
+        planes=True, right_angles=True, creases=creases, other_views=True, space=None,
     )  # fmt: skip
     off = np.concatenate(
         [

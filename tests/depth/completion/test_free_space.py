@@ -128,7 +128,6 @@ def left_half(room, depths, points, through: bool, names, misfit=0.0, others=Fal
         planes=False,
         right_angles=True,
         creases=True,
-        relief=True,
         other_views=others,
         space=space,
     )

@@ -12,10 +12,8 @@ from room2dgs.depth.completion import planes as module
 from room2dgs.depth.completion import views
 from room2dgs.depth.completion.on_planes import flattened, on_planes
 from room2dgs.depth.completion.planes import Plane, Samples, find_planes
-from room2dgs.depth.completion.relief import Relief
 from room2dgs.depth.completion.views import _with_fine, complete_views
 from room2dgs.geometry.camera import Camera
-from room2dgs.geometry.rotations import across_of
 
 NONE = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0))
 OFF = (1.06, 0.94, 1.09, 0.92)  # of the depth of every third view
@@ -174,7 +172,7 @@ def test_a_plane_seen_from_behind_is_nobodys(camera: Camera):
     assert (trust == 0).all()
 
 
-def off_by_view(room, factors, planes: bool, relief: bool = True) -> list[float]:
+def off_by_view(room, factors, planes: bool) -> list[float]:
     """How far each view's completed depth is off, its median, if it was off by a factor before."""
     frames, found = room.frames, {}
     depths = {
@@ -195,7 +193,6 @@ def off_by_view(room, factors, planes: bool, relief: bool = True) -> list[float]
         planes=planes,
         right_angles=True,
         creases=False,
-        relief=relief,
         other_views=True,
         space=None,
     )
@@ -217,20 +214,6 @@ def test_walls_come_out_flat_though_every_view_has_them_wavy(box_room):
     y, x = np.mgrid[0 : room.depths[0].shape[0], 0 : room.depths[0].shape[1]]
     waves = [1 + 0.012 * np.sin(0.35 * x + 2.1 * index) * np.cos(0.31 * y - index) for index in range(12)]
     assert np.median(off_by_view(room, waves, planes=True)) < 0.001
-
-
-def test_depth_is_drawn_to_planes_as_stereo_bends_them(box_room, monkeypatch):
-    """All walls 4 cm before where every view has them, by stereo's word; the views' anchors are what it is told."""
-    room, told = box_room(count=12, turn=0.15), []
-
-    def bent(planes, anchors):
-        told.append(anchors)
-        height = np.full((2, 2), 0.04, np.float32)
-        return [plane._replace(relief=Relief(across_of(plane.normal), np.zeros(2), 0.2, height)) for plane in planes]
-
-    monkeypatch.setattr(views, "with_reliefs", bent)
-    assert np.median(off_by_view(room, [1.0] * 12, planes=True, relief=False)) < 0.001 and not told
-    assert np.median(off_by_view(room, [1.0] * 12, planes=True)) > 0.004 and told
 
 
 def test_the_candidate_that_most_samples_lie_on_is_taken():
