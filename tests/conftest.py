@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -39,6 +40,24 @@ WALL_Z = 2.0
 def without_gpu(monkeypatch):
     """As on a machine that has none."""
     monkeypatch.setattr(cuda_state, "missing", lambda: ["an NVIDIA driver"])
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """`installed(name, text, points)` installs a package of one module for a test, with these entry points."""
+
+    def install(name: str, text: str, points: str) -> None:
+        site = tmp_path / "installed" / name
+        site.mkdir(parents=True)
+        (site / f"{name}.py").write_text(text)
+        info = site / f"{name}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(points)
+        monkeypatch.delitem(sys.modules, name, raising=False)
+        monkeypatch.syspath_prepend(str(site))
+
+    return install
 
 
 @pytest.fixture(scope="session")

@@ -15,22 +15,6 @@ GROUP = "room2dgs.test_colours"
 
 
 @pytest.fixture
-def installed(tmp_path, monkeypatch):
-    """Installs a package of one module for a test: its name, its module's text, its entry points."""
-
-    def install(name, text, points):
-        (tmp_path / f"{name}.py").write_text(text)
-        info = tmp_path / f"{name}-1.0.dist-info"
-        info.mkdir()
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-        (info / "entry_points.txt").write_text(points)
-        monkeypatch.delitem(sys.modules, name, raising=False)
-
-    monkeypatch.syspath_prepend(str(tmp_path))
-    yield install
-
-
-@pytest.fixture
 def colours():
     registry = Registry("colour", GROUP, ("mix",))
     registry.register("red", "fractions:Fraction", "A warm colour.", warm=True)
@@ -62,13 +46,14 @@ def test_a_name_is_registered_once(colours):
 
 
 def test_an_installed_packages_entry_follows_ours_and_is_imported_only_when_loaded(colours, installed, tmp_path):
-    text = "import pathlib\npathlib.Path(__file__).with_suffix('.imported').touch()\nclass Green:\n    mix = 1\n"
+    imported = tmp_path / "imported"
+    text = f"open({str(imported)!r}, 'x').close()\nclass Green:\n    mix = 1\n"
     installed("greenery", text, f"[{GROUP}]\ngreen = greenery:Green\n")
     assert colours.names() == ("red", "blue", "green")
     assert colours.get("green").package == "greenery"
-    assert not (tmp_path / "greenery.imported").exists()
+    assert not imported.exists()
     assert colours.load("green").mix == 1
-    assert (tmp_path / "greenery.imported").exists()
+    assert imported.exists()
 
 
 def test_a_broken_entry_point_is_one_sentence_that_names_the_package(colours, installed):

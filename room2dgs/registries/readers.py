@@ -16,7 +16,7 @@ from room2dgs.registry import Registry
 if TYPE_CHECKING:
     from room2dgs.captures.reader import Reader
 
-READERS: Registry[Reader] = Registry("layout", "room2dgs.readers", ("recognise", "read", "needs", "contains"))
+READERS: Registry[Reader] = Registry("layout", "room2dgs.readers", ("recognise", "read", "contains"))
 
 _AT = "room2dgs.captures.readers"
 READERS.register("sens", f"{_AT}.sens:READER", "ScanNet's .sens file.")

@@ -20,7 +20,7 @@ from room2dgs.captures.readers.scannetpp_depth import DepthStream, lz4_block
 from room2dgs.commands.stages import told
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
-from room2dgs.runs.page import words
+from room2dgs.runs.page import texts
 
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -252,8 +252,8 @@ def test_intrinsics_that_disagree_with_exif_are_a_warning_with_what_mends_them(w
     told(scene, tmp_path, log.append)
     assert f"WARNING: {said}" in log
     assert json.loads((tmp_path / "metrics.json").read_text())["capture"]["warnings"] == [said]
-    assert said in words.warnings(scene, load_config([f"scene.path={root}", "out=unused"]), {}, log)
-    assert words.warnings(scene, load_config([f"scene.path={root}", "out=unused"]), {}, log).count(said) == 1
+    assert said in texts.warnings(scene, load_config([f"scene.path={root}", "out=unused"]), {}, log)
+    assert texts.warnings(scene, load_config([f"scene.path={root}", "out=unused"]), {}, log).count(said) == 1
 
 
 @pytest.mark.parametrize(("millimetres", "odd"), [(29, 29), (29, 90), (0, 0)])

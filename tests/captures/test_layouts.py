@@ -14,9 +14,10 @@ import trimesh
 from room2dgs import cli
 from room2dgs.captures.listing import Listing
 from room2dgs.captures.read import read_scene
-from room2dgs.captures.readers.registry import READERS, reader_of
+from room2dgs.captures.readers.choice import reader_of
 from room2dgs.config import load_config
 from room2dgs.eval import evaluate
+from room2dgs.registries.readers import READERS
 from room2dgs.tools.capture_layouts.registry import LAYOUTS
 
 

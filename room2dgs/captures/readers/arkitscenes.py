@@ -15,6 +15,7 @@ from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.left_out import left_out
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.text_files import floats, lines_of
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -128,3 +129,6 @@ def _trajectory(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     rotations = Rotation.from_rotvec(rows[:, 1:4]).as_matrix()
     poses = [inverse_pose(rigid_pose(rotation, t)) for rotation, t in zip(rotations, rows[:, 4:], strict=True)]
     return rows[:, 0], np.stack(poses), [said] if said else []
+
+
+READER = Reader(is_arkitscenes, read_arkitscenes, LAYOUT)

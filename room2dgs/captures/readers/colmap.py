@@ -16,6 +16,7 @@ from room2dgs.captures.listing import PHOTO_SUFFIXES, Listing, gt_mesh_in, insid
 from room2dgs.captures.mask_files import fitting_masks, mask_files, mask_folders
 from room2dgs.captures.photo_names import in_folder, shared_stems
 from room2dgs.captures.photos import PhotoFile
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.text_files import read_json_object
 from room2dgs.captures.unmatched import called_map
 from room2dgs.config import SceneConfig
@@ -290,3 +291,6 @@ def mask_file(folder: Path, name: str) -> Path | None:
         if file.is_file():
             return file
     return None
+
+
+READER = Reader(is_colmap, read_colmap, LAYOUT)

@@ -16,6 +16,7 @@ from room2dgs.captures.left_out import left_out, some
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.listing import Listing, gt_mesh_in, inside, natural
 from room2dgs.captures.matrix_files import rigid
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.readers.metashape_lens import sensor_lens, xml_number
 from room2dgs.captures.readers.metashape_photos import LabelledPhotos
 from room2dgs.captures.text_files import floats
@@ -249,3 +250,6 @@ def _component(component: ElementTree.Element, unit: float, path: Path) -> np.nd
     if translation:
         result[:3, 3] = np.array(floats(translation, f"{path} (translation)", None, 3)) / unit
     return result
+
+
+READER = Reader(is_metashape, read_metashape, LAYOUT)

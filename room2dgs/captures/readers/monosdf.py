@@ -16,6 +16,7 @@ from room2dgs.captures.capture import Capture, Shot, damaged, lost, pinhole_lens
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural, photos_in
 from room2dgs.captures.matrix_files import rigid
 from room2dgs.captures.pairing import note_on, places
+from room2dgs.captures.reader import Reader
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE
@@ -107,3 +108,6 @@ def _matrices(path: Path) -> dict[str, np.ndarray]:
             return {name: arrays[name] for name in arrays.files if name.startswith("world_mat_")}
     except NUMPY_DAMAGE as error:
         raise InputError(f"{path} cannot be read as an .npz of matrices; copy the scan again") from error
+
+
+READER = Reader(is_monosdf, read_monosdf, LAYOUT)

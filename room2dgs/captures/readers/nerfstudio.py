@@ -24,6 +24,7 @@ from room2dgs.captures.named_maps import without_missing_maps
 from room2dgs.captures.photo_names import check_count
 from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.point_files import read_ply
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.readers.transforms_keys import keys_told
 from room2dgs.captures.readers.transforms_lens import contradictions, lens_of
 from room2dgs.captures.text_files import number, numbers, positive, read_json_object
@@ -402,3 +403,6 @@ def ply_points(path: Path) -> RawPoints:
     """Points without tracks."""
     cloud = read_ply(path)
     return RawPoints(cloud.xyz, cloud.rgb)
+
+
+READER = Reader(is_nerfstudio, read_nerfstudio, LAYOUT, ("colmap",))

@@ -16,6 +16,7 @@ from room2dgs.captures.listing import Listing, gt_mesh_in, listed, photos_in
 from room2dgs.captures.pairing import alike, note_on, places
 from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.pose_rows import pose_rows
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.text_files import floats, lines_of
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -76,3 +77,6 @@ def _size(photos: list[Path]) -> tuple[int, int]:
 
 def _has_line(path: Path) -> bool:
     return path.is_file() and bool(lines_of(path))
+
+
+READER = Reader(is_neuralrgbd, read_neuralrgbd, LAYOUT)

@@ -17,6 +17,7 @@ from room2dgs.captures.known_keys import DISTORTION, check_no_distortion, unknow
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, photos_in
 from room2dgs.captures.pairing import alike, note_on, places
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.text_files import floats, intrinsic_matrix, lines_of, number, positive, read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -107,3 +108,6 @@ def _lens(root: Path, config: SceneConfig) -> tuple[Lens | None, float, list[str
             unknown = unknown_keys(known, KEYS, path)
             return lens, 1.0 / positive(known, "depth_scale", path, 1000.0), [unknown] if unknown else []
     return None, 0.001, []
+
+
+READER = Reader(is_open3d, read_open3d, LAYOUT)

@@ -21,6 +21,7 @@ from room2dgs.captures.known_keys import DISTORTION, check_no_distortion, unknow
 from room2dgs.captures.left_out import some
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.photos import PhotoBytes
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.text_files import number, read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -223,3 +224,6 @@ class BorderMask:
 
     def digest(self) -> bytes:
         return f"border {self._size} {self._border}".encode()
+
+
+READER = Reader(is_polycam, read_polycam, LAYOUT, ("nerfstudio",))

@@ -21,6 +21,7 @@ from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.lzfse import unpacked_lzfse
 from room2dgs.captures.pairing import note_on, places
 from room2dgs.captures.photos import PhotoBytes
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.readers.sens import the_file
 from room2dgs.captures.text_files import intrinsic_matrix, number, numbers, quaternion_pose, read_json_object
 from room2dgs.config import SceneConfig
@@ -142,3 +143,6 @@ def _depth_map(
 def _packed_depth(packed: Callable[[], bytes], label: Path, size: tuple[int, int]) -> np.ndarray:
     data = unpacked_lzfse(packed(), 4 * size[0] * size[1], str(label))
     return np.frombuffer(data, "<f4").reshape(size[1], size[0])
+
+
+READER = Reader(is_record3d, read_record3d, LAYOUT)

@@ -14,6 +14,7 @@ from room2dgs.captures.known_keys import DISTORTION, check_no_distortion, unknow
 from room2dgs.captures.listing import PHOTO_SUFFIXES, Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.pairing import alike, note_on, places
 from room2dgs.captures.pose_rows import pose_rows
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.text_files import number, positive, read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -73,3 +74,6 @@ def _params(root: Path) -> tuple[dict, Path, list[str]]:
             unknown = unknown_keys(camera, {*USUAL, *DISTORTION}, path)
             return camera, path, [unknown] if unknown else []
     return USUAL, root / "cam_params.json", []
+
+
+READER = Reader(is_replica, read_replica, LAYOUT)

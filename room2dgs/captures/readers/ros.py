@@ -19,6 +19,7 @@ from room2dgs.captures.depth_maps import DepthMap
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.listing import Listing, gt_mesh_in
 from room2dgs.captures.photos import Photo, PhotoBytes
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.readers.ros_bag import IMAGE, SUFFIXES, TF, Bag, Place
 from room2dgs.captures.readers.ros_images import DEPTHS, RawPhoto, depth_numbers, lens_of, photo_size, registered
 from room2dgs.captures.readers.ros_poses import POSES, Collector, Track, Tree, posed, stamp_of
@@ -263,3 +264,6 @@ def _photo(bag: Bag, sensor: Sensor, picture: _Picture, name: str) -> Photo:
 
 def _packed(bag: Bag, place: Place) -> bytes:
     return bytes(bag.message(place).data)
+
+
+READER = Reader(is_ros, read_ros, LAYOUT)

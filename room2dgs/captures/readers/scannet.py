@@ -22,6 +22,7 @@ from room2dgs.captures.listing import PHOTO_SUFFIXES, Listing, gt_mesh_in, liste
 from room2dgs.captures.matrix_files import read_intrinsics, read_matrix, read_world_from_cam
 from room2dgs.captures.pairing import alike
 from room2dgs.captures.principal_point import check_principal_point
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.shapes import MAX_MISMATCH
 from room2dgs.captures.text_files import key_values, number, numbers, positive
 from room2dgs.config import SceneConfig
@@ -205,3 +206,6 @@ def read_flat(root: Path, config: SceneConfig) -> Capture:
         notes=notes,
         warnings=not_registered(*extrinsics, path) if any(shot.depth for shot in shots) else [],
     )
+
+
+READER = Reader(is_scannet, read_scannet, LAYOUT)

@@ -17,6 +17,7 @@ from room2dgs.captures.depth_maps import DepthMap, depth_file
 from room2dgs.captures.left_out import left_out
 from room2dgs.captures.listing import Listing, inside, listed, natural
 from room2dgs.captures.photos import Photo, PhotoFile, Video, VideoFrame
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.readers.colmap import mask_file, model_shots, photo_folder
 from room2dgs.captures.readers.nerfstudio import shots_of
 from room2dgs.captures.readers.scannetpp_depth import HEIGHT, WIDTH, DepthStream
@@ -166,3 +167,6 @@ def _depth_reader(folder: Path):
         return None
 
     return depth
+
+
+READER = Reader(is_scannetpp, read_scannetpp, LAYOUT, ("colmap", "nerfstudio"))

@@ -14,6 +14,7 @@ from room2dgs.captures.left_out import left_out
 from room2dgs.captures.listing import Listing, gt_mesh_in, inside, natural
 from room2dgs.captures.named_maps import without_missing_maps
 from room2dgs.captures.photos import PhotoFile
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.text_files import number, numbers, read_json_object
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -128,3 +129,6 @@ def _world(meta: dict, path: Path) -> tuple[np.ndarray | None, float]:
     if np.abs(linear.T @ linear / scale**2 - np.eye(3)).max() > 1e-3:
         raise InputError(f"{path} has a worldtogt that is no rotation with one scale; write it again")
     return world, scale
+
+
+READER = Reader(is_sdfstudio, read_sdfstudio, LAYOUT)

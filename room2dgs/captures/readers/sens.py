@@ -20,6 +20,7 @@ from room2dgs.captures.depth_maps import DepthMap
 from room2dgs.captures.listing import Listing
 from room2dgs.captures.matrix_files import rigid
 from room2dgs.captures.photos import PhotoBytes
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.readers.scannet import not_registered, scannet_mesh
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -220,3 +221,6 @@ def inflated(data: bytes, size: int, label: str, bits: int = zlib.MAX_WBITS) -> 
 
 def _damaged(path: Path, why: str) -> InputError:
     return InputError(f"{path} is damaged: {why}; download it again")
+
+
+READER = Reader(is_sens, read_sens, LAYOUT)

@@ -13,6 +13,7 @@ from room2dgs.captures.capture import Capture, Shot, lost, pinhole_lens
 from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, natural
 from room2dgs.captures.matrix_files import read_world_from_cam
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.text_files import lines_of
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -83,3 +84,6 @@ def _test(root: Path, names: list[str]) -> tuple[frozenset[str] | None, list[str
         return found, []
     share = "all" if found else "none"
     return None, [f"{path} holds out {share} of the sequences that are there, so that it is not used"]
+
+
+READER = Reader(is_sevenscenes, read_sevenscenes, LAYOUT)

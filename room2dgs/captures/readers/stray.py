@@ -24,6 +24,7 @@ from room2dgs.captures.lens import Lens
 from room2dgs.captures.listing import Listing, gt_mesh_in, listed, photos_in
 from room2dgs.captures.pairing import alike
 from room2dgs.captures.photos import Video, VideoFrame
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.text_files import floats, lines_of, number, quaternion_pose, text_of
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -147,3 +148,6 @@ def _lens(path: Path, half: bool):
     if rows.shape != (3, 3):
         raise InputError(f"{path} is no 3x3 matrix; copy the scan again")
     return pinhole_lens(rows[0, 0], rows[1, 1], rows[0, 2], rows[1, 2], None, path, half)
+
+
+READER = Reader(is_stray, read_stray, LAYOUT)

@@ -16,6 +16,7 @@ from room2dgs.captures.depth_maps import DepthMap, depth_file
 from room2dgs.captures.left_out import left_out
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.listing import Listing, gt_mesh_in, inside
+from room2dgs.captures.reader import Reader
 from room2dgs.captures.text_files import floats, lines_of, quaternion_pose
 from room2dgs.captures.trajectories import MAX_APART_S, in_seconds, pose_at_time, written_for
 from room2dgs.config import SceneConfig
@@ -167,3 +168,6 @@ def trajectory(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     order = np.argsort(stamps, kind="stable")
     seconds, notes = _seconds(np.array(stamps)[order], path)
     return seconds, np.stack(poses)[order], [*([said] if said else []), *notes]
+
+
+READER = Reader(is_tum, read_tum, LAYOUT)
