@@ -42,7 +42,7 @@ FLOW = (
         "colmap",
     ),
     *("report",),
-    *("config", "geometry", "captures", "sfm", "stereo", "depth", "seeds", "splat", "losses", "train", "mesh"),
+    *("config", "geometry", "captures", "sfm", "stereo", "depth", "splat", "primitives", "seeds", "losses", "train", "mesh"),
     *(
         "eval",
         "runs",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from room2dgs.seeds.decoders.activations import EXP, OPACITY_LOGIT_MAX, ScaleActivation, opacity_logit_of, opacity_of
+from room2dgs.primitives.activations import EXP, OPACITY_LOGIT_MAX, ScaleActivation, opacity_logit_of, opacity_of
 from room2dgs.seeds.spawn import Spawned
 
 NAMES = ("offsets", "rotations", "raw_scales", "opacity_logits", "sh_dc", "sh_rest")

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from room2dgs.config import SeedsConfig
-from room2dgs.seeds.decoders.activations import scale_activation
+from room2dgs.primitives.activations import scale_activation
 from room2dgs.seeds.decoders.decoder import Decoder
 from room2dgs.seeds.decoders.explicit import ExplicitDecoder, explicit_decoder
 from room2dgs.seeds.decoders.shared import SharedDecoder, shared_decoder

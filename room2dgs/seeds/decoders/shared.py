@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from room2dgs.seeds.decoders.activations import (
+from room2dgs.primitives.activations import (
     EXP,
     OPACITY_LOGIT_MAX,
     SCALE_MAX_M,

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from room2dgs.config import Config
 from room2dgs.geometry.rotations import tangents
-from room2dgs.seeds.decoders.activations import opacity_logit_of, scale_activation
+from room2dgs.primitives.activations import opacity_logit_of, scale_activation
 from room2dgs.splat.types import Surfels
 from room2dgs.train.model import Model
 from room2dgs.train.schedule import EXTENT_MIN_M, at_iteration

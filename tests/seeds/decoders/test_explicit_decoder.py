@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from room2dgs.seeds.decoders.activations import OPACITY_LOGIT_MAX, SCALE_MAX_M, SCALE_MIN_M
+from room2dgs.primitives.activations import OPACITY_LOGIT_MAX, SCALE_MAX_M, SCALE_MIN_M
 from room2dgs.seeds.decoders.explicit import explicit_decoder
 from room2dgs.seeds.spawn import Spawned
 from room2dgs.splat import Surfels

@@ -1,6 +1,6 @@
 """Raw parameters to metres and probabilities, and back; the one place that knows how.
 
-Bounds are kept by projection after each step (`Decoder.constrain`), not by a clamp in the forward
+Bounds are kept by projection after each step (`Primitive.constrain_`), not by a clamp in the forward
 pass: a clamped value would have no gradient to come back by.
 """
 

@@ -5,7 +5,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from room2dgs.seeds.decoders.activations import (
+from room2dgs.primitives.activations import (
     OPACITY_LOGIT_MAX,
     SCALE_MAX_M,
     SCALE_MIN_M,
