@@ -68,7 +68,7 @@ gpu-check:
 		-C cmake.define.ROOM2DGS_CUDA_ARCHITECTURES=$(GPU_ARCHITECTURES) -e .
 	@$(BIN)/room2dgs doctor | grep -E "CUDA|GPU"
 	$(BIN)/python -m pytest -p tests.device.on_gpu $(GPU_TESTS)
-	$(BIN)/room2dgs bench gpu --json gpu_check.json $(GPU_OPTIONS)
+	$(BIN)/python -m room2dgs.tools.gpu_check --json gpu_check.json $(GPU_OPTIONS)
 
 # Each allocation apart: a cache of torch's would hide what reaches beyond one.
 gpu-sanitize:

@@ -52,11 +52,11 @@ FLOW = (
         "viewer",
         "bench",
         "study",
-        "tools",
         "doctor",
         "commands",
         "cli",
         "__main__",
+        "tools",
     ),
 )
 # `eval` is a library of its own: these alone.

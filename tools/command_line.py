@@ -8,29 +8,33 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import wraps
 
-from room2dgs.errors import InputError
+from room2dgs.errors import InputError, RunFailed
 
+Body = Callable[[list[str]], int | None]
 Main = Callable[[list[str] | None], int]
 
 
-def command_line(name: str) -> Callable[[Callable[[list[str] | None], None]], Main]:
-    """Makes a tool's `main` of what it does with its arguments: bad input is told in one line.
+def command_line(name: str) -> Callable[[Body], Main]:
+    """Makes a tool's `main` of a function of its arguments, which may return an exit code: bad input is one sentence.
 
     Returns:
-        A decorator; the decorated function returns the exit code (0 done, 2 bad input, 130 interrupted).
+        A decorator. The decorated function takes sys.argv's arguments when it is given none, and returns the exit code:
+        the body's own, 0 done, 2 bad input, 130 interrupted, or that of the first run that failed.
     """
 
-    def decorate(body: Callable[[list[str] | None], None]) -> Main:
+    def decorate(body: Body) -> Main:
         @wraps(body)
         def main(arguments: list[str] | None = None) -> int:
             try:
-                body(arguments)
+                return body(sys.argv[1:] if arguments is None else list(arguments)) or 0
             except InputError as error:
                 print(f"{name}: {error}", file=sys.stderr)
                 return 2
+            except RunFailed as error:
+                print(f"{name}: a run failed: {error}", file=sys.stderr)
+                return error.code
             except KeyboardInterrupt:
                 return 130
-            return 0
 
         return main
 

@@ -33,8 +33,7 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
     "plan": {"run": ANY, "up": UPS},
     "table": {"meshes": ANY, "protocol": ("area", "neuris", "manhattan"), "name": ANY, "out": ANY},
     "bench": {
-        "out": ANY, "in_run": ("true", "false"), "widths": ANY, "scenes": ANY, "root": ANY, "points": ANY, "point": ANY,
-        "factors": ANY,
+        "out": ANY, "in_run": ("true", "false"), "scenes": ANY, "root": ANY,
     },
 }  # fmt: skip
 WITHOUT_SETTINGS = ("table", "doctor", "completion", "bench")

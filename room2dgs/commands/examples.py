@@ -55,17 +55,11 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "bench": (("raster --quick", "is the rasterizer as fast here as it should be?"),),
     "bench raster": (("--quick", "a minute"),),
-    "bench numerics": (("--quick", "some of the cases"),),
-    "bench gpu": (("", "on a machine with a GPU: does it give what the reference gives, and how fast?"),),
-    "bench roofline": (("", "needs no GPU"),),
     "bench prior": (("room hall out=prior scene.frames=20", "the shipped network on two captures with depth"),),
-    "bench memory": (("--views 100,400", ""),),
-    "bench stereo": (("room widths=320,640", ""),),
     "bench suite": (
         ("room hall out=suite experiment=quick", "two captures, one table"),
         ("scenes=scannet_paper root=/data/scannet out=suite", "the scenes of the paper"),
     ),
-    "bench prior-error": (("scene.path=room out=curve factors=0.5,1,2", "what better priors would bring"),),
 }
 
 

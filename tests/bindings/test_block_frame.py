@@ -24,7 +24,7 @@ def _corpus() -> dict[str, dict[str, np.ndarray]]:
         return {
             name: {key.partition("/")[2]: file[key] for key in file if key.startswith(name + "/")} for name in names
         }
-    from room2dgs.bench.numerics.scenes import SCENES
+    from room2dgs.tools.numerics.scenes import SCENES
 
     return {name: plain(make()) for name, make in SCENES.items()}
 

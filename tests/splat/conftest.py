@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from room2dgs.bench.numerics.scenes import facing, intrinsics, pose, random_surfels
+from room2dgs.tools.numerics.scenes import facing, intrinsics, pose, random_surfels
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ import pytest
 import torch
 
 from room2dgs import splat
-from room2dgs.bench.numerics.compare import compare, differentiate, image_weights, relative_error
-from room2dgs.bench.numerics.scenes import (
+from room2dgs.tools.numerics.compare import compare, differentiate, image_weights, relative_error
+from room2dgs.tools.numerics.scenes import (
     ILL_CONDITIONED,
     NEAR_M,
     SCENES,
@@ -22,7 +22,7 @@ from room2dgs.bench.numerics.scenes import (
     pose,
     random_surfels,
 )
-from room2dgs.block_code import PLAIN, set_order
+from room2dgs.kernels.builds import PLAIN, set_order
 from room2dgs.splat import Surfels
 from room2dgs.splat.backends import block_view, cuda
 from room2dgs.splat.constants import OPACITY_FLOOR

@@ -1,0 +1,1 @@
+"""The mesh's score over the errors of the prior."""

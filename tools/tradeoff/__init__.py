@@ -1,0 +1,1 @@
+"""Score against time for several settings on several captures."""
