@@ -11,8 +11,8 @@ import numpy as np
 from room2dgs.eval.culling import count_views
 from room2dgs.eval.protocol_area import AreaResult, Compared
 from room2dgs.eval.surface import Surface
-from room2dgs.eval.upright import up_axis
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.up_axis import up_axis
 
 LEVEL_COS = np.cos(np.radians(20.0))  # normal this near to up or down: a level surface
 UPRIGHT_COS = np.sin(np.radians(20.0))  # normal this near to the horizontal: a wall or a furniture side

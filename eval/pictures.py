@@ -13,9 +13,9 @@ from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.eval.scoring import Evaluation
 from room2dgs.eval.shading import NOTHING, UNKNOWN, Rays, error_color, mesh_color, shade
 from room2dgs.eval.surface import Surface
-from room2dgs.eval.upright import up_axis
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.up_axis import up_axis
 from room2dgs.mesh.world import write_in_world
 
 INSIDE_VIEWS = 4  # evenly spaced in the capture

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +16,7 @@ from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.eval.geometry_scores import Scores, downsample, nearest_vertices, scores
 from room2dgs.eval.placement import check_together
 from room2dgs.eval.surface import Surface
+from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.checks import check_mesh
 from room2dgs.mesh.world import read_in_scene
 
@@ -67,6 +69,10 @@ class Result:
     def as_dict(self) -> dict[str, Any]:
         """One flat entry for metrics.json: the scores, and the constants under "constants"."""
         return {**self.scores.as_dict(), "constants": self.constants}
+
+
+# A protocol scores a prediction against a ground truth as these cameras see them.
+Protocol = Callable[[MeshFile, MeshFile, Sequence[Camera], Options], Result]
 
 
 def load(source: str | Path | trimesh.Trimesh | MeshFile, origin_m: Origin = AT_ORIGIN) -> MeshFile:

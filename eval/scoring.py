@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,13 +14,11 @@ from room2dgs.errors import InputError
 from room2dgs.eval.error_sites import sentences, where_the_error_sits
 from room2dgs.eval.geometry_scores import Scores, threshold_name
 from room2dgs.eval.protocol import MeshFile, Options, Result, load
-from room2dgs.eval.protocol_area import AreaResult, area
-from room2dgs.eval.protocol_manhattan import manhattan
-from room2dgs.eval.protocol_neuris import neuris
+from room2dgs.eval.protocol_area import AreaResult
 from room2dgs.eval.report import table
 from room2dgs.geometry.camera import Camera
+from room2dgs.registries.protocols import PROTOCOLS
 
-PROTOCOLS: dict[str, Callable[..., Result]] = {"area": area, "neuris": neuris, "manhattan": manhattan}
 HEADLINE = ("f_score", "precision", "recall")
 MOST_SAMPLES = 100_000_000
 COARSE_EDGE_M = 0.04  # protocols that compare vertices need a ground truth about as dense as its 2 cm cells
@@ -106,7 +104,7 @@ def evaluate(
     Args:
         pred, gt: a mesh file (PLY, OBJ, OFF, STL, GLB) or a mesh; metres, one world frame.
         cameras: all usable views of the scene; only what they see is judged.
-        protocols: of `PROTOCOLS`: `area` (samples of the surfaces), `neuris`, `manhattan` (as published).
+        protocols: names out of `PROTOCOLS`.
         threshold_m: of precision, recall and F-score.
         samples, seed: protocol `area`: observed points on each mesh (at most 100 million), and the seed that draws
             them.
@@ -115,12 +113,9 @@ def evaluate(
         InputError: a mesh is missing or unusable, there is no camera, no protocol or an unknown one is named, or an
             option cannot be.
     """
-    known = ", ".join(PROTOCOLS)
     if not protocols:
-        raise InputError(f"no protocol is named; choose from {known}")
-    unknown = [name for name in protocols if name not in PROTOCOLS]
-    if unknown:
-        raise InputError(f"protocol {unknown[0]!r} is not known; choose from {known}")
+        raise InputError(f"no protocol is named; choose from {', '.join(PROTOCOLS)}")
+    chosen = {name: PROTOCOLS.load(name) for name in protocols}
     if not len(cameras):
         raise InputError("there is no camera; protocols judge only what cameras see")
     if not 0 < threshold_m < float("inf"):
@@ -131,9 +126,9 @@ def evaluate(
     options = Options(threshold_m, samples, seed)
     results: dict[str, Result] = {}
     seconds: dict[str, float] = {}
-    for name in protocols:
+    for name, protocol in chosen.items():
         start = time.perf_counter()
-        results[name] = PROTOCOLS[name](pred_file, gt_file, cameras, options)
+        results[name] = protocol(pred_file, gt_file, cameras, options)
         seconds[name] = time.perf_counter() - start
     sites = None
     if isinstance(found := results.get("area"), AreaResult):

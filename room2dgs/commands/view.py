@@ -67,7 +67,7 @@ def viewer_of(config: Config, host: str, port: int, fps: float) -> Viewer:
     Raises:
         InputError: the run is not trained to the end, or has no mesh if it trains nothing; or viser is missing.
     """
-    from room2dgs.eval.upright import up_axis
+    from room2dgs.geometry.up_axis import up_axis
     from room2dgs.train import checkpoint
     from room2dgs.viewer.server import Viewer
 

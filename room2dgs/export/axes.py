@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from room2dgs.eval.upright import up_axis
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.rotations import quaternions_from
 from room2dgs.geometry.spherical_harmonics import sh_basis
+from room2dgs.geometry.up_axis import up_axis
 from room2dgs.splat.types import Surfels
 
 SNAP_DEG = 1.5  # a world that is this upright is taken as quite upright: its numbers stay, their order changes

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from room2dgs.eval.upright import up_axis
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.up_axis import up_axis
 
 SHORTEST = 0.05  # of the photo's width
 WIDTH = 640

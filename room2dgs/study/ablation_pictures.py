@@ -11,7 +11,7 @@ import numpy as np
 from room2dgs.captures.scene import Scene
 from room2dgs.eval.pictures import COLUMNS, inside_rows, top_row, write_sheet
 from room2dgs.eval.surface import Surface
-from room2dgs.eval.upright import up_axis
+from room2dgs.geometry.up_axis import up_axis
 from room2dgs.mesh.world import read_in_scene
 from room2dgs.report.page import in_drawing
 from room2dgs.study.ablation import Study

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from room2dgs.eval.upright import up_axis
+from room2dgs.geometry.up_axis import up_axis
 from room2dgs.train.trainer import Hook, Iteration, Trainer
 from room2dgs.viewer.server import Viewer, found_viser
 

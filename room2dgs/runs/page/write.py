@@ -14,9 +14,9 @@ from room2dgs.captures.scene import Scene
 from room2dgs.config import Config, dump_config
 from room2dgs.eval.pictures import FULL_THRESHOLDS
 from room2dgs.eval.shading import error_color
-from room2dgs.eval.upright import up_axis
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.up_axis import up_axis
 from room2dgs.logs import logged
 from room2dgs.mesh.world import read_in_scene
 from room2dgs.report.page import page
