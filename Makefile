@@ -39,7 +39,7 @@ $(READY): $(SOURCES)
 	@touch $(READY)
 
 demo: $(READY)
-	@test -f demo/room/gt_mesh.ply || $(BIN)/python -m room2dgs.tools.make_room demo/room --overwrite $(ROOM_OPTIONS)
+	@test -f demo/room/gt_mesh.ply || $(BIN)/room2dgs demo demo/room --overwrite $(ROOM_OPTIONS)
 	@rm -rf demo/run
 	$(BIN)/room2dgs run scene.path=demo/room out=demo/run prior=room_prior $(DEMO_OPTIONS)
 

@@ -151,7 +151,7 @@ def test_doctor_elsewhere(installed):
 
 
 def test_the_demo_room_is_made_elsewhere(installed, tmp_path):
-    code = "from room2dgs.tools.make_room import main; sys.exit(main(sys.argv[1:]))"
+    code = "from room2dgs.demo_room.make import main; sys.exit(main(sys.argv[1:]))"
     size = ["--frames", "2", "--width", "32", "--height", "24"]
     done = python_away_from_the_checkout(installed, code, str(tmp_path / "room"), *size)
     assert done.returncode == 0, done.stderr

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import fields
+from collections.abc import Callable
 from functools import wraps
 
 from room2dgs.errors import InputError, RunFailed
@@ -39,13 +37,3 @@ def command_line(name: str) -> Callable[[Body], Main]:
         return main
 
     return decorate
-
-
-def add_fields(parser: argparse.ArgumentParser, options: type, helps: Mapping[str, str]) -> None:
-    """A flag for each field of a dataclass, of the type of its default; one that is false is set by its flag alone."""
-    for option in fields(options):
-        flag = "--" + option.name.replace("_", "-")
-        if isinstance(option.default, bool):
-            parser.add_argument(flag, action="store_true", help=helps[option.name])
-        else:
-            parser.add_argument(flag, type=type(option.default), default=option.default, help=helps[option.name])

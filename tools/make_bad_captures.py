@@ -18,8 +18,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from room2dgs.files import whole_folder
-from room2dgs.tools.capture_files import (
+from room2dgs.demo_room.capture_files import (
     check_free,
     make_folders,
     write_frame,
@@ -27,13 +26,14 @@ from room2dgs.tools.capture_files import (
     write_poses,
     write_truth,
 )
+from room2dgs.demo_room.layout import SIZE, room_patches
+from room2dgs.demo_room.light import cast
+from room2dgs.demo_room.make import RoomOptions
+from room2dgs.demo_room.mesh import visible_mesh
+from room2dgs.demo_room.path import camera_path, pose
+from room2dgs.demo_room.render import Room, build_room, exposed, pinhole, render, shade
+from room2dgs.files import whole_folder
 from room2dgs.tools.command_line import command_line
-from room2dgs.tools.demo_room.layout import SIZE, room_patches
-from room2dgs.tools.demo_room.light import cast
-from room2dgs.tools.demo_room.mesh import visible_mesh
-from room2dgs.tools.demo_room.path import camera_path, pose
-from room2dgs.tools.demo_room.render import Room, build_room, exposed, pinhole, render, shade
-from room2dgs.tools.make_room import RoomOptions
 
 SMALL_STEPS = 0.01  # of the walk's size: a few millimetres from photo to photo
 JUMP_STOPS = 1.5

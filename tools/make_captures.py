@@ -22,9 +22,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from room2dgs.errors import InputError
-from room2dgs.files import whole_folder
-from room2dgs.tools.capture_files import (
+from room2dgs.demo_room.atlas import linear_to_srgb
+from room2dgs.demo_room.capture_files import (
     OPTIONS,
     check_limits,
     exposure_gains,
@@ -34,12 +33,13 @@ from room2dgs.tools.capture_files import (
     write_poses,
     write_truth,
 )
+from room2dgs.demo_room.geometry import FACET, Patch, triangulated
+from room2dgs.demo_room.light import cast
+from room2dgs.demo_room.mesh import visible_mesh
+from room2dgs.demo_room.render import exposed, pinhole, ray_scene
+from room2dgs.errors import InputError
+from room2dgs.files import whole_folder
 from room2dgs.tools.command_line import command_line
-from room2dgs.tools.demo_room.atlas import linear_to_srgb
-from room2dgs.tools.demo_room.geometry import FACET, Patch, triangulated
-from room2dgs.tools.demo_room.light import cast
-from room2dgs.tools.demo_room.mesh import visible_mesh
-from room2dgs.tools.demo_room.render import exposed, pinhole, ray_scene
 from room2dgs.tools.random_rooms.blank import with_blank_walls
 from room2dgs.tools.random_rooms.layout import RandomRoom, random_room
 from room2dgs.tools.random_rooms.render import Room, light_up, render

@@ -26,11 +26,12 @@ from scipy.ndimage import distance_transform_edt
 
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame
+from room2dgs.commands.flags import add_flags
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
 from room2dgs.geometry.depth_maps import depth_normals
-from room2dgs.tools.command_line import add_fields, command_line
+from room2dgs.tools.command_line import command_line
 from room2dgs.tools.prior_errors import WorldField, blurred_depth, image_field, turned
 
 CONTENT = {"depth", "normal", "priors.json", "README.txt"}
@@ -347,7 +348,7 @@ def main(arguments: list[str] | None = None) -> None:
     }
     parser.add_argument("scene", type=Path, help="capture with ground-truth depth")
     parser.add_argument("out", type=Path, help="folder to write")
-    add_fields(parser, PriorOptions, helps)
+    add_flags(parser, PriorOptions, helps)
     parser.add_argument("--overwrite", action="store_true", help="replace earlier priors in that folder")
     given = vars(parser.parse_args(arguments))
     scene, out, overwrite = given.pop("scene"), given.pop("out"), given.pop("overwrite")

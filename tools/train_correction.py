@@ -15,7 +15,8 @@ from pathlib import Path
 
 import torch
 
-from room2dgs.tools.command_line import add_fields, command_line
+from room2dgs.commands.flags import add_flags
+from room2dgs.tools.command_line import command_line
 from room2dgs.tools.correction_network.samples import read_rooms
 from room2dgs.tools.correction_network.training import Options, load, train
 from room2dgs.tools.prior_network.memory import keep_freed_memory
@@ -40,7 +41,7 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("data", type=Path, help="folder of rooms")
     parser.add_argument("out", type=Path, help="folder of the run")
-    add_fields(parser, Options, HELP)
+    add_flags(parser, Options, HELP)
     parser.add_argument("--held-out", type=Path, help="folder of rooms to validate on")
     parser.add_argument("--from", dest="start_from", type=Path, help="run, or its checkpoint, to start from")
     parser.add_argument("--threads", type=int, default=torch.get_num_threads(), help="cores to use")

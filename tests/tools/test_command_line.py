@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import pytest
 
-from room2dgs.errors import InputError
-from room2dgs.tools.command_line import add_fields, command_line
+from room2dgs.commands.flags import add_flags
+from room2dgs.errors import InputError, RunFailed
+from room2dgs.tools.command_line import command_line
 
 
 @dataclass
@@ -37,6 +38,17 @@ def test_bad_input_is_told_in_one_line(capsys):
     assert capsys.readouterr() == ("", "measure: no depth; add some\n")
 
 
+def test_a_tool_has_exit_codes_of_its_own_and_those_of_failed_runs(capsys):
+    assert command_line("judge")(len)(["a", "b", "c"]) == 3
+
+    @command_line("study")
+    def failing(arguments: list[str]) -> None:
+        raise RunFailed("the first run of three has no photos", 7)
+
+    assert failing([]) == 7
+    assert capsys.readouterr().err == "study: a run failed: the first run of three has no photos\n"
+
+
 def test_faults_are_not_hidden():
     with pytest.raises(ZeroDivisionError):
         ending(ZeroDivisionError)
@@ -44,7 +56,7 @@ def test_faults_are_not_hidden():
 
 def test_fields_become_flags_of_their_defaults_types():
     parser = argparse.ArgumentParser()
-    add_fields(parser, Options, dict.fromkeys(("many_rooms", "share", "bare"), "so many"))
+    add_flags(parser, Options, dict.fromkeys(("many_rooms", "share", "bare"), "so many"))
     assert vars(parser.parse_args([])) == {"many_rooms": 3, "share": 0.5, "bare": False}
     given = vars(parser.parse_args(["--many-rooms", "7", "--share", "1", "--bare"]))
     assert given == {"many_rooms": 7, "share": 1.0, "bare": True} and isinstance(given["share"], float)

@@ -10,10 +10,10 @@ import open3d as o3d
 import pytest
 import trimesh
 
-from room2dgs.tools.demo_room.geometry import FACET, Patch, parallelogram, triangulated
-from room2dgs.tools.demo_room.light import cast
-from room2dgs.tools.demo_room.mesh import MAX_EDGE
-from room2dgs.tools.demo_room.render import ray_scene
+from room2dgs.demo_room.geometry import FACET, Patch, parallelogram, triangulated
+from room2dgs.demo_room.light import cast
+from room2dgs.demo_room.mesh import MAX_EDGE
+from room2dgs.demo_room.render import ray_scene
 from room2dgs.tools.make_captures import CaptureOptions, evenly_cut, found_room, made, main, make_capture
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.blank import with_blank_walls

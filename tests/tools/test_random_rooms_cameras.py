@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from room2dgs.tools.demo_room.geometry import triangulated
-from room2dgs.tools.demo_room.light import cast
-from room2dgs.tools.demo_room.render import ray_scene
+from room2dgs.demo_room.geometry import triangulated
+from room2dgs.demo_room.light import cast
+from room2dgs.demo_room.render import ray_scene
 from room2dgs.tools.random_rooms.cameras import CLEARANCE, NEAR, draw, marched, picture_rays, random_views
 from room2dgs.tools.random_rooms.layout import random_room
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from room2dgs.tools.demo_room.geometry import Material, triangulated
-from room2dgs.tools.demo_room.light import cast
-from room2dgs.tools.demo_room.render import ray_scene
+from room2dgs.demo_room.geometry import Material, triangulated
+from room2dgs.demo_room.light import cast
+from room2dgs.demo_room.render import ray_scene
 from room2dgs.tools.random_rooms import floor_plans, materials, shell
 from room2dgs.tools.random_rooms.draft import Draft
 from room2dgs.tools.random_rooms.layout import RandomRoom, random_room

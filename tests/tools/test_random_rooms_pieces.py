@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from room2dgs.tools.demo_room.geometry import Patch
+from room2dgs.demo_room.geometry import Patch
 from room2dgs.tools.random_rooms import clutter, extras, fittings, kitchen, plants, seats, storage, tables
 from room2dgs.tools.random_rooms.layout import AT_WALL
 from room2dgs.tools.random_rooms.shapes import extent

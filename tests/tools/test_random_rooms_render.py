@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from room2dgs.tools.demo_room.geometry import box, parallelogram
+from room2dgs.demo_room.geometry import box, parallelogram
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.pictures import KINDS, PER_KIND, mean_colors, pool
 from room2dgs.tools.random_rooms.render import albedo_at, light_up, looks_of, render

@@ -8,7 +8,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from room2dgs.tools.demo_room.geometry import Material, parallelogram, triangulated
+from room2dgs.demo_room.geometry import Material, parallelogram, triangulated
 from room2dgs.tools.random_rooms.shapes import (
     bar,
     cushion,

@@ -112,8 +112,8 @@ def _checked(args: argparse.Namespace, end: float) -> tuple[dict[str, list[Row]]
 def _demo(args: argparse.Namespace, folder: Path, do: Callable[[str, str, Callable[[], Row]], None]) -> None:
     """The room by both rasterizers."""
     from room2dgs.commands.run import main as run
+    from room2dgs.demo_room.make import make_room
     from room2dgs.tools.gpu_check.demo import demo_row
-    from room2dgs.tools.make_room import make_room
 
     def row(backend: str) -> Row:
         room = args.room or folder / "room"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Material, Patch, box, curtain
+from room2dgs.demo_room.geometry import Material, Patch, box, curtain
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.clutter import bottle, scatter
 from room2dgs.tools.random_rooms.shapes import block, lathe, moved, rod, rotation, rounded_box, tube, two_sided

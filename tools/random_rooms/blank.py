@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Patch
+from room2dgs.demo_room.geometry import Patch
 from room2dgs.tools.random_rooms import materials
 
 WALL, CEILING = "wall", "ceiling"

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from room2dgs.tools.demo_room.path import pose
+from room2dgs.demo_room.path import pose
 from room2dgs.tools.random_rooms.layout import RandomRoom
 
 CLEARANCE = 0.25  # metres between the camera and any surface

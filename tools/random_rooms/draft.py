@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Patch
+from room2dgs.demo_room.geometry import Patch
 from room2dgs.tools.random_rooms.placing import Plan, Wall
 from room2dgs.tools.random_rooms.shell import Space
 from room2dgs.tools.random_rooms.style import Style

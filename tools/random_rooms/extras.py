@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Patch, box
+from room2dgs.demo_room.geometry import Patch, box
 from room2dgs.tools.random_rooms import clutter, materials, seats, tables
 from room2dgs.tools.random_rooms.clutter import LARGE, scatter
 from room2dgs.tools.random_rooms.shapes import bar, block, extent, moved, resting, rod, rotation

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Material, Patch, box, curtain, disc, parallelogram
+from room2dgs.demo_room.geometry import Material, Patch, box, curtain, disc, parallelogram
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.shapes import block, lathe, moved, rod, tube, two_sided
 from room2dgs.tools.random_rooms.style import Style, carcass

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Material, Patch
+from room2dgs.demo_room.geometry import Material, Patch
 from room2dgs.tools.random_rooms import (
     bathroom,
     extras,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Material
+from room2dgs.demo_room.geometry import Material
 from room2dgs.tools.random_rooms.pictures import KINDS, PER_KIND
 
 Rng = np.random.Generator

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Material, Patch
+from room2dgs.demo_room.geometry import Material, Patch
 from room2dgs.tools.random_rooms import fittings, materials, shell
 from room2dgs.tools.random_rooms.draft import Draft
 from room2dgs.tools.random_rooms.shapes import moved, rotation

@@ -8,9 +8,9 @@ from functools import cache
 import cv2
 import numpy as np
 
-from room2dgs.tools.demo_room import palette
-from room2dgs.tools.demo_room.geometry import Material
-from room2dgs.tools.demo_room.textures import octaves, texture
+from room2dgs.demo_room import palette
+from room2dgs.demo_room.geometry import Material
+from room2dgs.demo_room.textures import octaves, texture
 
 SIDE = 256  # texels
 PER_KIND = 10

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Patch
+from room2dgs.demo_room.geometry import Patch
 from room2dgs.tools.random_rooms.shapes import extent, moved, rotation
 from room2dgs.tools.random_rooms.shell import Space
 

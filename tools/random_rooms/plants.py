@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Material, Patch
+from room2dgs.demo_room.geometry import Material, Patch
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.shapes import ellipsoid, flipped, lathe, moved, tube
 

@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 import open3d as o3d
 
-from room2dgs.tools.demo_room.atlas import Charts, lookup, pack, srgb_to_linear
-from room2dgs.tools.demo_room.geometry import Patch, TriangleSoup, triangulated
-from room2dgs.tools.demo_room.light import cast, hit_uv, light_atlas
-from room2dgs.tools.demo_room.render import ray_scene
+from room2dgs.demo_room.atlas import Charts, lookup, pack, srgb_to_linear
+from room2dgs.demo_room.geometry import Patch, TriangleSoup, triangulated
+from room2dgs.demo_room.light import cast, hit_uv, light_atlas
+from room2dgs.demo_room.render import ray_scene
 from room2dgs.tools.random_rooms.materials import Light, Surface
 from room2dgs.tools.random_rooms.pictures import SIDE, mean_colors, pool
 
@@ -63,7 +63,7 @@ class Room:
 
     def radiance(self, patch: np.ndarray, uv: np.ndarray) -> np.ndarray:
         """(N, 3) float32 linear radiance at parameters uv (N, 2) of patches (N,), gloss aside."""
-        return albedo_at(self.passes, patch, uv) * lookup(self.light, self.charts.texels(patch, uv))
+        return albedo_at(self.looks, patch, uv) * lookup(self.light, self.charts.texels(patch, uv))
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ def render(
     hits = cast(room.scene, origins, directions)
     depth, ids = hits["t_hit"], hits["primitive_ids"]
     solid = np.isfinite(depth)
-    solid[solid] = ~room.passes.emits[room.soup.patch[ids[solid]]]
+    solid[solid] = ~room.looks.emits[room.soup.patch[ids[solid]]]
     normal = hits["primitive_normals"]
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     normal = normal * np.where((normal * directions).sum(1, keepdims=True) > 0, -1, 1)
@@ -193,15 +193,15 @@ def shade(room: Room, origins: np.ndarray, directions: np.ndarray, rng: np.rando
     color[missed] = 0
     if rng is None:
         return color
-    rows = np.flatnonzero((room.passes.gloss[patch] > 0) & ~missed)
+    rows = np.flatnonzero((room.looks.gloss[patch] > 0) & ~missed)
     if len(rows):
         normal, along = hits["primitive_normals"][rows], directions[rows]
         along = along / np.linalg.norm(along, axis=1, keepdims=True)
         normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
         normal *= np.where((normal * along).sum(1, keepdims=True) > 0, -1, 1)
         cosine = np.clip(-(normal * along).sum(1, keepdims=True), 0, 1)
-        share = room.passes.gloss[patch[rows], None] * (0.04 + 0.96 * (1 - cosine) ** 5)
-        spread = room.passes.roughness[patch[rows], None] * rng.standard_normal(along.shape, dtype=np.float32)
+        share = room.looks.gloss[patch[rows], None] * (0.04 + 0.96 * (1 - cosine) ** 5)
+        spread = room.looks.roughness[patch[rows], None] * rng.standard_normal(along.shape, dtype=np.float32)
         mirrored = along + 2 * cosine * normal + spread
         points = origins[rows] + hits["t_hit"][rows, None] * directions[rows] + MIRRORED_FROM * normal
         color[rows] += share * (shade(room, points, mirrored, None) - color[rows])

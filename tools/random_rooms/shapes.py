@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Material, Patch, box
+from room2dgs.demo_room.geometry import Material, Patch, box
 
 FACET = 0.035  # metres, the edge that curved things aim at
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Material, Patch, box
+from room2dgs.demo_room.geometry import Material, Patch, box
 from room2dgs.tools.random_rooms import materials
 from room2dgs.tools.random_rooms.clutter import scatter
 from room2dgs.tools.random_rooms.seats import four_legs

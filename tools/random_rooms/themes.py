@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Material, Patch
+from room2dgs.demo_room.geometry import Material, Patch
 from room2dgs.tools.random_rooms import bathroom, extras, fittings, kitchen, materials, plants, seats, storage, tables
 from room2dgs.tools.random_rooms.style import Style
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.sparse.csgraph import dijkstra
 
-from room2dgs.tools.demo_room.path import pose
+from room2dgs.demo_room.path import pose
 from room2dgs.tools.random_rooms.free_air import CELL, FreeAir, free_air
 from room2dgs.tools.random_rooms.layout import RandomRoom
 

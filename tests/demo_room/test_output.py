@@ -7,9 +7,10 @@ import os
 
 import pytest
 
+from room2dgs import cli
+from room2dgs.demo_room import make as module
+from room2dgs.demo_room.make import RoomOptions, make_room
 from room2dgs.errors import InputError
-from room2dgs.tools import make_room as module
-from room2dgs.tools.make_room import RoomOptions, main, make_room
 
 
 @pytest.fixture
@@ -31,7 +32,7 @@ def full_disk(monkeypatch):
 
 def refused(capsys, *arguments) -> str:
     """The one line that a refused command prints."""
-    assert main([str(argument) for argument in arguments]) == 2
+    assert cli.main(["demo", *map(str, arguments)]) == 2
     message = capsys.readouterr().err
     assert message.count("\n") == 1
     return message
@@ -45,8 +46,8 @@ def test_a_folder_with_content_is_refused(quick, tmp_path, capsys):
 
 
 def test_overwrite_replaces_a_room(quick, tmp_path):
-    assert main([str(tmp_path / "room"), "--seed", "1"]) == 0
-    assert main([str(tmp_path / "room"), "--seed", "2", "--overwrite"]) == 0
+    assert cli.main(["demo", str(tmp_path / "room"), "--seed", "1"]) == 0
+    assert cli.main(["demo", str(tmp_path / "room"), "--seed", "2", "--overwrite"]) == 0
     assert (tmp_path / "room/room.json").read_text() == "2"
     assert [path.name for path in tmp_path.iterdir()] == ["room"]
 
@@ -59,8 +60,8 @@ def test_overwrite_never_deletes_what_is_not_a_room(quick, tmp_path, capsys):
 
 def test_an_empty_folder_and_missing_parents_are_fine(quick, tmp_path):
     (tmp_path / "empty").mkdir()
-    assert main([str(tmp_path / "empty")]) == 0
-    assert main([str(tmp_path / "a/b/c")]) == 0
+    assert cli.main(["demo", str(tmp_path / "empty")]) == 0
+    assert cli.main(["demo", str(tmp_path / "a/b/c")]) == 0
     assert (tmp_path / "a/b/c/room.json").exists()
 
 

@@ -1,21 +1,16 @@
-"""Makes a furnished room with exact ground truth in the ScanNet layout.
-
-    python -m room2dgs.tools.make_room OUT --seed 0
+"""Makes a furnished room with exact ground truth in the ScanNet layout (`room2dgs demo`).
 
 Written is what `capture_files` says; gt_mesh.ply is only what the cameras saw. The same options give the same bytes.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
-from room2dgs.files import whole_folder
-from room2dgs.tools.capture_files import (
+from room2dgs.demo_room.capture_files import (
     check_free,
     check_limits,
     exposure_gains,
@@ -25,11 +20,11 @@ from room2dgs.tools.capture_files import (
     write_poses,
     write_truth,
 )
-from room2dgs.tools.command_line import add_fields, command_line
-from room2dgs.tools.demo_room.layout import room_patches
-from room2dgs.tools.demo_room.mesh import visible_mesh
-from room2dgs.tools.demo_room.path import FRAMES_A_LAP, camera_path
-from room2dgs.tools.demo_room.render import build_room, exposed, pinhole, render
+from room2dgs.demo_room.layout import room_patches
+from room2dgs.demo_room.mesh import visible_mesh
+from room2dgs.demo_room.path import FRAMES_A_LAP, camera_path
+from room2dgs.demo_room.render import build_room, exposed, pinhole, render
+from room2dgs.files import whole_folder
 
 
 @dataclass(frozen=True)
@@ -114,37 +109,3 @@ def write_capture(out: Path, options: RoomOptions) -> None:
     write_poses(out / "pose", poses)
     write_intrinsics(out, K)
     write_truth(out, visible_mesh(room, room.patches, K, poses, options.width, options.height), asdict(options))
-
-
-@command_line("make_room")
-def main(arguments: list[str] | None = None) -> None:
-    """The command line."""
-    parser = argparse.ArgumentParser(
-        prog="make_room",
-        description="Make a furnished room with exact ground truth (ScanNet layout).",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-    )
-    helps = {
-        "seed": "fixes arrangement, textures, walk and noise",
-        "frames": "number of photos",
-        "frames_a_lap": "photos once around the room; some hundred make a video",
-        "width": "photo width in pixels",
-        "height": "photo height in pixels",
-        "fov": "horizontal field of view in degrees",
-        "noise": "deviation of the image noise in 8-bit levels",
-        "exposure_drift": "largest change of exposure in stops",
-        "blank_walls": "walls of uniform paint, 0 to 4",
-        "gloss": "mirror reflection of the floor, 0 to 1",
-        "jpeg_quality": "1 to 100",
-    }
-    parser.add_argument("out", type=Path, help="folder to write")
-    add_fields(parser, RoomOptions, helps)
-    parser.add_argument("--overwrite", action="store_true", help="replace an earlier room in that folder")
-    given = vars(parser.parse_args(arguments))
-    out, overwrite = given.pop("out"), given.pop("overwrite")
-    make_room(out, RoomOptions(**given), overwrite)
-    print(f"{out}: {given['frames']} photos of {given['width']}x{given['height']}, seed {given['seed']}")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

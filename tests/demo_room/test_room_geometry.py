@@ -8,8 +8,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from room2dgs.tools.demo_room.atlas import lookup, pack
-from room2dgs.tools.demo_room.geometry import (
+from room2dgs.demo_room.atlas import lookup, pack
+from room2dgs.demo_room.geometry import (
     Material,
     box,
     curtain,
@@ -19,9 +19,9 @@ from room2dgs.tools.demo_room.geometry import (
     sphere,
     triangulated,
 )
-from room2dgs.tools.demo_room.layout import room_patches
-from room2dgs.tools.demo_room.mesh import MAX_EDGE
-from room2dgs.tools.demo_room.textures import TEXTURES, texture
+from room2dgs.demo_room.layout import room_patches
+from room2dgs.demo_room.mesh import MAX_EDGE
+from room2dgs.demo_room.textures import TEXTURES, texture
 
 PAINT = Material("paint", ((0.5, 0.5, 0.5),))
 

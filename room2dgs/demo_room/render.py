@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import open3d as o3d
 
-from room2dgs.tools.demo_room.atlas import TEXEL, Charts, linear_to_srgb, lookup, pack, paint_atlas, srgb_to_linear
-from room2dgs.tools.demo_room.geometry import EMITTER, Patch, TriangleSoup, triangulated
-from room2dgs.tools.demo_room.light import bake_light, cast, hit_uv
+from room2dgs.demo_room.atlas import TEXEL, Charts, linear_to_srgb, lookup, pack, paint_atlas, srgb_to_linear
+from room2dgs.demo_room.geometry import EMITTER, Patch, TriangleSoup, triangulated
+from room2dgs.demo_room.light import bake_light, cast, hit_uv
 
 SUPERSAMPLES = 3  # along each side of a pixel; odd, so that one ray goes through its centre
 

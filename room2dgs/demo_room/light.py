@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import open3d as o3d
 
-from room2dgs.tools.demo_room.atlas import LIGHT_TEXEL, Charts, pack, srgb_to_linear
-from room2dgs.tools.demo_room.geometry import EMITTER, Patch, TriangleSoup
+from room2dgs.demo_room.atlas import LIGHT_TEXEL, Charts, pack, srgb_to_linear
+from room2dgs.demo_room.geometry import EMITTER, Patch, TriangleSoup
 
 BOUNCE_RAYS = 64
 BOUNCES = 3

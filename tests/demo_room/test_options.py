@@ -6,11 +6,11 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from room2dgs.tools.demo_room.geometry import triangulated
-from room2dgs.tools.demo_room.layout import room_patches
-from room2dgs.tools.demo_room.path import CLEARANCE, camera_path, pose
-from room2dgs.tools.demo_room.render import build_room, exposed, pinhole, ray_scene, render
-from room2dgs.tools.make_room import main
+from room2dgs import cli
+from room2dgs.demo_room.geometry import triangulated
+from room2dgs.demo_room.layout import room_patches
+from room2dgs.demo_room.path import CLEARANCE, camera_path, pose
+from room2dgs.demo_room.render import build_room, exposed, pinhole, ray_scene, render
 
 
 def files(path) -> dict[str, bytes]:
@@ -35,7 +35,7 @@ def wall_detail(capture) -> float:
 def test_same_options_give_the_same_bytes(plain, tmp_path):
     again = tmp_path / "again"
     size = ["--frames", "12", "--width", "96", "--height", "72", "--noise", "0", "--jpeg-quality", "100"]
-    assert main([str(again), "--seed", "3", *size]) == 0
+    assert cli.main(["demo", str(again), "--seed", "3", *size]) == 0
     assert files(again) == files(plain.path)
 
 

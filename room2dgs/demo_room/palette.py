@@ -6,7 +6,7 @@ import colorsys
 
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Material
+from room2dgs.demo_room.geometry import Material
 
 WOODS = (
     ((0.36, 0.22, 0.12), (0.62, 0.43, 0.26)),

@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from room2dgs.tools.demo_room import palette
-from room2dgs.tools.demo_room.geometry import (
+from room2dgs.demo_room import palette
+from room2dgs.demo_room.geometry import (
     EMITTER,
     Material,
     Patch,

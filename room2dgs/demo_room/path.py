@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from room2dgs.tools.demo_room.layout import SIZE
+from room2dgs.demo_room.layout import SIZE
 
 CLEARANCE = 0.35  # metres between the camera and any surface
 FRAMES_A_LAP = 28

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Material
+from room2dgs.demo_room.geometry import Material
 
 Shape = tuple[int, int]
 

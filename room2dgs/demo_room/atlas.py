@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from room2dgs.tools.demo_room.geometry import Patch
-from room2dgs.tools.demo_room.textures import texture
+from room2dgs.demo_room.geometry import Patch
+from room2dgs.demo_room.textures import texture
 
 TEXEL = 0.003  # metres a texel of colour
 LIGHT_TEXEL = 0.05  # metres a texel of light

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from room2dgs.tools.demo_room import furniture, palette
-from room2dgs.tools.demo_room.geometry import EMITTER, Material, Patch, box, cylinder, disc, parallelogram, placed
+from room2dgs.demo_room import furniture, palette
+from room2dgs.demo_room.geometry import EMITTER, Material, Patch, box, cylinder, disc, parallelogram, placed
 
 SIZE = np.array([4.5, 3.5, 2.6])
 WALL_KINDS = ("flowers", "bricks", "stripes", "cracked")
