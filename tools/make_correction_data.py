@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -27,7 +26,7 @@ from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import load_config
-from room2dgs.depth import load_priors
+from room2dgs.depth import estimate_depth
 from room2dgs.depth.completion.correction import Correct
 from room2dgs.depth.completion.evidence import ERROR, KNOWN, LN_DEPTH, LN_MEDIAN
 from room2dgs.errors import InputError
@@ -35,7 +34,6 @@ from room2dgs.files import whole_folder
 from room2dgs.sfm.refinement import refined_poses
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.splat import set_threads
-from room2dgs.stereo.anchors import FirstPass, StereoPoints, stereo_points
 from room2dgs.tools.command_line import command_line
 from room2dgs.tools.correction_network.samples import EVIDENCE, SHIFT
 from room2dgs.tools.make_captures import CaptureOptions, make_capture
@@ -85,18 +83,13 @@ def capture_options(seed: int, random: np.random.Generator) -> CaptureOptions:
 
 
 def views(capture: Path, width: int | None, out: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Evidence and true correction of a capture's training views at both looks, as `make_room` writes them."""
+    """Evidence and true correction of a capture's training views of both passes, as `make_room` writes them."""
     given = [f"scene.path={capture}", *SETTINGS, *([f"scene.image_width={width}"] if width else [])]
     config = load_config(given)
     scene, _ = refined_poses(read_scene(config.scene), config.sfm, config.points, out / "points", _quiet)
     points = sparse_points(scene, config.points, out / "points", _quiet)
-    looks, prior = config.prior.depth.passes, replace(config.prior, cache=str(out / "maps"))
     seen: list[tuple[np.ndarray, np.ndarray]] = []
-
-    def compare(first: FirstPass | None) -> StereoPoints:
-        return stereo_points(scene.keyframes, points, config.stereo, _quiet, first=first, passes=looks)
-
-    load_priors(scene.keyframes, points, prior, _quiet, compare, correct=recording(scene, seen))
+    estimate_depth(scene, points, config, out / "maps", _quiet, correct=recording(scene, seen))
     return np.stack([one for one, _ in seen]), np.stack([one for _, one in seen])
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +15,9 @@ from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config, DepthPriorConfig
-from room2dgs.depth import load_priors
+from room2dgs.depth import estimate_depth
 from room2dgs.logs import Log
 from room2dgs.sfm.sparse import sparse_points
-from room2dgs.stereo.anchors import stereo_points
 
 CLOSE_M = 0.05
 
@@ -47,7 +45,7 @@ def depth_in_run(config: Config, log: Log) -> dict[str, DepthInRun]:
         "aligned", and with prior.depth.joint "optimised", which training gets; nothing without a depth prior.
 
     Raises:
-        InputError: as `read_scene`, `sparse_points` and `load_priors`.
+        InputError: as `read_scene`, `sparse_points` and `estimate_depth`.
     """
     if config.prior.depth.source == "none":
         return {}
@@ -56,13 +54,9 @@ def depth_in_run(config: Config, log: Log) -> dict[str, DepthInRun]:
     found = {}
     with tempfile.TemporaryDirectory() as scratch:
         points = sparse_points(scene, config.points, Path(config.points.cache or scratch), log)
-        cache = config.prior.cache or str(Path(scratch) / "maps")
         for name, depth in _steps(config.prior.depth).items():
-            prior = replace(config.prior, cache=cache, depth=depth)
-            given = (scene.train, points, config.stereo, log, config.render.device)
-            compare = partial(stereo_points, *given, passes=depth.passes)
-            compared = compare if config.stereo.enabled else None
-            found[name] = _score(frames, load_priors(scene.train, points, prior, log, compared).by_frame)
+            settings = replace(config, prior=replace(config.prior, depth=depth))
+            found[name] = _score(frames, estimate_depth(scene, points, settings, Path(scratch) / "maps", log).by_frame)
     return found
 
 

@@ -11,12 +11,13 @@ from typing import NamedTuple
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Scene
 from room2dgs.config import Config
+from room2dgs.depth.completion.correction import Correct
 from room2dgs.depth.load import Priors, load_priors
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
-from room2dgs.stereo.anchors import StereoPoints, stereo_points, with_stereo
 from room2dgs.stereo.dense import DenseView
-from room2dgs.stereo.passes import Compared, FirstPass, Map, weigh
+from room2dgs.stereo.depth_samples import DepthSamples, stereo_samples, with_depth_samples
+from room2dgs.stereo.passes import FirstPass, StereoInput, StereoMap, calibrated_maps
 
 Timed = Callable[[str], AbstractContextManager[None]]
 
@@ -41,6 +42,7 @@ def estimate_depth(
     log: Log = print,
     timed: Timed = nullcontext,
     stereo: StereoViews | None = None,
+    correct: Correct | None = None,
 ) -> Priors:
     """Depth and normals of the keyframes, from all sources that the settings name.
 
@@ -51,31 +53,25 @@ def estimate_depth(
         timed: gives, for a stage's name, what to do that stage in: "stereo", "maps" (read or predicted, and aligned),
             "joint" and "completion".
         stereo: of the first pass, if it is there already; then photos are compared whatever `stereo.enabled` says.
+        correct: corrects what completion has made of the views that stereo has seen; None: what the settings say.
 
     Raises:
         InputError: no map for any frame, an unusable map, or normals in another convention than configured; a photo
             cannot be decoded or is too large for stereo.
     """
-    found: dict[str, Map] = {}
+    found: dict[str, StereoMap] = {}
+    photos = StereoInput(scene.keyframes, scene.beside, points, config.stereo, log, config.render.device)
 
-    def compare(first: FirstPass | None) -> StereoPoints:
-        passes, device = config.prior.depth.passes, config.render.device
+    def compare(first: FirstPass | None) -> DepthSamples:
         if stereo and not first:
-            maps = {
-                frame.name: (view.depth.copy(), view.agreeing)
-                for frame, view in zip(scene.keyframes, stereo.views, strict=True)
-            }
-            photos = Compared(scene.keyframes, scene.beside, points, config.stereo, log, device)
-            weigh(photos, stereo.cameras, maps)
-            held = StereoPoints(with_stereo(points, scene.keyframes, stereo.cameras, maps), maps)
+            maps = calibrated_maps(photos, stereo.cameras, stereo.views)
+            samples = DepthSamples(with_depth_samples(points, scene.keyframes, stereo.cameras, maps), maps)
         else:
-            held = stereo_points(
-                scene.keyframes, points, config.stereo, log, device, first, passes=passes, beside=scene.beside
-            )
-        found.update(held.maps)
-        return held
+            samples = stereo_samples(photos, first, passes=config.prior.depth.passes)
+        found.update(samples.maps)
+        return samples
 
     prior = replace(config.prior, cache=config.prior.cache or str(cache))
     compared = compare if config.stereo.enabled or stereo else None
-    priors = load_priors(scene.keyframes, points, prior, log, compared, timed)
+    priors = load_priors(scene.keyframes, points, prior, log, compared, timed, correct)
     return priors._replace(stereo=found)

@@ -39,8 +39,8 @@ from room2dgs.depth.simulated import simulated
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.parallel_map import parallel_map
-from room2dgs.stereo.anchors import StereoPoints
-from room2dgs.stereo.passes import FirstPass, Maps
+from room2dgs.stereo.depth_samples import DepthSamples
+from room2dgs.stereo.passes import FirstPass, StereoMaps
 
 CHECKED_FRAMES = 24
 Timed = Callable[[str], AbstractContextManager[None]]
@@ -67,7 +67,7 @@ class Priors(NamedTuple):
     networks: dict[str, str]
     depth_source: str
     planes: tuple[Plane, ...] = ()
-    stereo: Maps = MappingProxyType({})
+    stereo: StereoMaps = MappingProxyType({})
 
 
 def load_priors(
@@ -75,7 +75,7 @@ def load_priors(
     points: PointCloud,
     config: PriorConfig,
     log: Log = print,
-    compare: Callable[[FirstPass | None], StereoPoints] | None = None,
+    compare: Callable[[FirstPass | None], DepthSamples] | None = None,
     timed: Timed = nullcontext,
     correct: Correct | None = None,
 ) -> Priors:
@@ -173,16 +173,16 @@ class Held(NamedTuple):
 
     Attributes:
         points: sparse points and stereo's, those that others look through trusted less.
-        fine: stereo's maps, as in `StereoPoints`.
+        fine: stereo's maps, as in `DepthSamples`.
         space: what the views look through; None: not asked.
     """
 
     points: PointCloud
-    fine: Maps
+    fine: StereoMaps
     space: FreeSpace | None
 
 
-def _held(found: StereoPoints, frames: Sequence[Frame], ask_space: bool) -> Held:
+def _held(found: DepthSamples, frames: Sequence[Frame], ask_space: bool) -> Held:
     if not ask_space:
         return Held(found.points, found.maps, None)
     space = free_space([rays_to(found.points, frame) for frame in frames])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from room2dgs.captures.confidence import error_of
+from room2dgs.captures.uncertainty import completed_sigma
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import MeshConfig
 from room2dgs.geometry.camera import Camera
@@ -100,7 +100,7 @@ def fused_view(
     depth = torch.where(valid_depth(rendering, camera, config), chosen_depth(rendering, config), 0.0)
     if confidence is not None and config.max_expected_m is not None:
         known = np.where(confidence > 0, confidence, np.float32(1))
-        error = torch.from_numpy(error_of(known))[None, None].to(depth)
+        error = torch.from_numpy(completed_sigma(known))[None, None].to(depth)
         error = torch.nn.functional.interpolate(error, size=tuple(depth.shape), mode="bilinear")[0, 0]
         depth = torch.where(error * depth <= config.max_expected_m, depth, 0.0)
     color = torch.nan_to_num(_tensor(rendering.color)).clamp(0.0, 1.0).float()
@@ -123,7 +123,7 @@ def trusted_view(maps: ViewMaps[np.ndarray], camera: Camera, color: np.ndarray, 
     sure = np.ones_like(maps.depth) if maps.depth_confidence is None else maps.depth_confidence
     fit = maps.depth <= config.max_depth_m
     if config.max_expected_m is not None:
-        fit &= error_of(np.maximum(sure, LEAST_CONFIDENCE)) * maps.depth <= config.max_expected_m
+        fit &= completed_sigma(np.maximum(sure, LEAST_CONFIDENCE)) * maps.depth <= config.max_expected_m
     depth = np.where(fit, maps.depth, np.float32(0))
     return FusedView(camera, depth, color, (sure / np.maximum(depth, NEAREST_M)) ** 2, maps.normal)
 

@@ -28,7 +28,7 @@ class Coverage:
     Attributes:
         photo: the view's name, which its maps have too; "all".
         stereo: share of the pixels that stereo kept.
-        agreeing: number of agreeing photos -> share of the pixels on which so many agree; the shares add up to
+        num_consistent: number of consistent photos -> share of the pixels on which so many agree; the shares add up to
             `stereo`.
         error_m: median of the errors that stereo expects, metres; None where it kept nothing.
         filled: share of the pixels that have depth without stereo's; None: nothing was filled.
@@ -37,7 +37,7 @@ class Coverage:
 
     photo: str
     stereo: float
-    agreeing: dict[int, float]
+    num_consistent: dict[int, float]
     error_m: float | None
     filled: float | None = None
     filled_sure: float | None = None
@@ -50,8 +50,8 @@ def photo_coverage(photo: str, view: DenseView, maps: ViewMaps[np.ndarray] | Non
         maps: the filled depth, of any size; None: nothing was filled.
     """
     kept = view.depth > 0
-    counts = np.bincount(view.agreeing[kept])
-    agreeing = {int(count): float(counts[count] / kept.size) for count in np.flatnonzero(counts)}
+    counts = np.bincount(view.num_consistent[kept])
+    num_consistent = {int(count): float(counts[count] / kept.size) for count in np.flatnonzero(counts)}
     error = float(np.median(view.error[kept])) if kept.any() else None
     filled = sure = None
     if maps is not None and maps.depth is not None:
@@ -59,17 +59,17 @@ def photo_coverage(photo: str, view: DenseView, maps: ViewMaps[np.ndarray] | Non
         added = valid_depth(maps.depth) & (by_stereo == 0)
         confidence = 1.0 if maps.depth_confidence is None else maps.depth_confidence
         filled, sure = float(added.mean()), float((added & (confidence >= SURE)).mean())
-    return Coverage(photo, float(kept.mean()), agreeing, error, filled, sure)
+    return Coverage(photo, float(kept.mean()), num_consistent, error, filled, sure)
 
 
 def total(photos: Sequence[Coverage]) -> Coverage:
     """Means of the shares, each photo with the same weight; of the expected errors the median of the photos'."""
-    counts = sorted({count for one in photos for count in one.agreeing})
+    counts = sorted({count for one in photos for count in one.num_consistent})
     errors = [one.error_m for one in photos if one.error_m is not None]
     return Coverage(
         "all",
         float(np.mean([one.stereo for one in photos])),
-        {count: float(np.mean([one.agreeing.get(count, 0.0) for one in photos])) for count in counts},
+        {count: float(np.mean([one.num_consistent.get(count, 0.0) for one in photos])) for count in counts},
         float(np.median(errors)) if errors else None,
         _mean([one.filled for one in photos]),
         _mean([one.filled_sure for one in photos]),
@@ -90,9 +90,9 @@ def write_coverage(out: Path, photos: Sequence[Coverage], seconds: Stages) -> No
     update_json(out / COVERAGE, whole)
 
 
-def counted(agreeing: Mapping[int, float], least: int, most: int | None = None) -> float:
+def counted(num_consistent: Mapping[int, float], least: int, most: int | None = None) -> float:
     """Share of the pixels on which so many photos agree, `most` included; None: any number."""
-    return sum(share for count, share in agreeing.items() if count >= least and (most is None or count <= most))
+    return sum(share for count, share in num_consistent.items() if count >= least and (most is None or count <= most))
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

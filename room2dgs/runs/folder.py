@@ -31,7 +31,7 @@ CAPTURE = "capture"  # what `run video=...` made of the video, before the run it
 # What a run may have made before anything is finished; nothing else in its folder is ever removed.
 MADE = {
     *(KEPT, CONFIG, METRICS, CHECKPOINTS, POINTS, PRIORS, PRIOR_MAPS, CACHE, POSES, TRUST, LOG_FILE, "tensorboard"),
-    *("depth", "normal", "error", "agreeing", "filled", "filled_confidence", "dense.ply", "coverage.json"),
+    *("depth", "normal", "error", "num_consistent", "filled", "filled_confidence", "dense.ply", "coverage.json"),
 }
 
 # Where a file of these names, or a folder, cannot be written

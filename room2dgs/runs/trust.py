@@ -24,11 +24,11 @@ class Trust(NamedTuple):
 
     Attributes:
         confidence: (h, w) uint8, of 255: in the depth that the losses compare with; 0 = no depth.
-        agreeing: (h, w) uint8: how many photos that agree stereo's depth is worth; 0 = none.
+        num_consistent: (h, w) uint8: how many consistent views stereo's depth counts as; 0 = none.
     """
 
     confidence: np.ndarray
-    agreeing: np.ndarray
+    num_consistent: np.ndarray
 
 
 def write_trust(
@@ -42,7 +42,7 @@ def write_trust(
     Args:
         frames: training views.
         maps: frame name -> priors.
-        stereo: frame name -> depth, metres, and agreeing views; may be empty.
+        stereo: frame name -> depth, metres, and how many consistent views it counts as; may be empty.
     """
     arrays: dict[str, np.ndarray] = {}
     names = []
@@ -55,14 +55,14 @@ def write_trust(
             confidence = np.clip(found.depth_confidence, 0, 1).astype(np.float32)
         small = frame.camera.resized_to_width(min(COLUMNS, frame.camera.width)).size
         confidence = cv2.resize(confidence, small, interpolation=cv2.INTER_AREA)
-        agreeing = np.zeros(confidence.shape, np.uint8)
+        num_consistent = np.zeros(confidence.shape, np.uint8)
         if frame.name in stereo:
             depth, count = stereo[frame.name]
             count = np.where(depth > 0, np.minimum(count, 255), 0).astype(np.uint8)
-            agreeing = cv2.resize(count, small, interpolation=cv2.INTER_NEAREST_EXACT)
+            num_consistent = cv2.resize(count, small, interpolation=cv2.INTER_NEAREST_EXACT)
         least = confidence > 0  # of a depth that hardly anything speaks for, too
         arrays[f"{len(names)}/confidence"] = np.maximum(np.round(confidence * 255), least).astype(np.uint8)
-        arrays[f"{len(names)}/agreeing"] = agreeing
+        arrays[f"{len(names)}/agreeing"] = num_consistent
         names.append(frame.name)
     path.unlink(missing_ok=True)
     if names:
@@ -92,4 +92,4 @@ def _is_small(file: np.lib.npyio.NpzFile) -> bool:
 
 def _fits(maps: Trust) -> bool:
     whole = all(one.dtype == np.uint8 and one.ndim == 2 and one.size for one in maps)
-    return whole and maps.confidence.shape == maps.agreeing.shape
+    return whole and maps.confidence.shape == maps.num_consistent.shape

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 
 from room2dgs import _C
-from room2dgs.block_code import build_of
 from room2dgs.geometry.camera import Camera
+from room2dgs.kernels.builds import build_of
 from room2dgs.parallel_map import parallel_map
-from room2dgs.stereo.agreement import agreement
+from room2dgs.stereo.geometric_consistency import geometric_consistency
 from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, Packed, Search, packed
 from room2dgs.stereo.planes import plane_normals, resized_planes
@@ -27,23 +27,23 @@ class Options(NamedTuple):
     """Numbers of the search over all views; see conf/stereo.
 
     Attributes:
-        neighbours: views that a view is matched with; asked: views asked whether they agree.
+        num_source_views: views that a view is matched with; consistency_views: views whose depth it is compared with.
         iterations: sweeps of the first search; refinements: of each later one.
         rounds: searches with geometric consistency, at each image size.
         levels: image sizes, each half of the next.
-        min_agreeing, max_px, max_relative, max_cost: what a pixel must satisfy to be kept.
+        min_num_consistent, max_reprojection_px, max_relative_difference, max_cost: what a pixel must satisfy.
         device: what matches, as `render.device` names it.
     """
 
-    neighbours: int = 6
-    asked: int = 10
+    num_source_views: int = 6
+    consistency_views: int = 10
     iterations: int = 3
     refinements: int = 2
     rounds: int = 2
     levels: int = 1
-    min_agreeing: int = 2
-    max_px: float = 1.0
-    max_relative: float = 0.01
+    min_num_consistent: int = 2
+    max_reprojection_px: float = 1.0
+    max_relative_difference: float = 0.01
     max_cost: float = 0.6
     device: str = "cpu"
 
@@ -62,14 +62,14 @@ class DenseView(NamedTuple):
     Attributes:
         depth: (H, W) float32 z-depth, metres; 0 where the views do not agree.
         normal: (H, W, 3) float32 unit, world frame, facing the camera; 0 where there is no depth.
-        agreeing: (H, W) uint8, how many neighbours agree with the depth.
+        num_consistent: (H, W) uint8, how many neighbours agree with the depth.
         error: (H, W) float32, expected error of the depth, metres; 0 where there is none.
         planes: (3, H, W) float32, the unfiltered planes.
     """
 
     depth: np.ndarray
     normal: np.ndarray
-    agreeing: np.ndarray
+    num_consistent: np.ndarray
     error: np.ndarray
     planes: np.ndarray
 
@@ -130,7 +130,7 @@ def near_and_ranges(
     cameras: Sequence[Camera], sights: Sequence[Sight], xyz: np.ndarray, options: Options
 ) -> tuple[list[np.ndarray], list[tuple[float, float]]]:
     """Each view's neighbours, best first, and the nearest and farthest depth to look at, metres."""
-    count = max(options.neighbours, options.asked)
+    count = max(options.num_source_views, options.consistency_views)
     near_views = choose_neighbours(cameras, [sight.points for sight in sights], xyz, count)
     everywhere = np.concatenate([sight.depth for sight in sights])
     if not len(everywhere):
@@ -138,9 +138,9 @@ def near_and_ranges(
     return near_views, [depth_range(sight.depth, everywhere) for sight in sights]
 
 
-def least_agreeing(near: Sequence[int], options: Options) -> int:
+def least_consistent(near: Sequence[int], options: Options) -> int:
     """Views that have to agree with one that is compared with these: all, where there are fewer than wanted."""
-    return max(1, min(options.min_agreeing, len(near)))
+    return max(1, min(options.min_num_consistent, len(near)))
 
 
 def _completed(fine: DenseView, coarse: DenseView) -> DenseView:
@@ -161,7 +161,7 @@ def _completed(fine: DenseView, coarse: DenseView) -> DenseView:
     return DenseView(
         np.where(added, depth, fine.depth),
         joined("normal", added),
-        joined("agreeing", added),
+        joined("num_consistent", added),
         joined("error", added),
         fine.planes,
     )
@@ -191,7 +191,7 @@ def _search(
     """The first so many views once, in place; all see the others' depths as they were before."""
     before = [plane[0].copy() for plane in planes] if search else []
     for index, view in enumerate(views[:searched]):
-        near = near_views[index][: options.neighbours]
+        near = near_views[index][: options.num_source_views]
         if not len(near):
             planes[index] = np.zeros_like(planes[index])
             continue
@@ -225,27 +225,29 @@ def _filtered(
             nothing = np.zeros(planes[index].shape[1:], np.float32)
             blank = np.zeros((*nothing.shape, 3), np.float32)
             return DenseView(nothing, blank, nothing.astype(np.uint8), nothing, planes[index])
-        others = [views[other] for other in near[: options.neighbours]]
+        others = [views[other] for other in near[: options.num_source_views]]
         cost, _ = Search(view, others, matching, (0.1, 100.0), 0).costs(planes[index])
-        agreed = agreement(
+        compared = geometric_consistency(
             camera,
             planes[index][0],
-            [(views[other].camera, planes[other][0]) for other in near[: options.asked]],
-            options.max_px,
-            options.max_relative,
+            [(views[other].camera, planes[other][0]) for other in near[: options.consistency_views]],
+            options.max_reprojection_px,
+            options.max_relative_difference,
         )
-        kept = (agreed.count >= least_agreeing(near[: options.asked], options)) & (cost < options.max_cost)
-        depth = np.divide(1, agreed.inverse_depth, out=np.zeros_like(agreed.inverse_depth), where=kept)
+        kept = (compared.num_consistent >= least_consistent(near[: options.consistency_views], options)) & (
+            cost < options.max_cost
+        )
+        depth = np.divide(1, compared.inverse_depth, out=np.zeros_like(compared.inverse_depth), where=kept)
         normal = camera.turned_to_world(plane_normals(planes[index], camera))
         baseline = np.median([np.linalg.norm(views[other].camera.centre - camera.centre) for other in near])
         # a match is off by a part of a pixel; views that are averaged differ by what they are off
         by_disparity = DISPARITY_ERROR_PX * depth / (camera.K[0, 0] * max(float(baseline), 1e-6))
-        error = depth * np.hypot(by_disparity, agreed.spread)
-        planes_kept = np.stack([np.where(kept, agreed.inverse_depth, planes[index][0]), *planes[index][1:]])
+        error = depth * np.hypot(by_disparity, compared.sigma)
+        planes_kept = np.stack([np.where(kept, compared.inverse_depth, planes[index][0]), *planes[index][1:]])
         return DenseView(
             depth.astype(np.float32),
             np.where(kept[..., None], normal, 0).astype(np.float32),
-            np.where(kept, agreed.count, 0).astype(np.uint8),
+            np.where(kept, compared.num_consistent, 0).astype(np.uint8),
             np.where(kept, error, 0).astype(np.float32),
             planes_kept.astype(np.float32),
         )

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from room2dgs.block_code import CPU, Build
 from room2dgs.geometry.camera import Camera
+from room2dgs.kernels.builds import CPU, Build
 
 
 @dataclass(frozen=True)

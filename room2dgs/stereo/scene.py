@@ -10,7 +10,6 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from room2dgs.block_code import build_of
 from room2dgs.captures.image_files import whole_at
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
@@ -18,6 +17,7 @@ from room2dgs.captures.seen_points import seen_points
 from room2dgs.config import StereoConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from room2dgs.kernels.builds import build_of
 from room2dgs.logs import Log
 from room2dgs.stereo.dense import COARSEST_WIDTH, DenseView, Options, Sight, dense_views
 from room2dgs.stereo.neighbours import choose_neighbours
@@ -82,7 +82,7 @@ def scene_second_pass(
     start: Mapping[str, np.ndarray],
     beside: Sequence[Frame] = (),
 ) -> tuple[list[Camera], Iterator[tuple[np.ndarray, np.ndarray]]]:
-    """Depth, metres, 0 = none, and agreeing views of each view, begun with a depth that is nearly right.
+    """Depth, metres, 0 = none, and numbers of consistent views, begun with a depth that is nearly right.
 
     Args:
         start: frame name -> z-depth in metres, 0 = unknown; frames may have none. Others: as in `scene_stereo`.
@@ -109,15 +109,15 @@ def _prepared(frames: Sequence[Frame], points: PointCloud, settings: StereoConfi
     photos = [grey(frame, camera) for frame, camera in zip(frames, cameras, strict=True)]
     sights = [_sight(frame, camera, points) for frame, camera in zip(frames, cameras, strict=True)]
     options = Options(
-        neighbours=settings.num_source_views,
-        asked=settings.consistency_views,
+        num_source_views=settings.num_source_views,
+        consistency_views=settings.consistency_views,
         iterations=settings.iterations,
         refinements=settings.refinements,
         rounds=settings.rounds,
         levels=_levels(max(camera.width for camera in cameras)),
-        min_agreeing=settings.min_num_consistent,
-        max_px=settings.max_reprojection_px,
-        max_relative=settings.max_relative_difference,
+        min_num_consistent=settings.min_num_consistent,
+        max_reprojection_px=settings.max_reprojection_px,
+        max_relative_difference=settings.max_relative_difference,
         max_cost=settings.max_cost,
         device=device,
     )
@@ -156,7 +156,7 @@ def _unmasked(view: DenseView, frame: Frame) -> DenseView:
     return view._replace(
         depth=view.depth * usable,
         normal=view.normal * usable[..., None],
-        agreeing=view.agreeing * usable,
+        num_consistent=view.num_consistent * usable,
         error=view.error * usable,
     )
 
@@ -175,8 +175,8 @@ def grey(frame: Frame, camera: Camera) -> np.ndarray:
 
 def _sight(frame: Frame, camera: Camera, points: PointCloud) -> Sight:
     """The points that the photo saw, at stereo's image size."""
-    index, pixel, depth = seen_points(points, frame)
-    return Sight(index, pixel * np.array(camera.size) / frame.camera.size, depth)
+    seen = seen_points(points, frame)
+    return Sight(seen.index, seen.pixel * np.array(camera.size) / frame.camera.size, seen.depth)
 
 
 def _progress(log: Log) -> Callable[[str, int, int], None]:

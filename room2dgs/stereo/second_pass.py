@@ -9,8 +9,8 @@ import numpy as np
 from room2dgs import _C
 from room2dgs.geometry.camera import Camera
 from room2dgs.parallel_map import parallel_map
-from room2dgs.stereo.agreement import agreement
-from room2dgs.stereo.dense import Options, Progress, Sight, least_agreeing, near_and_ranges
+from room2dgs.stereo.dense import Options, Progress, Sight, least_consistent, near_and_ranges
+from room2dgs.stereo.geometric_consistency import geometric_consistency
 from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, Packed, Search
 from room2dgs.stereo.planes import planes_of_depth, resized_planes
@@ -49,18 +49,18 @@ def second_pass(
         (H, W) float32 z-depth, metres, 0 where the views do not agree, and (H, W) uint8, how many neighbours agree.
     """
     near_views, ranges = near_and_ranges(cameras, sights, xyz, options)
-    matched = [near[: options.neighbours].tolist() for near in near_views[: len(start)]]
-    last_asked = {other: index for index, near in enumerate(matched) for other in near}
-    before = {other: _nothing(cameras[other]) for other in last_asked if other >= len(start)}
+    matched = [near[: options.num_source_views].tolist() for near in near_views[: len(start)]]
+    last_needed = {other: index for index, near in enumerate(matched) for other in near}
+    before = {other: _nothing(cameras[other]) for other in last_needed if other >= len(start)}
     for index, depth in enumerate(made() for made in start):
         ranges[index] = wider_range(ranges[index], depth)
-        if index in last_asked:
+        if index in last_needed:
             before[index] = _planes(depth, cameras[index])[0].copy()
-    found, alike = [], []
+    found, photo_consistent = [], []
     for index, near in enumerate(matched):
         if not near:
             found.append(_nothing(cameras[index]))
-            alike.append(found[index] > 0)
+            photo_consistent.append(found[index] > 0)
             continue
         view, others = views[index], [views[other] for other in near]
         inverse = [before[other] for other in near]
@@ -74,22 +74,24 @@ def second_pass(
         )
         cost, _ = search.costs(planes)
         found.append(planes[0].copy())
-        alike.append(cost < options.max_cost)
+        photo_consistent.append(cost < options.max_cost)
         for other in near:
-            if last_asked[other] == index:
+            if last_needed[other] == index:
                 del before[other]
         progress(f"stereo at {view.camera.width} pixels, from the completed depth", index + 1, len(start))
     if len(start) < len(cameras):  # the others have no depth that could agree
         with_depth = cameras[: len(start)], [sight.points for sight in sights[: len(start)]]
-        near_views = choose_neighbours(*with_depth, xyz, options.asked)
+        near_views = choose_neighbours(*with_depth, xyz, options.consistency_views)
 
     def filtered(index: int) -> tuple[np.ndarray, np.ndarray]:
-        near = near_views[index][: options.asked]
-        asked = [(cameras[other], found[other]) for other in near]
-        agreed = agreement(cameras[index], found[index], asked, options.max_px, options.max_relative)
-        kept = alike[index] & (agreed.count >= least_agreeing(near, options))
-        depth = np.divide(1, agreed.inverse_depth, out=np.zeros_like(agreed.inverse_depth), where=kept)
-        return depth, np.where(kept, agreed.count, np.uint8(0))
+        near = near_views[index][: options.consistency_views]
+        others = [(cameras[other], found[other]) for other in near]
+        compared = geometric_consistency(
+            cameras[index], found[index], others, options.max_reprojection_px, options.max_relative_difference
+        )
+        kept = photo_consistent[index] & (compared.num_consistent >= least_consistent(near, options))
+        depth = np.divide(1, compared.inverse_depth, out=np.zeros_like(compared.inverse_depth), where=kept)
+        return depth, np.where(kept, compared.num_consistent, np.uint8(0))
 
     yield from parallel_map(filtered, range(len(start)), _C.threads())
 

@@ -15,15 +15,15 @@ class Thinned(NamedTuple):
     Attributes:
         pixel: (N, 2) float64 x, y; the centre of the first pixel is (0.5, 0.5).
         depth: (N,) float32 z-depth, metres.
-        agreeing: (N,) uint8, how many views agree.
+        num_consistent: (N,) uint8, how many views agree.
     """
 
     pixel: np.ndarray
     depth: np.ndarray
-    agreeing: np.ndarray
+    num_consistent: np.ndarray
 
 
-def thinned(depth: np.ndarray, agreeing: np.ndarray, step: int) -> Thinned:
+def thinned(depth: np.ndarray, num_consistent: np.ndarray, step: int) -> Thinned:
     """Of each block of step x step pixels one depth, where it has one.
 
     Whoever takes a depth for what its block shows needs that of the block's centre. Of an even number of pixels none is
@@ -33,11 +33,11 @@ def thinned(depth: np.ndarray, agreeing: np.ndarray, step: int) -> Thinned:
 
     Args:
         depth: (H, W) float32 z-depth, metres, 0 = none.
-        agreeing: (H, W) uint8, how many views agree.
+        num_consistent: (H, W) uint8, how many views agree.
     """
     height, width = (side // step * step for side in depth.shape)
     beside = [(row, column) for row in ((step - 1) // 2, step // 2) for column in ((step - 1) // 2, step // 2)]
-    z, views = (np.stack([of[i:height:step, j:width:step] for i, j in beside]) for of in (depth, agreeing))
+    z, views = (np.stack([of[i:height:step, j:width:step] for i, j in beside]) for of in (depth, num_consistent))
     one_surface = (z.min(axis=0) > 0) & (z.max(axis=0) < ONE_SURFACE * z.min(axis=0))
     best = np.where(z > 0, views.astype(np.int16), -1).argmax(axis=0)
     z_best, views_best = (np.take_along_axis(of, best[None], axis=0)[0] for of in (z, views))

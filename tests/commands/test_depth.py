@@ -92,12 +92,12 @@ def test_coverage_counts_what_the_maps_hold(out):
     coverage = json.loads((out / "coverage.json").read_text())
     assert len(coverage["photos"]) == 6
     for photo in coverage["photos"]:
-        agreeing = np.load(out / "agreeing" / f"{photo['photo']}.npy")
+        num_consistent = np.load(out / "num_consistent" / f"{photo['photo']}.npy")
         error = np.load(out / "error" / f"{photo['photo']}.npy")
         assert photo["stereo"] == pytest.approx(np.mean(np.load(out / "depth" / f"{photo['photo']}.npy") > 0))
-        for count, share in photo["agreeing"].items():
-            assert share == pytest.approx(np.mean(agreeing == int(count)))
-        assert sum(photo["agreeing"].values()) == pytest.approx(photo["stereo"])
+        for count, share in photo["num_consistent"].items():
+            assert share == pytest.approx(np.mean(num_consistent == int(count)))
+        assert sum(photo["num_consistent"].values()) == pytest.approx(photo["stereo"])
         assert photo["error_m"] == pytest.approx(np.median(error[error > 0]))
         assert photo["filled"] is None
     assert coverage["total"]["stereo"] == pytest.approx(np.mean([photo["stereo"] for photo in coverage["photos"]]))

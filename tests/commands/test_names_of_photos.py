@@ -51,7 +51,7 @@ def test_depth_and_coverage_of_all_photos_are_kept_and_found_again(two_cameras, 
     more = ["mesh.max_error_m=null", "mesh.voxel_m=0.04", "mesh.min_triangles=10", "scene.test_every=0"]
     assert cli.main(["depth", *arguments, *more, "report.enabled=false"]) == 0
     wanted = {f"images_{name}" for name in FRAMES}
-    for kind in ("depth", "normal", "error", "agreeing"):
+    for kind in ("depth", "normal", "error", "num_consistent"):
         assert {path.stem for path in (out / kind).iterdir()} == wanted
     photos = json.loads((out / "coverage.json").read_text())["photos"]
     assert {photo["photo"] for photo in photos} == wanted

@@ -150,7 +150,7 @@ def test_depth_of_a_turning_camera_is_empty_and_says_so(turning, tmp_path, capsy
     coverage = json.loads((out / "coverage.json").read_text())
     assert coverage["total"]["stereo"] == 0 and coverage["total"]["error_m"] is None
     assert [photo["stereo"] for photo in coverage["photos"]] == [0] * VIEWS
-    for kind in ("depth", "normal", "error", "agreeing"):
+    for kind in ("depth", "normal", "error", "num_consistent"):
         maps = [np.load(path) for path in (out / kind).glob("*.npy")]
         assert len(maps) == VIEWS and not any(one.any() for one in maps)
     assert (out / "dense.ply").exists() and not (out / "mesh.ply").exists()

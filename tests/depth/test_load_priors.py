@@ -12,8 +12,8 @@ import pytest
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.depth import load_priors
 from room2dgs.errors import InputError
-from room2dgs.stereo.anchors import StereoPoints, with_stereo
-from room2dgs.stereo.passes import FirstPass
+from room2dgs.stereo.depth_samples import DepthSamples, with_depth_samples
+from room2dgs.stereo.passes import FirstPass, StereoMap
 
 
 def load(room, prior_config, folder, points=None, frames=None, **changes):
@@ -220,9 +220,9 @@ def test_stereo_is_asked_twice_at_most_and_only_for_maps_that_it_can_hold(
     paths = {"depth__path": folder / "depth", "normal__path": folder / "normal"}
     asked = []
 
-    def compare(first: FirstPass | None) -> StereoPoints:
+    def compare(first: FirstPass | None) -> DepthSamples:
         asked.append(first)
-        return StereoPoints(room.points, {})
+        return DepthSamples(room.points, {})
 
     load_priors(frames, room.points, prior_config("prior=files", **paths, **settings), lambda line: None, compare)
     assert len(asked) == times and asked[:1] == [None][:times]
@@ -238,19 +238,25 @@ def test_a_second_pass_gets_what_the_first_came_to_and_its_word_counts(
     paths = {"depth__path": folder / "depth", "normal__path": folder / "normal"}
     config = prior_config("prior=files", **paths, **normals)
     far = [(1.02 * depth).astype(np.float32) for depth in room.depths]
-    maps = {frame.name: (depth, np.full(depth.shape, 7, np.uint8)) for frame, depth in zip(frames, far, strict=True)}
-    right = {name: ((depth / 1.02).astype(np.float32), agreeing) for name, (depth, agreeing) in maps.items()}
+    maps = {
+        frame.name: StereoMap(depth, np.full(depth.shape, 7, np.uint8))
+        for frame, depth in zip(frames, far, strict=True)
+    }
+    right = {
+        name: StereoMap((depth / 1.02).astype(np.float32), num_consistent)
+        for name, (depth, num_consistent) in maps.items()
+    }
     nothing = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
     cameras = [frame.camera for frame in frames]
     said = []
 
-    def compare(first: FirstPass | None) -> StereoPoints:
+    def compare(first: FirstPass | None) -> DepthSamples:
         found = maps if first is None else right
         if first:
             assert first.maps is maps
             off = [first.completed[f.name] / d - 1 for f, d in zip(frames, room.depths, strict=True)]
             said.append(float(np.median(off)))
-        return StereoPoints(with_stereo(nothing, frames, cameras, found), found)
+        return DepthSamples(with_depth_samples(nothing, frames, cameras, found), found)
 
     priors = load_priors(frames, nothing, config, lambda line: None, compare)
     off = [priors.by_frame[f.name].depth / d - 1 for f, d in zip(frames, room.depths, strict=True)]
@@ -265,7 +271,7 @@ def test_what_stereo_finds_holds_the_depth(room, prior_config, map_files, tmp_pa
     nothing = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
     found = []
     for points in (nothing, room.points):
-        held = StereoPoints(points, {})
+        held = DepthSamples(points, {})
         priors = load_priors(frames, nothing, config, lambda line: None, lambda first, held=held: held)
         off = [priors.by_frame[f.name].depth / d - 1 for f, d in zip(frames, room.depths, strict=True)]
         found.append(float(np.median(np.abs(off))))

@@ -10,8 +10,8 @@ import pytest
 
 from room2dgs.errors import InputError
 from room2dgs.splat import set_threads
-from room2dgs.stereo.agreement import agreement
 from room2dgs.stereo.dense import Options, Sight, dense_views
+from room2dgs.stereo.geometric_consistency import geometric_consistency
 from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked, packed
 from room2dgs.stereo.second_pass import second_pass
@@ -37,7 +37,7 @@ def sparse(corner, count=60):
     return xyz, sights
 
 
-def run(corner, options=Options(min_agreeing=2)):  # noqa: B008
+def run(corner, options=Options(min_num_consistent=2)):  # noqa: B008
     xyz, sights = sparse(corner)
     photos, cameras = [photo for _, photo, _, _ in corner], [camera for camera, *_ in corner]
     return list(dense_views(photos, cameras, sights, xyz, options, Matching()))
@@ -52,8 +52,12 @@ def test_most_of_what_several_views_see_is_found_and_right(corner):
         in_cam = view.normal[kept] @ camera.cam_from_world[:3, :3].T
         angle = np.degrees(np.arccos((in_cam * normals[kept]).sum(-1).clip(-1, 1)))
         assert np.median(angle) < 8
-        assert (view.agreeing[kept] >= 2).all() and (view.error[kept] > 0).all()
-        assert (view.normal[~kept] == 0).all() and (view.error[~kept] == 0).all() and (view.agreeing[~kept] == 0).all()
+        assert (view.num_consistent[kept] >= 2).all() and (view.error[kept] > 0).all()
+        assert (
+            (view.normal[~kept] == 0).all()
+            and (view.error[~kept] == 0).all()
+            and (view.num_consistent[~kept] == 0).all()
+        )
 
 
 def test_coarse_to_fine_finds_it_too(corner):
@@ -73,10 +77,10 @@ def test_a_second_look_mends_depth_that_is_all_but_right(corner):
     options = Options(levels=2, rounds=1, refinements=1)
     views = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
     known = [partial(np.copy, depth) for depth in start]
-    found, agreeing = next(second_pass(views, cameras, nearer, xyz, known, options, Matching()))
+    found, num_consistent = next(second_pass(views, cameras, nearer, xyz, known, options, Matching()))
     depth, kept = corner[0][2], found > 0
     off = np.abs(found - depth)[kept] / depth[kept]
-    assert (agreeing[kept] >= 2).all() and not agreeing[~kept].any()
+    assert (num_consistent[kept] >= 2).all() and not num_consistent[~kept].any()
     assert kept.mean() > 0.6 and np.median(off) < 0.006 and np.mean(off < 0.02) > 0.97
 
 
@@ -89,7 +93,7 @@ def test_a_second_look_keeps_nothing_that_looks_unlike_the_other_photos(corner):
     known = [partial(np.copy, depth) for _, _, depth, _ in corner]
     kept = []
     for limit in (0.6, 2.0):
-        options = Options(rounds=1, refinements=1, min_agreeing=1, max_cost=limit)
+        options = Options(rounds=1, refinements=1, min_num_consistent=1, max_cost=limit)
         views = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
         depth, _ = next(second_pass(views, cameras, xyz_sights[1], xyz_sights[0], known, options, Matching()))
         kept.append(np.mean(depth[26:44, 36:60] > 0))  # windows that see nothing else
@@ -123,10 +127,10 @@ def test_a_second_look_at_some_views_is_held_to_the_others_photos(corner):
     packed_before = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
     for one, same in zip(found, second_pass(packed_before, *rest), strict=True):
         np.testing.assert_array_equal(one, same)
-    depth, agreeing = found[0]
+    depth, num_consistent = found[0]
     kept, exact = depth > 0, corner[0][2]
     off = np.abs(depth - exact)[kept] / exact[kept]
-    assert kept.mean() > 0.5 and agreeing.max() == 2 and np.median(off) < 0.004
+    assert kept.mean() > 0.5 and num_consistent.max() == 2 and np.median(off) < 0.004
 
 
 def test_a_second_look_asks_the_views_that_have_depth(corner):
@@ -135,18 +139,18 @@ def test_a_second_look_asks_the_views_that_have_depth(corner):
     photos, cameras = [corner[view][1] for view in order], [corner[view][0] for view in order]
     xyz, sights = sparse([corner[view] for view in order])
     known = [partial(np.copy, corner[view][2]) for view in order[:3]]
-    options = Options(rounds=1, refinements=1, asked=2)
+    options = Options(rounds=1, refinements=1, consistency_views=2)
     assert {4, 3} & set(choose_neighbours(cameras, [sight.points for sight in sights], xyz, 2)[0])
     views = PackedWhenAsked(photos, cameras)
-    depth, agreeing = next(second_pass(views, cameras, sights, xyz, known, options, Matching()))
-    assert (depth > 0).mean() > 0.5 and agreeing.max() == 2
+    depth, num_consistent = next(second_pass(views, cameras, sights, xyz, known, options, Matching()))
+    assert (depth > 0).mean() > 0.5 and num_consistent.max() == 2
 
 
 def test_two_photos_are_enough_for_depth(corner):
-    for view in run(corner[:2], Options(min_agreeing=2)):
+    for view in run(corner[:2], Options(min_num_consistent=2)):
         kept = view.depth > 0
-        assert kept.mean() > 0.3 and view.agreeing.max() == 1
-    view = run(corner[:2], Options(min_agreeing=2))[0]
+        assert kept.mean() > 0.3 and view.num_consistent.max() == 1
+    view = run(corner[:2], Options(min_num_consistent=2))[0]
     off = np.abs(view.depth / corner[0][2] - 1)[view.depth > 0]
     assert np.median(off) < 0.01
 
@@ -200,27 +204,29 @@ def test_exact_depths_agree_and_a_wrong_one_is_alone(corner):
     inverse = [(1 / depth).astype(np.float32) for _, _, depth, _ in corner]
     cameras = [camera for camera, *_ in corner]
     others = list(zip(cameras[1:], inverse[1:], strict=True))
-    exact = agreement(cameras[0], inverse[0], others, 1.0, 0.01)
-    assert np.mean(exact.count >= 2) > 0.85
+    exact = geometric_consistency(cameras[0], inverse[0], others, 1.0, 0.01)
+    assert np.mean(exact.num_consistent >= 2) > 0.85
     np.testing.assert_allclose(exact.inverse_depth, inverse[0], rtol=0.01)
-    assert np.mean(exact.through == 0) > 0.9
+    assert np.mean(exact.num_seen_through == 0) > 0.9
     wrong, part = inverse[0].copy(), (slice(30, 40), slice(40, 50))
     wrong[part] *= 1.2
-    found = agreement(cameras[0], wrong, others, 1.0, 0.01)
-    assert (found.count[part] == 0).all()
+    found = geometric_consistency(cameras[0], wrong, others, 1.0, 0.01)
+    assert (found.num_consistent[part] == 0).all()
     np.testing.assert_array_equal(found.inverse_depth[part], wrong[part])
     # too near: the others look through it; too far: they see what hides it
-    assert (found.through[part] >= 2).all() and (found.hidden[part] == 0).all()
+    assert (found.num_seen_through[part] >= 2).all() and (found.num_hidden[part] == 0).all()
     wrong[part] /= 1.2**2
-    found = agreement(cameras[0], wrong, others, 1.0, 0.01)
-    assert (found.hidden[part] >= 2).all() and (found.through[part] == 0).all()
+    found = geometric_consistency(cameras[0], wrong, others, 1.0, 0.01)
+    assert (found.num_hidden[part] >= 2).all() and (found.num_seen_through[part] == 0).all()
 
 
 @pytest.mark.parametrize("value", [0.0, np.float32(1e-9)])
 def test_unknown_depth_has_nobody_that_agrees(corner, value):
     inverse = np.full((72, 96), value, np.float32)
-    found = agreement(corner[0][0], inverse, [(corner[1][0], (1 / corner[1][2]).astype(np.float32))], 1.0, 0.01)
-    assert (found.count == 0).all() and np.isfinite(found.inverse_depth).all()
+    found = geometric_consistency(
+        corner[0][0], inverse, [(corner[1][0], (1 / corner[1][2]).astype(np.float32))], 1.0, 0.01
+    )
+    assert (found.num_consistent == 0).all() and np.isfinite(found.inverse_depth).all()
 
 
 def test_the_kernels_for_a_gpu_find_the_same_depth(corner, monkeypatch, without_gpu):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from room2dgs.block_code import CPU, PLAIN, set_order
+from room2dgs.kernels.builds import CPU, PLAIN, set_order
 from room2dgs.splat import set_threads
 from room2dgs.stereo.patchmatch import Matching, Search, packed, warp
 from room2dgs.stereo.planes import plane_normals, planes_of_depth

@@ -43,21 +43,21 @@ def points(corner) -> PointCloud:
 
 @pytest.fixture(scope="module")
 def settings() -> StereoConfig:
-    return replace(load_config(["scene.path=room", "out=out"]).stereo, width=None, min_agreeing=2)
+    return replace(load_config(["scene.path=room", "out=out"]).stereo, width=None, min_num_consistent=2)
 
 
 @pytest.mark.parametrize("look", ["first", "second"])
 def test_what_a_mask_hides_has_no_depth_and_nobody_agrees_with_it(frames, points, corner, settings, look):
     if look == "first":
         _, views = scene_stereo(frames, points, settings)
-        found = [(view.depth, view.agreeing) for view in views]
+        found = [(view.depth, view.num_consistent) for view in views]
     else:
         start = {frame.name: depth.astype(np.float32) for frame, (_, _, depth, _) in zip(frames, corner, strict=True)}
         _, pairs = scene_second_pass(frames, points, settings, lambda _: None, "cpu", start)
         found = list(pairs)
-    (depth, agreeing), (open_depth, _) = found[0], found[1]
-    assert not depth[:, :HIDDEN].any() and not agreeing[:, :HIDDEN].any()
-    assert np.mean(depth[:, HIDDEN:] > 0) > 0.5 and (agreeing[depth > 0] >= 2).all()
+    (depth, num_consistent), (open_depth, _) = found[0], found[1]
+    assert not depth[:, :HIDDEN].any() and not num_consistent[:, :HIDDEN].any()
+    assert np.mean(depth[:, HIDDEN:] > 0) > 0.5 and (num_consistent[depth > 0] >= 2).all()
     assert np.mean(open_depth[:, :HIDDEN] > 0) > 0.2
 
 

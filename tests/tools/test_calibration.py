@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from room2dgs.captures.confidence import confidence, error_of
+from room2dgs.captures.uncertainty import completed_sigma, completed_weight
 from room2dgs.tools.calibration.__main__ import main
 from room2dgs.tools.calibration.bins import Errors, bins, calibration
 
@@ -47,7 +47,7 @@ def test_pixels_that_a_source_lacks_lower_its_share():
 
 def test_a_confidence_gives_back_its_error():
     error = np.array([0.001, 0.02, 0.3], np.float32)
-    np.testing.assert_allclose(error_of(confidence(error)), error, rtol=1e-3)
+    np.testing.assert_allclose(completed_sigma(completed_weight(error)), error, rtol=1e-3)
 
 
 def test_the_command_measures_stereo_against_the_true_depth(wall, tmp_path, capsys):

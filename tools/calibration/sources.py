@@ -11,11 +11,11 @@ import numpy as np
 
 from room2dgs.bench.prior_scores import angles_deg
 from room2dgs.bench.prior_truth import Truth, frame_truth, truth_source
-from room2dgs.captures.confidence import error_of
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.uncertainty import completed_sigma
 from room2dgs.config import NETWORK_SOURCES, Config, PriorConfig
-from room2dgs.depth import Priors, load_priors
+from room2dgs.depth import Priors, StereoViews, estimate_depth
 from room2dgs.depth.align.scale_shift import Fit
 from room2dgs.depth.completion.on_planes import on_planes
 from room2dgs.depth.completion.views import LEAST_STEREO
@@ -32,8 +32,6 @@ from room2dgs.mesh.world import read_in_scene
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.splat import set_threads
 from room2dgs.stereo.dense import DenseView
-from room2dgs.stereo.depth_samples import DepthSamples, stereo_samples, with_depth_samples
-from room2dgs.stereo.passes import Compared, FirstPass, calibrate
 from room2dgs.stereo.scene import scene_stereo
 from room2dgs.tools.calibration.bins import Calibration, Errors, calibration
 
@@ -51,7 +49,7 @@ def calibrations(config: Config, log: Log) -> tuple[str, list[Calibration]]:
         Where the true normals come from (`truth_source`), and the sources that have any pixel.
 
     Raises:
-        InputError: the capture has no depth, or as `read_scene`, `sparse_points`, `scene_stereo` and `load_priors`.
+        InputError: the capture has no depth, or as `read_scene`, `sparse_points`, `scene_stereo` and `estimate_depth`.
     """
     scene = read_scene(config.scene)
     frames = [frame for frame in scene.train if frame.depth_path]
@@ -82,18 +80,8 @@ def _sources(scene: Scene, config: Config, cache: Path, log: Log) -> Iterator[tu
     prior = replace(config.prior, cache=config.prior.cache or str(cache / "maps"))
     cameras, found = scene_stereo(frames, points, config.stereo, log, config.render.device)
     views = list(found)
-    shown = {frame.name: (view.depth.copy(), view.num_consistent) for frame, view in zip(frames, views, strict=True)}
-
-    def compare(first: FirstPass | None) -> DepthSamples:
-        looks = prior.depth.passes
-        if looks == 1:
-            calibrate(Compared(frames, (), points, config.stereo, log, config.render.device), cameras, shown)
-            return DepthSamples(with_depth_samples(points, frames, cameras, shown), shown)
-        found = stereo_samples(frames, points, config.stereo, log, config.render.device, first, passes=looks)
-        shown.update(found.maps)
-        return found
-
-    priors = load_priors(frames, points, prior, log, compare)
+    found_already = StereoViews(cameras, views) if config.prior.depth.passes == 1 else None
+    priors = estimate_depth(scene, points, replace(config, prior=prior), cache / "maps", log, stereo=found_already)
     files = _network_files(frames, prior)
     for frame, view in zip(frames, views, strict=True):
 
@@ -101,7 +89,7 @@ def _sources(scene: Scene, config: Config, cache: Path, log: Log) -> Iterator[tu
             resized = _at(view, frame.camera)
             yield from _stereo(resized, frame.camera, truth)
             yield from _network(frame, files, priors.fits.get(frame.name), prior, truth)
-            held = _at(view._replace(num_consistent=shown[frame.name][1]), frame.camera)
+            held = _at(view._replace(num_consistent=priors.stereo.get(frame.name, view).num_consistent), frame.camera)
             yield from _completed(frame, held, priors, truth)
 
         yield frame, sources
@@ -157,7 +145,7 @@ def _completed(frame: Frame, view: DenseView, priors: Priors, truth: Truth) -> I
     if maps is None or maps.depth is None or maps.depth_confidence is None:
         return
     sure = np.maximum(maps.depth_confidence, 1e-3)
-    relative = np.where(maps.depth_confidence > 0, error_of(sure), np.inf)
+    relative = np.where(maps.depth_confidence > 0, completed_sigma(sure), np.inf)
     by_stereo = view.num_consistent >= LEAST_STEREO
     on_plane = np.zeros(by_stereo.shape, bool)
     if priors.planes and maps.normal is not None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from room2dgs import _C
-from room2dgs.captures.confidence import confidence
+from room2dgs.captures.uncertainty import completed_weight
 from room2dgs.depth.completion.evidence import evidence
 from room2dgs.depth.completion.expecting import asking, expecting
 from room2dgs.depth.completion.free_space import FreeSpace, seen_through
@@ -39,7 +39,9 @@ def corrected(
     """
     views = range(len(small))
     errors = list(parallel_map(expecting(small, alone, near, space), views, _C.threads()))
-    sure = [SureView(part.camera, part.depth, confidence(error)) for part, error in zip(alone, errors, strict=True)]
+    sure = [
+        SureView(part.camera, part.depth, completed_weight(error)) for part, error in zip(alone, errors, strict=True)
+    ]
     lent = depth_of_other_views(sure, near)
     asked = asking(alone, near)
 

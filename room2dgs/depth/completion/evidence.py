@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from room2dgs.depth.completion.small_maps import Completed, SmallMaps
-from room2dgs.stereo.agreement import Agreement
+from room2dgs.stereo.geometric_consistency import GeometricConsistency
 
-ASKED = 10  # views that are asked whether they agree
+CONSISTENCY_VIEWS = 10  # views whose depth a view's is compared with
 MOST = 0.5  # of ln of another source's depth over the completed
 MOST_ERROR = 0.3  # relative
 # The channels: PHOTO and NORMAL begin there and have three each (RGB; camera frame), RAYS two (x and y where z = 1).
 # LN_DEPTH is over the view's median, LN_MEDIAN in metres. PRIOR, ANCHOR, OTHERS and PLANE are ln of the joint depth, of
 # stereo, of what other views lend and of the room's planes over the completed depth.
 PHOTO, LN_DEPTH, KNOWN, PRIOR, ANCHOR, ANCHOR_TRUST, NORMAL, NORMAL_SURE, PRIOR_SURE = 0, 3, 4, 5, 6, 7, 8, 11, 12
-AGREEING, THROUGH, HIDDEN, FREE_SPACE, OTHERS, OTHERS_TRUST, PLANE, PLANE_TRUST, FLAT = range(13, 22)
+CONSISTENT, THROUGH, HIDDEN, FREE_SPACE, OTHERS, OTHERS_TRUST, PLANE, PLANE_TRUST, FLAT = range(13, 22)
 ERROR, RAYS, LN_MEDIAN = 22, 23, 25
 CHANNELS = 26
 OF_NORMALS = (NORMAL, NORMAL + 1, NORMAL + 2, NORMAL_SURE, PLANE, PLANE_TRUST, FLAT)  # 0 where nobody knows normals
@@ -23,7 +23,7 @@ OF_NORMALS = (NORMAL, NORMAL + 1, NORMAL + 2, NORMAL_SURE, PLANE, PLANE_TRUST, F
 def evidence(
     maps: SmallMaps,
     small: Completed,
-    others: Agreement,
+    others: GeometricConsistency,
     through: np.ndarray,
     lent: tuple[np.ndarray, np.ndarray],
     planes: tuple[np.ndarray, np.ndarray],
@@ -34,7 +34,7 @@ def evidence(
     Args:
         maps: what the depth was completed from.
         small: what came of it.
-        others: what `ASKED` other views say of it.
+        others: what `CONSISTENCY_VIEWS` other views say of it.
         through: (h, w) share of all other views' word that there is nothing.
         lent: depth that other views have there and the trust in it (`depth_of_other_views`).
         planes: likewise of the room's planes (`on_planes`).
@@ -58,8 +58,9 @@ def evidence(
     found[NORMAL : NORMAL + 3] = np.moveaxis(maps.camera.turned_to_camera(maps.normal), 2, 0)
     found[NORMAL_SURE] = maps.tie
     found[PRIOR_SURE] = maps.prior_weight
-    for channel, count in zip((AGREEING, THROUGH, HIDDEN), (others.count, others.through, others.hidden), strict=True):
-        found[channel] = count / np.float32(ASKED)
+    counts = (others.num_consistent, others.num_seen_through, others.num_hidden)
+    for channel, count in zip((CONSISTENT, THROUGH, HIDDEN), counts, strict=True):
+        found[channel] = count / np.float32(CONSISTENCY_VIEWS)
     found[FREE_SPACE] = through
     for channel, (depth, trust) in ((OTHERS, lent), (PLANE, planes)):
         found[channel] = ratio(depth)

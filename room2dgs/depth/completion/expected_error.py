@@ -5,11 +5,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from room2dgs.stereo.agreement import Agreement
+from room2dgs.stereo.geometric_consistency import GeometricConsistency
 
 # Relative errors, metres a metre. Set by hand from the median errors of such pixels on two captures, greywhite (HELD
 # follows it closely) and redkitchen, whose errors are about twice as large; not calibrated on others. Columns: how many
-# of ten other views agree, 0 or 1, 2 or 3, 4 to 6, 7 or more.
+# of ten other views are consistent, 0 or 1, 2 or 3, 4 to 6, 7 or more.
 COUNTS = (2, 4, 7)
 # No trusted anchor near.
 FREE = np.array([0.13, 0.014, 0.009, 0.009], np.float32)
@@ -29,10 +29,10 @@ HELD = np.array(
 REACH = 4.0  # pixels: deviation of the Gaussian with which an anchor speaks for what is around it
 ENOUGH = 0.3  # trust around a pixel, of 1 if every pixel had a trusted anchor, that counts as held
 OFF = 0.03  # relative difference at which a depth contradicts an anchor
-# Added where views contradict and none agrees; set by hand, with HELD's first, on the true errors of bathroom,
+# Added where views contradict and none is consistent; set by hand, with HELD's first, on the true errors of bathroom,
 # greywhite, redkitchen and two rooms of the suite.
 CONTRADICTED = 0.13
-AGREEING = 1.6  # how many views that look through a depth one that agrees outweighs
+CONSISTENT = 1.6  # how many views that look through a depth one consistent view outweighs
 HIDING = 0.1  # what a view from which something nearer hides the depth counts of one that looks through it
 ALONE = 0.25  # how many of these it takes against a depth that nobody confirms, to half of what is added
 SEEN_THROUGH = 0.1  # added where all other views look through it
@@ -40,7 +40,7 @@ LEAST_ERROR = 1e-4  # relative, where differences are taken over an error: 0 / 0
 
 
 def expected_relative_error(
-    completed: np.ndarray, anchor: np.ndarray, trust: np.ndarray, others: Agreement, through: np.ndarray
+    completed: np.ndarray, anchor: np.ndarray, trust: np.ndarray, others: GeometricConsistency, through: np.ndarray
 ) -> np.ndarray:
     """(h, w) float32.
 
@@ -56,12 +56,12 @@ def expected_relative_error(
     around = [cv2.GaussianBlur(part.astype(np.float32), (0, 0), REACH) for part in (trust * known, trust * off)]
     share = around[1] / np.maximum(around[0], 1e-6)
     held = np.clip(around[0] / ENOUGH, 0, 1)
-    column = np.digitize(others.count, COUNTS)
+    column = np.digitize(others.num_consistent, COUNTS)
     place = np.clip(np.interp(share, SHARES, np.arange(len(SHARES))), 0, len(SHARES) - 1)
     below = np.minimum(place.astype(np.int64), len(SHARES) - 2)
     part = place - below
     anchored = HELD[below, column] * (1 - part) + HELD[below + 1, column] * part
-    against = others.through + HIDING * others.hidden
-    contradicted = against / (against + AGREEING * others.count + ALONE)
+    against = others.num_seen_through + HIDING * others.num_hidden
+    contradicted = against / (against + CONSISTENT * others.num_consistent + ALONE)
     error = FREE[column] * (1 - held) + anchored * held + CONTRADICTED * contradicted + SEEN_THROUGH * through**2
     return error.astype(np.float32)

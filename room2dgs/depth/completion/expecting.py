@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from room2dgs.depth.completion.evidence import ASKED
+from room2dgs.depth.completion.evidence import CONSISTENCY_VIEWS
 from room2dgs.depth.completion.expected_error import expected_relative_error
 from room2dgs.depth.completion.free_space import FreeSpace, seen_through
 from room2dgs.depth.completion.small_maps import Completed
-from room2dgs.stereo.agreement import Agreement, agreement
+from room2dgs.stereo.geometric_consistency import GeometricConsistency, geometric_consistency
 from room2dgs.stereo.planes import inverse_of
 
 MAX_PX, MAX_RELATIVE = 2.0, 0.03
@@ -40,12 +40,14 @@ def expecting(
     return expected
 
 
-def asking(alone: Sequence[Completed], near: Sequence[Sequence[int]]) -> Callable[[int, np.ndarray], Agreement]:
+def asking(
+    alone: Sequence[Completed], near: Sequence[Sequence[int]]
+) -> Callable[[int, np.ndarray], GeometricConsistency]:
     """What says how the others agree with a view's (h, w) depth; each counts by what it found by itself."""
     inverse = [inverse_of(part.depth) for part in alone]
 
-    def asked(view: int, depth: np.ndarray) -> Agreement:
-        beside = [(alone[other].camera, inverse[other]) for other in near[view][:ASKED]]
-        return agreement(alone[view].camera, inverse_of(depth), beside, MAX_PX, MAX_RELATIVE)
+    def asked(view: int, depth: np.ndarray) -> GeometricConsistency:
+        beside = [(alone[other].camera, inverse[other]) for other in near[view][:CONSISTENCY_VIEWS]]
+        return geometric_consistency(alone[view].camera, inverse_of(depth), beside, MAX_PX, MAX_RELATIVE)
 
     return asked

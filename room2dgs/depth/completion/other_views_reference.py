@@ -24,11 +24,11 @@ def depth_of_other_views_reference(
     total = weight.sum(axis=0)
     middle = (np.cumsum(weight, axis=0) >= total / 2).argmax(axis=0)
     median = np.take_along_axis(z, middle[None], axis=0)[0]
-    agreeing = np.where(np.abs(z - median) < SAME * median, weight, 0)
-    s = agreeing.sum(axis=0)
+    consistent = np.where(np.abs(z - median) < SAME * median, weight, 0)
+    s = consistent.sum(axis=0)
     some = np.where(s > 0, s, 1)
-    trust = (agreeing**2).sum(axis=0) / some * (s / np.where(s > 0, total, 1)) * (s / (s + 1))
-    return (agreeing * z).sum(axis=0) / some, trust
+    trust = (consistent**2).sum(axis=0) / some * (s / np.where(s > 0, total, 1)) * (s / (s + 1))
+    return (consistent * z).sum(axis=0) / some, trust
 
 
 def _vote(other: SureView, view: SureView) -> tuple[np.ndarray, np.ndarray]:

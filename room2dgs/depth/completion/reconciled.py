@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from room2dgs.captures.confidence import confidence, error_of
+from room2dgs.captures.uncertainty import completed_sigma, completed_weight
 from room2dgs.depth.completion.on_planes import flattened
 from room2dgs.depth.completion.other_views import SureView, depth_of_other_views
 from room2dgs.depth.completion.planes import Plane
@@ -31,12 +31,14 @@ def with_neighbours(
         errors: of each, (h, w) expected relative error.
         near: for each, which others to ask, best first (`depth_of_other_views`).
     """
-    sure = [SureView(part.camera, part.depth, confidence(error)) for part, error in zip(parts, errors, strict=True)]
+    sure = [
+        SureView(part.camera, part.depth, completed_weight(error)) for part, error in zip(parts, errors, strict=True)
+    ]
     found, left = [], []
     for part, error, (depth, trust) in zip(parts, errors, depth_of_other_views(sure, near), strict=True):
         both = (depth > 0) & (part.depth > 0)
         away = np.log(np.where(both, depth, 1) / np.where(both, part.depth, 1))
-        others = error_of(np.clip(trust, LEAST_TRUST, MOST_TRUST))
+        others = completed_sigma(np.clip(trust, LEAST_TRUST, MOST_TRUST))
         square = error**2 + others**2
         share = np.where(both, error**2 / square, 0) / (1 + away**2 / (APART**2 * square))
         found.append(moved(part, share * away))

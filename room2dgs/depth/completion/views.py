@@ -11,14 +11,14 @@ import cv2
 import numpy as np
 
 from room2dgs import _C
-from room2dgs.captures.confidence import confidence
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
+from room2dgs.captures.uncertainty import completed_weight
 from room2dgs.depth.completion.corrected import corrected
 from room2dgs.depth.completion.correction import Correct
 from room2dgs.depth.completion.creases import SeenPlanes
-from room2dgs.depth.completion.evidence import ASKED
+from room2dgs.depth.completion.evidence import CONSISTENCY_VIEWS
 from room2dgs.depth.completion.expected_error import LEAST_ERROR
 from room2dgs.depth.completion.expecting import expecting
 from room2dgs.depth.completion.free_space import FreeSpace, seen_through
@@ -74,8 +74,8 @@ def complete_views(
         depths: frame name -> (H, W) float32 metres, after the joint optimisation; 0 = invalid.
         confidences: frame name -> (H, W) what the network expects of its depth; 1 for the others.
         normals, normal_confidences: frame name -> (H, W, 3) unit, world frame, and (H, W).
-        points: sparse points and stereo's (`with_stereo`).
-        stereo: frame name -> depth and agreeing views of stereo, of any size; may be empty.
+        points: sparse points and stereo's (`with_depth_samples`).
+        stereo: frame name -> depth and the number of consistent views of stereo, of any size; may be empty.
         misfits: frame name -> median relative residual of the prior at the points before any optimisation, NaN =
             unknown: where the network does badly, by the median over the views, its maps bend to the points.
         take: gets each frame's name, its (H, W) depth in metres, 0 = invalid, and (H, W) confidence.
@@ -138,7 +138,7 @@ def complete_views(
         median = float(np.median(error[part.depth > 0])) if (part.depth > 0).any() else float("nan")
         depth = depths[frame.name]
         large = partial(cv2.resize, dsize=depth.shape[::-1], interpolation=cv2.INTER_LINEAR)
-        sure = large(confidence(error))
+        sure = large(completed_weight(error))
         full = (depth * np.exp(enlarged(part.log_scale, part.depth > 0, depth.shape))).astype(np.float32)
         if frame.name in stereo:
             full = _with_fine(full, large(error.astype(np.float32)), *stereo[frame.name], frame.camera)
@@ -163,7 +163,7 @@ def _seen_planes(maps: SmallMaps, part: Completed, planes: Sequence[Plane]) -> S
 def _near_views(frames: Sequence[Frame], points: PointCloud) -> list[list[int]]:
     tracked = points if points.tracks is None else points.chosen(points.track_length > 1)
     seen = [seen_points(tracked, frame).index for frame in frames]
-    return choose_neighbours([frame.camera for frame in frames], seen, tracked.xyz, max(ASKED, LENDING))
+    return choose_neighbours([frame.camera for frame in frames], seen, tracked.xyz, max(CONSISTENCY_VIEWS, LENDING))
 
 
 def _samples(
@@ -173,7 +173,7 @@ def _samples(
     parts = []
     for maps, part, error in zip(given, small, errors, strict=True):
         row, column = (one.ravel() for one in np.mgrid[1 : part.depth.shape[0] : 2, 1 : part.depth.shape[1] : 2])
-        depth, normal, sure = part.depth[row, column], maps.normal[row, column], confidence(error[row, column])
+        depth, normal, sure = part.depth[row, column], maps.normal[row, column], completed_weight(error[row, column])
         use = (depth > 0) & (sure > LEAST_SURE) & normal.any(axis=1)
         pixel = np.stack([column, row], axis=1)[use] + 0.5
         xyz = part.camera.unproject(pixel, depth[use])
@@ -195,7 +195,9 @@ def _held_by_other_views(
     held: Sequence[SmallMaps], before: Sequence[Completed], errors: Sequence[np.ndarray], near: Sequence[Sequence[int]]
 ) -> Iterator[SmallMaps]:
     """Likewise what is sure in a view's neighbours; each made when it is asked for."""
-    sure = [SureView(part.camera, part.depth, confidence(error)) for part, error in zip(before, errors, strict=True)]
+    sure = [
+        SureView(part.camera, part.depth, completed_weight(error)) for part, error in zip(before, errors, strict=True)
+    ]
     return (_anchored(maps, *seen) for maps, seen in zip(held, depth_of_other_views(sure, near), strict=True))
 
 
@@ -234,7 +236,7 @@ def _flat(maps: SmallMaps, before: Completed, planes: Sequence[Plane]) -> Comple
 
 
 def _with_fine(
-    depth: np.ndarray, error: np.ndarray, stereo: np.ndarray, agreeing: np.ndarray, camera: Camera
+    depth: np.ndarray, error: np.ndarray, stereo: np.ndarray, num_consistent: np.ndarray, camera: Camera
 ) -> np.ndarray:
     """Stereo's own pixels where they hardly differ, for how sure depth is: they have the fine detail. What differs by
     more is noise, or what completion has mended.
@@ -242,7 +244,7 @@ def _with_fine(
     Args:
         error: (H, W) expected relative error of the depth.
     """
-    kept = np.where(agreeing >= LEAST_STEREO, stereo, 0)
+    kept = np.where(num_consistent >= LEAST_STEREO, stereo, 0)
     fine, there = resize_depth(kept, kept > 0, camera)
     there &= np.abs(fine - depth) < NEAR * depth
     detail = np.log(np.where(there, fine, 1) / np.where(there, depth, 1))

@@ -11,6 +11,7 @@ import numpy as np
 
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.captures.selection import evenly_spaced
+from room2dgs.captures.uncertainty import stereo_weight
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config, dump_config
 from room2dgs.files import whole_file
@@ -24,12 +25,11 @@ from room2dgs.runs.page import texts, trust
 from room2dgs.runs.page.views import small
 from room2dgs.runs.pictures import depth_picture
 from room2dgs.runs.trust import Trust
-from room2dgs.stereo.anchors import trust as trust_of
 
 if TYPE_CHECKING:
     from room2dgs.stereo.dense import DenseView
 
-COUNTS = ((2, 2), (3, 4), (5, 6), (7, None))  # agreeing photos, as the tables have them
+COUNTS = ((2, 2), (3, 4), (5, 6), (7, None))  # consistent photos, as the tables have them
 LITTLE = 0.1  # of the pixels; photos with less are named
 TILE = 320  # pixels of a picture's width, at most
 ADVICE = (
@@ -106,7 +106,7 @@ def _little(photos: Sequence[Coverage]) -> list[str]:
 
 
 def _totals(whole: Coverage) -> Table:
-    rows = [(f"{_number(*counts)} photos agree", counted(whole.agreeing, *counts)) for counts in COUNTS]
+    rows = [(f"{_number(*counts)} photos agree", counted(whole.num_consistent, *counts)) for counts in COUNTS]
     rows.append(("stereo's depth in all", whole.stereo))
     empty = 1 - whole.stereo
     if whole.filled is not None and whole.filled_sure is not None:
@@ -136,7 +136,7 @@ def _table(title: str, photos: Iterable[Coverage]) -> Table:
     photos = list(photos)
     columns = {"photo": lambda one: one.photo, "stereo": lambda one: _share(one.stereo)}
     for counts in COUNTS:
-        columns[f"{_number(*counts)} agree"] = lambda one, counts=counts: _share(counted(one.agreeing, *counts))
+        columns[f"{_number(*counts)} agree"] = lambda one, counts=counts: _share(counted(one.num_consistent, *counts))
     columns["expected error"] = lambda one: NOTHING if one.error_m is None else f"{1000 * one.error_m:.1f} mm"
     if any(one.filled is not None for one in photos):
         columns["filled"] = lambda one: NOTHING if one.filled is None else _share(one.filled)
@@ -156,17 +156,17 @@ def _pictured(
 
 
 def _figures(frame: Frame, view: DenseView, maps: ViewMaps[np.ndarray] | None) -> list[Figure]:
-    stereo = Trust(_bytes(trust_of(view.agreeing)), np.full(view.depth.shape, trust.SURE, np.uint8))
+    stereo = Trust(_bytes(stereo_weight(view.num_consistent)), np.full(view.depth.shape, trust.SURE, np.uint8))
     pictures = [
         ("photo", frame.color()),
         ("stereo's depth", depth_picture(view.depth, view.depth > 0)),
         ("its confidence", trust.picture(stereo)),
     ]
     if maps is not None and maps.depth is not None:
-        agreeing = cv2.resize(view.agreeing, maps.depth.shape[::-1], interpolation=cv2.INTER_NEAREST_EXACT)
+        num_consistent = cv2.resize(view.num_consistent, maps.depth.shape[::-1], interpolation=cv2.INTER_NEAREST_EXACT)
         sure = (maps.depth > 0).astype(np.float32) if maps.depth_confidence is None else maps.depth_confidence
         pictures.append(("filled depth", depth_picture(maps.depth, maps.depth > 0)))
-        pictures.append(("its confidence", trust.picture(Trust(_bytes(sure), agreeing))))
+        pictures.append(("its confidence", trust.picture(Trust(_bytes(sure), num_consistent))))
     return [Figure(caption, small(picture / 255, TILE)) for caption, picture in pictures]
 
 

@@ -15,7 +15,7 @@ STEREO, PRIOR, NOTHING = np.array([60, 170, 80]), np.array([70, 120, 220]), np.a
 def picture(one: Trust) -> np.ndarray:
     """(h, w, 3) uint8: green where stereo stands in its own right, else blue; as bright as it is trusted."""
     sure = one.confidence[..., None] / 255
-    source = np.where((one.agreeing >= SURE)[..., None], STEREO, PRIOR)
+    source = np.where((one.num_consistent >= SURE)[..., None], STEREO, PRIOR)
     return np.round(NOTHING + (source - NOTHING) * sure).astype(np.uint8)
 
 
@@ -52,7 +52,7 @@ def sentences(maps: Mapping[str, Trust], source: str) -> list[str]:
     """Shares over the views that maps were kept of."""
     if not maps:
         return []
-    stereo = np.concatenate([(one.agreeing >= SURE).ravel() for one in maps.values()])
+    stereo = np.concatenate([(one.num_consistent >= SURE).ravel() for one in maps.values()])
     confidence = np.concatenate([one.confidence.ravel() for one in maps.values()]) / 255
     lines = [f'Measured on {len(maps)} training views; their pictures are above, under "where depth was trusted".']
     if source != "sensor":

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from room2dgs import _C
-from room2dgs.captures.confidence import confidence
 from room2dgs.captures.lazy_maps import LazyMaps
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.scene import Frame
+from room2dgs.captures.uncertainty import completed_weight
 from room2dgs.depth.completion import solve
 from room2dgs.depth.completion.expected_error import expected_relative_error
 from room2dgs.depth.completion.photo_edges import ties_across_edges
 from room2dgs.depth.completion.small_maps import small_maps
 from room2dgs.depth.completion.solve import normal_slopes, prior_slopes
 from room2dgs.depth.completion.views import _system, complete_views
-from room2dgs.stereo.agreement import Agreement
+from room2dgs.stereo.geometric_consistency import GeometricConsistency
 
 
 def solved(anchor, trust, prior, weight=0.0, tie=1.0, photo=None, slopes=None):
@@ -167,21 +167,21 @@ def test_slopes_are_those_of_the_plane():
         np.testing.assert_allclose(0.5 * (down[:-1] + down[1:]), np.diff(np.log(depth), axis=0), atol=1e-4)
 
 
-def said(count: int, through: int = 0, hidden: int = 0) -> Agreement:
+def said(count: int, through: int = 0, hidden: int = 0) -> GeometricConsistency:
     shape = (20, 20)
     none = np.zeros(shape)
-    return Agreement(none, *(np.full(shape, number, np.uint8) for number in (count, through, hidden)), none)
+    return GeometricConsistency(none, *(np.full(shape, number, np.uint8) for number in (count, through, hidden)), none)
 
 
-def sure_of(factor: float, others: Agreement, through: float = 0.0, trust: float = 1.0) -> float:
+def sure_of(factor: float, others: GeometricConsistency, through: float = 0.0, trust: float = 1.0) -> float:
     """Confidence in a depth of 2 m whose anchors are at `factor` times that."""
     depth = np.full((20, 20), 2.0)
     anchor = factor * depth if trust else np.zeros_like(depth)
     error = expected_relative_error(depth, anchor, np.full_like(depth, trust), others, np.full_like(depth, through))
-    return float(confidence(error).mean())
+    return float(completed_weight(error).mean())
 
 
-def test_more_agreeing_views_and_no_contradiction_are_trusted_more():
+def test_more_consistent_views_and_no_contradiction_are_trusted_more():
     by_count = [sure_of(1.0, said(count), trust=0.0) for count in (0, 2, 7)]
     assert all(np.diff(by_count) > 0) and by_count[0] < 0.1 and by_count[-1] > 0.7
     assert sure_of(1.0, said(5)) > 0.9 and sure_of(1.2, said(5)) < 0.35

@@ -10,15 +10,15 @@ import cv2
 import numpy as np
 import pytest
 
-from room2dgs.captures.confidence import confidence
+from room2dgs.captures.uncertainty import completed_weight
 from room2dgs.depth.completion import correction, evidence
 from room2dgs.depth.completion.correction import correction_by_network
 from room2dgs.depth.completion.small_maps import Completed, SmallMaps
 from room2dgs.depth.completion.views import complete_views
 from room2dgs.depth.load import load_priors
 from room2dgs.errors import InputError
-from room2dgs.stereo.agreement import Agreement
-from room2dgs.stereo.anchors import StereoPoints, with_stereo
+from room2dgs.stereo.depth_samples import DepthSamples, with_depth_samples
+from room2dgs.stereo.geometric_consistency import GeometricConsistency
 
 SHAPE = (12, 16)
 
@@ -43,7 +43,7 @@ def view(make):
 def test_each_channel_is_what_it_is_called(view):
     maps, small = view
     counts = [np.full(SHAPE, number, np.uint8) for number in (7, 2, 1)]
-    said = Agreement(small.depth, *counts, small.depth)
+    said = GeometricConsistency(small.depth, *counts, small.depth)
     lent, planes = (2 * small.depth, np.full(SHAPE, 0.5)), (np.zeros(SHAPE), np.full(SHAPE, 0.7))
     error = np.full(SHAPE, 0.02)
     error[0, 0] = 5
@@ -66,7 +66,7 @@ def test_each_channel_is_what_it_is_called(view):
     )
     # a wall that faces the camera, in the camera's frame
     np.testing.assert_allclose(found[evidence.NORMAL : evidence.NORMAL + 3, 0, 0], [0, 0, -1], atol=1e-6)
-    assert [found[channel, 1, 1] for channel in (evidence.AGREEING, evidence.THROUGH, evidence.HIDDEN)] == [
+    assert [found[channel, 1, 1] for channel in (evidence.CONSISTENT, evidence.THROUGH, evidence.HIDDEN)] == [
         pytest.approx(part) for part in (0.7, 0.2, 0.1)
     ]
     assert found[evidence.OTHERS][known] == pytest.approx(evidence.MOST) and found[evidence.OTHERS_TRUST, 0, 0] == 0.5
@@ -80,7 +80,7 @@ def test_each_channel_is_what_it_is_called(view):
 def test_a_view_without_any_depth_has_evidence_of_nothing(view):
     maps, small = view
     nothing = small._replace(depth=np.zeros(SHAPE, np.float32))
-    said = Agreement(*(np.zeros(SHAPE, np.uint8) for _ in range(5)))
+    said = GeometricConsistency(*(np.zeros(SHAPE, np.uint8) for _ in range(5)))
     none = (np.zeros(SHAPE), np.zeros(SHAPE))
     found = evidence.evidence(maps, nothing, said, np.zeros(SHAPE), none, none, np.full(SHAPE, np.float32(0.1)))
     assert np.isfinite(found).all() and not found[evidence.LN_DEPTH : evidence.ANCHOR + 1].any()
@@ -104,7 +104,9 @@ def completed(room, tmp_path):
     def complete(correct, stereo=False):
         taken = {}
         maps = {name: (depth, np.full(depth.shape, 7, np.uint8)) for name, depth in depths.items()} if stereo else {}
-        points = with_stereo(room.points, frames, [frame.camera for frame in frames], maps) if stereo else room.points
+        points = (
+            with_depth_samples(room.points, frames, [frame.camera for frame in frames], maps) if stereo else room.points
+        )
         complete_views(
             frames, depths, {}, normals, {}, points, maps, {}, lambda line: None,
             lambda name, *maps: taken.update({name: maps}),
@@ -127,7 +129,7 @@ def test_depth_moves_as_the_network_says_and_is_trusted_by_its_expected_error(co
     for name, (depth, sure) in corrected.items():
         known = plain[name][0] > 0
         np.testing.assert_allclose(depth[known], 1.1 * plain[name][0][known], rtol=1e-4)
-        np.testing.assert_allclose(sure[known], confidence(np.float32(0.04)), rtol=1e-4)
+        np.testing.assert_allclose(sure[known], completed_weight(np.float32(0.04)), rtol=1e-4)
 
 
 def test_planes_are_found_anew_in_corrected_depth_by_half_the_width(completed, monkeypatch):
@@ -191,7 +193,7 @@ def test_it_corrects_both_looks_where_stereo_has_seen_something(
 
     monkeypatch.setattr("room2dgs.depth.load.correction_by_network", lambda: correct)
     cameras = [frame.camera for frame in frames]
-    held = StereoPoints(with_stereo(room.points, frames, cameras, maps), maps)
+    held = DepthSamples(with_depth_samples(room.points, frames, cameras, maps), maps)
     load_priors(frames, room.points, config, lambda line: None, lambda first: held)
     assert len(calls) == (2 * len(frames) if asked else 0)
     calls.clear()

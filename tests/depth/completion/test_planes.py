@@ -148,20 +148,20 @@ def test_samples_know_how_far_off_their_depth_may_be(camera: Camera):
 
 
 def test_stereos_pixels_count_as_far_as_they_may_be_right(camera: Camera):
-    depth, error, agreeing = (np.full((camera.height, camera.width), x, np.float32) for x in (2.0, 0.002, 5))
+    depth, error, num_consistent = (np.full((camera.height, camera.width), x, np.float32) for x in (2.0, 0.002, 5))
     stereo = depth.copy()
     stereo[:10] *= 1.002  # the surface's own shape
     stereo[10:20] *= 0.975  # what completion has overruled
-    agreeing[4:6] = 2
-    found = _with_fine(depth, error, stereo, agreeing, camera)
+    num_consistent[4:6] = 2
+    found = _with_fine(depth, error, stereo, num_consistent, camera)
     assert np.abs(found[7:9, 2:-2] - 2.004).max() < 0.0003
     assert np.abs(found[12:18, 2:-2] - 2.0).max() < 0.006
     assert (found[5, 2:-2] == 2).all()  # of too few views
-    unsure = _with_fine(depth, 10 * error, stereo, agreeing, camera)
+    unsure = _with_fine(depth, 10 * error, stereo, num_consistent, camera)
     assert np.abs(unsure[12:18, 2:-2] - 1.95).max() < 0.006  # where depth may be that far off
-    assert (_with_fine(depth, 0 * error, stereo, agreeing, camera)[:10] - 2 < 3e-4).all()
+    assert (_with_fine(depth, 0 * error, stereo, num_consistent, camera)[:10] - 2 < 3e-4).all()
     stereo[10:20] *= 0.5
-    assert (_with_fine(depth, 10 * error, stereo, agreeing, camera)[12:18] == 2).all()
+    assert (_with_fine(depth, 10 * error, stereo, num_consistent, camera)[12:18] == 2).all()
 
 
 def test_a_plane_seen_from_behind_is_nobodys(camera: Camera):

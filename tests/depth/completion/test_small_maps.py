@@ -10,7 +10,7 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.depth.completion.small_maps import enlarged, small_maps
 from room2dgs.geometry.camera import Camera
-from room2dgs.stereo.anchors import with_stereo
+from room2dgs.stereo.depth_samples import with_depth_samples
 
 NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
 
@@ -31,7 +31,9 @@ def test_prior_and_stereo_are_those_of_the_pixels_centres(tmp_path, width):
     cv2.imwrite(str(tmp_path / "a.jpg"), np.full((height, width, 3), 128, np.uint8))
     frame = Frame(name="a", color_path=tmp_path / "a.jpg", camera=camera)
     depth = floor(camera)
-    points = with_stereo(NOTHING, [frame], [camera], {"a": (depth, np.full(depth.shape, 8, np.uint8) * (depth > 0))})
+    points = with_depth_samples(
+        NOTHING, [frame], [camera], {"a": (depth, np.full(depth.shape, 8, np.uint8) * (depth > 0))}
+    )
     maps = small_maps(frame, depth, None, None, None, points, 0.0)
     exact = floor(maps.camera)
     inside = cv2.erode(((exact > 0) & (maps.anchor > 0)).astype(np.uint8), np.ones((3, 3))) > 0

@@ -1,10 +1,10 @@
-"""Fits what a depth of stereo is worth (`room2dgs.stereo.worth`) to captures whose depth is known.
+"""Fits calibrated consistency (`room2dgs.stereo.consistency`) to captures whose depth is known.
 
-    python -m room2dgs.tools.fit_worth CAPTURE ...
+    python -m room2dgs.tools.fit_consistency CAPTURE ...
 
 A depth is wrong when it is more than 5 cm off. Printed are, for each capture, how well its wrong depths are told from
-the right ones (area under the curve) by the views that agree alone, by the weights that the package has, and by
-weights that are fitted to the other captures; then the weights fitted to all of them.
+the right ones (area under the curve) by the number of consistent views alone, by the weights that the package has, and
+by weights that are fitted to the other captures; then the weights fitted to all of them.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ import numpy as np
 from scipy.special import expit
 from scipy.stats import rankdata
 
-from room2dgs.bench.stereo import true_depth
 from room2dgs.captures.read import read_scene
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.sfm.sparse import sparse_points
+from room2dgs.stereo.consistency import ALL_EVIDENCE, consistency_evidence
 from room2dgs.stereo.passes import FIRST_WIDTH, NARROWER, with_windows
 from room2dgs.stereo.scene import scene_neighbours, scene_stereo
-from room2dgs.stereo.worth import TOGETHER, evidence
 from room2dgs.tools.command_line import command_line
+from room2dgs.tools.stereo_check.scores import true_depth
 
 WRONG_M = 0.05
 STEPS = 25  # of Newton's method; a handful do
@@ -40,7 +40,7 @@ class Pixels(NamedTuple):
     """Depth of stereo whose truth is known.
 
     Attributes:
-        evidence: (N, 5), as `room2dgs.stereo.worth.evidence` has it.
+        evidence: (N, 5), as `room2dgs.stereo.consistency.consistency_evidence` has it.
         wrong: (N,) bool.
     """
 
@@ -49,7 +49,7 @@ class Pixels(NamedTuple):
 
 
 def gathered(capture: Path, scratch: Path) -> Pixels:
-    """The pixels of a capture's training views, compared as in a first look.
+    """The pixels of a capture's training views, compared as in a first pass.
 
     Raises:
         InputError: the capture has no depth, or as `read_scene` and `sparse_points`.
@@ -66,8 +66,12 @@ def gathered(capture: Path, scratch: Path) -> Pixels:
     parts = []
     for frame, camera, view, beside in zip(scene.train, cameras, views, near, strict=True):
         others = [(cameras[other], views[other].depth) for other in beside]
-        maps = evidence(
-            (camera, view.depth), view.agreeing, others, settings.max_reprojection_px, settings.max_relative_difference
+        maps = consistency_evidence(
+            (camera, view.depth),
+            view.num_consistent,
+            others,
+            settings.max_reprojection_px,
+            settings.max_relative_difference,
         )
         truth = true_depth(frame, camera)
         here = (truth > 0) & (view.depth > 0)
@@ -111,22 +115,22 @@ def _with_constant(columns: np.ndarray) -> np.ndarray:
     return np.concatenate([np.ones((len(columns), 1)), columns], axis=1)
 
 
-@command_line("fit_worth")
+@command_line("fit_consistency")
 def main(arguments: list[str] | None = None) -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="fit_worth", description="Fit what a depth of stereo is worth.")
+    parser = argparse.ArgumentParser(prog="fit_consistency", description="Fit calibrated consistency of stereo.")
     parser.add_argument("captures", type=Path, nargs="+", help="folders of captures with depth")
     paths = parser.parse_args(arguments).captures
     with tempfile.TemporaryDirectory() as scratch:
         every = [gathered(path, Path(scratch)) for path in paths]
-    columns = len(TOGETHER) - 1
+    columns = len(ALL_EVIDENCE) - 1
     print(f"{'capture':<20} {'wrong':>6} {'views':>6} {'today':>6} {'others':>6}")
     for path, one in zip(paths, every, strict=True):
         others = [other for other in every if other is not one]
         of_others = area(odds(fitted(others, columns), one), one.wrong) if others else float("nan")
-        alone, today = area(-one.evidence[:, 0], one.wrong), area(odds(TOGETHER, one), one.wrong)
+        alone, today = area(-one.evidence[:, 0], one.wrong), area(odds(ALL_EVIDENCE, one), one.wrong)
         print(f"{path.name:<20} {one.wrong.mean():6.3f} {alone:6.3f} {today:6.3f} {of_others:6.3f}")
-    for name, count in (("ALONE", 1), ("TOGETHER", columns)):
+    for name, count in (("ALONE", 1), ("ALL_EVIDENCE", columns)):
         print(f"{name}: {', '.join(f'{weight:.3f}' for weight in fitted(every, count))}")
 
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from room2dgs import _C
 from room2dgs.geometry.camera import Camera
-from room2dgs.stereo.agreement import agreement
-from room2dgs.stereo.agreement_reference import agreement_reference
+from room2dgs.stereo.geometric_consistency import geometric_consistency
+from tests.oracles.geometric_consistency import geometric_consistency_reference
 
 MAX_PX, MAX_RELATIVE = 1.0, 0.02
 
@@ -39,7 +39,7 @@ def drawn(seed, neighbours):
 
 
 def at_thresholds(view, others, factor):
-    return agreement_reference(*view, others, MAX_PX * factor, MAX_RELATIVE * factor)
+    return geometric_consistency_reference(*view, others, MAX_PX * factor, MAX_RELATIVE * factor)
 
 
 @settings(max_examples=80, deadline=None)
@@ -47,16 +47,16 @@ def at_thresholds(view, others, factor):
 def test_the_kernel_is_the_reference(seed, neighbours):
     """But for pixels that rounding may take to either side of a threshold, or of the border between two pixels."""
     view, others = drawn(seed, neighbours)
-    found = agreement(*view, others, MAX_PX, MAX_RELATIVE)
+    found = geometric_consistency(*view, others, MAX_PX, MAX_RELATIVE)
     exact, tighter, looser = (at_thresholds(view, others, factor) for factor in (1.0, 1 - 1e-4, 1 + 1e-4))
-    names = ("count", "through", "hidden")
+    names = ("num_consistent", "num_seen_through", "num_hidden")
     sure = np.logical_and.reduce([getattr(tighter, name) == getattr(looser, name) for name in names])
     differs = np.logical_or.reduce([getattr(found, name) != getattr(exact, name) for name in names])
     assert (differs & sure).sum() <= 0.01 * sure.sum() + 1  # a pixel beside the border of two looks up the other one
     same = sure & ~differs
     np.testing.assert_allclose(found.inverse_depth[same], exact.inverse_depth[same], rtol=1e-5)
     # of squares' differences: their rounding, under the root
-    np.testing.assert_allclose(found.spread[same], exact.spread[same], atol=2e-3)
+    np.testing.assert_allclose(found.sigma[same], exact.sigma[same], atol=2e-3)
 
 
 def test_each_threshold_holds_by_itself():
@@ -70,7 +70,7 @@ def test_each_threshold_holds_by_itself():
     wall, nearer = (np.full((20, 33), 1 / z, np.float32) for z in (2.0, 1.98))
     inner = (slice(None), slice(6, 24))
     counts = [
-        agreement(one, wall, [(other, nearer)], px, relative).count[inner]
+        geometric_consistency(one, wall, [(other, nearer)], px, relative).num_consistent[inner]
         for px, relative in ((1.0, 0.02), (0.01, 0.02), (1.0, 0.005))
     ]
     assert (counts[0] == 1).all() and not counts[1].any() and not counts[2].any()
@@ -85,7 +85,9 @@ def test_any_number_of_threads_and_a_map_that_is_a_part_of_another_give_the_same
         runs = []
         for threads, own in ((1, view[1]), (2, view[1]), (4, wide[::2, ::3])):
             _C.set_threads(threads)
-            runs.append(b"".join(part.tobytes() for part in agreement(view[0], own, others, MAX_PX, MAX_RELATIVE)))
+            runs.append(
+                b"".join(part.tobytes() for part in geometric_consistency(view[0], own, others, MAX_PX, MAX_RELATIVE))
+            )
     finally:
         _C.set_threads(before)
     assert runs[0] == runs[1] == runs[2]
@@ -134,7 +136,7 @@ def test_views_of_a_slanted_wall_say_exactly_where_it_is():
         turned = at.cam_from_world[:3, :3] @ normal
         offset = -2.0 + turned @ at.cam_from_world[:3, 3]
         views.append((at, ((turned @ rays) / offset).reshape(40, 30).T.astype(np.float32)))
-    found = agreement(*views[0], views[1:], 1.0, 0.01)
-    seen_by_all = found.count == 3
+    found = geometric_consistency(*views[0], views[1:], 1.0, 0.01)
+    seen_by_all = found.num_consistent == 3
     assert seen_by_all.mean() > 0.7
     np.testing.assert_allclose(found.inverse_depth[seen_by_all], views[0][1][seen_by_all], rtol=2e-5)

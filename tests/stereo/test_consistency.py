@@ -1,4 +1,4 @@
-"""How many agreeing views a depth is worth, by what else speaks for it or against it."""
+"""How many consistent views a depth is worth, by what else speaks for it or against it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from room2dgs.geometry.camera import Camera
-from room2dgs.stereo.worth import worth
+from room2dgs.stereo.consistency import calibrated_consistency
 
 WIDTH, HEIGHT = 80, 60
 K = np.array([[70.0, 0, 40], [0, 70, 30], [0, 0, 1]])
@@ -33,9 +33,9 @@ def slanted() -> np.ndarray:
     return (1 / (0.25 + 0.004 * np.arange(HEIGHT, dtype=np.float32)))[:, None].repeat(WIDTH, axis=1)
 
 
-def of(depth: np.ndarray, theirs: np.ndarray, agreeing: np.ndarray = VIEWS, others: int = 4) -> np.ndarray:
+def of(depth: np.ndarray, theirs: np.ndarray, num_consistent: np.ndarray = VIEWS, others: int = 4) -> np.ndarray:
     beside = [(camera(0.02 * k), theirs) for k in range(1, others + 1)]
-    return worth((camera(), depth), agreeing, beside, **MAX)
+    return calibrated_consistency((camera(), depth), num_consistent, beside, **MAX)
 
 
 @pytest.mark.parametrize("depth", [wall(), slanted()], ids=["wall", "floor"])
@@ -83,7 +83,7 @@ def test_larger_photos_ask_pixels_as_far_away():
     large = Camera(K * [[4], [4], [1]], 320, 240, np.eye(4))
     larger = large.resized(640, 480)
     one, two = (
-        worth((at, depth), np.full(depth.shape, 4, np.uint8), [], **MAX)
+        calibrated_consistency((at, depth), np.full(depth.shape, 4, np.uint8), [], **MAX)
         for at, depth in ((large, holes), (larger, twice))
     )
     np.testing.assert_array_equal(two[::2, ::2][:, :150], one[:, :150])
@@ -97,7 +97,7 @@ def test_a_pixel_without_depth_is_worth_nothing_whatever_is_around(seed, others)
     depth, theirs = (
         np.where(rng.random((HEIGHT, WIDTH)) < 0.7, rng.uniform(0.5, 6), 0).astype(np.float32) for _ in range(2)
     )
-    agreeing = np.where(depth > 0, rng.integers(2, 11, depth.shape), 0).astype(np.uint8)
-    found = of(depth, theirs, agreeing, others)
+    num_consistent = np.where(depth > 0, rng.integers(2, 11, depth.shape), 0).astype(np.uint8)
+    found = of(depth, theirs, num_consistent, others)
     assert found.dtype == np.uint8 and found.shape == depth.shape
     assert (found[depth == 0] == 0).all()

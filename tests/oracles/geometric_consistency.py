@@ -1,4 +1,4 @@
-"""The oracle of `agreement` in numpy, float64."""
+"""The oracle of `geometric_consistency` in numpy, float64."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 
 from room2dgs.captures.depth_at import inverse_depth_at
 from room2dgs.geometry.camera import Camera
-from room2dgs.stereo.agreement import Agreement
+from room2dgs.stereo.geometric_consistency import GeometricConsistency
 from room2dgs.stereo.patchmatch import warp
 
 
-def agreement_reference(
+def geometric_consistency_reference(
     camera: Camera,
     inverse_depth: np.ndarray,
     others: Sequence[tuple[Camera, np.ndarray]],
     max_px: float,
     max_relative: float,
-) -> Agreement:
-    """As `agreement`."""
+) -> GeometricConsistency:
+    """As `geometric_consistency`."""
     height, width = inverse_depth.shape
     y, x = np.mgrid[:height, :width].astype(np.float64)
     w = inverse_depth.astype(np.float64)
@@ -44,7 +44,7 @@ def agreement_reference(
     mean = total / (count + 1)
     variance = np.maximum(squares / (count + 1) - mean * mean, 0)
     spread = np.divide(np.sqrt(variance), mean, out=np.zeros_like(mean), where=mean > 0)
-    return Agreement(mean, count, through, hidden, spread)
+    return GeometricConsistency(mean, count, through, hidden, spread)
 
 
 def _carried(

@@ -1,4 +1,4 @@
-"""The fit of what a depth of stereo is worth."""
+"""The fit of calibrated consistency."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from room2dgs.tools.fit_worth import Pixels, area, fitted, gathered, main, odds
+from room2dgs.tools.fit_consistency import Pixels, area, fitted, gathered, main, odds
 
 TRUE = np.array([0.8, -0.4, 0.6, 0.2, -2.0, -1.0])
 
@@ -50,7 +50,7 @@ def test_odds_take_as_many_columns_as_there_are_weights():
 def test_a_capture_gives_evidence_and_says_what_is_wrong(plain, tmp_path):
     pixels = gathered(plain.path, tmp_path)
     assert len(pixels.evidence) == len(pixels.wrong) > 1000
-    assert (pixels.evidence[:, 0] >= 1).all()  # what no view agrees with is not kept
+    assert (pixels.evidence[:, 0] >= 1).all()  # what no view is consistent with is not kept
     assert 0 < pixels.wrong.mean() < 0.5
     assert area(-pixels.evidence[:, 0], pixels.wrong) > 0.55
 
