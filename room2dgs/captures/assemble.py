@@ -67,7 +67,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
     _check_names(frames)
     train, test, of_split = _split(frames, capture, config)
     chosen = set(keyframes([frame.camera for frame in train], config.keyframes))
-    doubt = focal_doubt([(entry.shot, entry.lens) for entry in entries])
+    doubt = focal_doubt([(entry.shot, entry.fitted_lens) for entry in entries])
     points = None
     if capture.points is not None:
         shots = {frame.name: entry.shot.name for frame, entry in zip(frames, entries, strict=True)}
@@ -136,12 +136,9 @@ def _disk_pose(shot: Shot) -> np.ndarray:
 
 
 def _frame(entry: Entry, image_width: int | None, wide: bool) -> Frame:
-    lens, depth, shot = entry.lens, entry.shot.depth, entry.shot
-    if lens.distorts:
-        pinhole = pinhole_of(lens)
-        K, size = pinhole.K, pinhole.size
-    else:
-        K, size, lens = lens.K, lens.size, None
+    lens, depth, shot = entry.fitted_lens, entry.shot.depth, entry.shot
+    pinhole = pinhole_of(lens) if lens.distorts else None
+    K, size = (lens.K, lens.known_size) if pinhole is None else (pinhole.K, pinhole.size)
     camera = resized_camera(Camera(K, *size, inverse_pose(entry.world_from_cam)), image_width, wide)
     return Frame(
         file_name(shot.name),
@@ -150,7 +147,7 @@ def _frame(entry: Entry, image_width: int | None, wide: bool) -> Frame:
         depth if isinstance(depth, Path) else (None if depth is None else Path(depth.label)),
         index=entry.index,
         photo=entry.photo,
-        lens=lens,
+        lens=None if pinhole is None else lens,
         mask_photo=entry.mask,
         transparent=entry.transparent,
         depth_map=None if isinstance(depth, Path) else depth,
@@ -224,10 +221,9 @@ def _notes(capture: Capture, config: SceneConfig, entries: list[Entry]) -> list[
         found.append(
             f"scale: unknown ({capture.why}); lengths are taken as metres, scene.unit=METRES of one unit mends it"
         )
-    distorted = sum(entry.lens.distorts for entry in entries)
-    if distorted:
-        model = next(entry.lens.model for entry in entries if entry.lens.distorts)
-        found.append(f"undistorted on reading: {distorted} of {count} photos ({model})")
+    models = [entry.fitted_lens.model for entry in entries if entry.fitted_lens.distorts]
+    if models:
+        found.append(f"undistorted on reading: {len(models)} of {count} photos ({models[0]})")
     masks = sum(entry.shot.mask is not None for entry in entries)
     if masks:
         found.append(f"masks: {masks} of {count} photos; what they hide is not used")

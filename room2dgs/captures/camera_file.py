@@ -52,7 +52,9 @@ def _of_transforms(path: Path) -> list[tuple[str, Camera]]:
     for shot in shots_of(meta, frames, path, lambda name: path.parent / name):
         if shot.lens is None:
             raise InputError(f"{path} says no focal length of {shot.name}; add fl_x, fl_y or camera_angle_x")
-        pose = _finite(shot.pose() if callable(shot.pose) else shot.pose, f"frame {shot.name}", path)
+        read = shot.pose() if callable(shot.pose) else shot.pose
+        assert read is not None, f"{path} names frame {shot.name} without a pose"
+        pose = _finite(read, f"frame {shot.name}", path)
         pose = rigid(pose, f"{path} (frame {shot.name})")
         found.append((shot.name, _camera(pose, C2W_OPENGL, shot.lens, world)))
     return [(file_name(name), camera) for name, camera in found]
@@ -80,5 +82,6 @@ def _finite(pose: np.ndarray, what: str, path: Path) -> np.ndarray:
 
 def _camera(pose: np.ndarray, poses: Poses, lens: Lens, world: np.ndarray | None = None) -> Camera:
     where = world_from_cam(pose, poses)
-    K, size = pinhole_of(lens)[:2] if lens.distorts else (lens.K, lens.size)
-    return Camera(K, *size, inverse_pose(where if world is None else moved(where, world)))
+    pinhole = pinhole_of(lens) if lens.distorts else None
+    K, (width, height) = (lens.K, lens.known_size) if pinhole is None else (pinhole.K, pinhole.size)
+    return Camera(K, width, height, inverse_pose(where if world is None else moved(where, world)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from room2dgs.errors import InputError
 from room2dgs.geometry.poses import inverse_pose
 
 Poses = Literal["camera_to_world_opencv", "camera_to_world_opengl", "world_to_camera_opencv", "world_to_camera_opengl"]
-C2W_OPENCV, C2W_OPENGL, W2C_OPENCV, W2C_OPENGL = Poses.__args__
+C2W_OPENCV, C2W_OPENGL, W2C_OPENCV, W2C_OPENGL = ALL_POSES = get_args(Poses)
 TURNED = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's camera axes to OpenCV's, and back
 
 

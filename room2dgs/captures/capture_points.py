@@ -51,8 +51,9 @@ class CapturePoints:
         Raises:
             InputError: the points cannot be read.
         """
+        assert self.capture.points is not None, "the capture brings no points"
         raw = self.capture.points()
-        if raw.shot is None:
+        if raw.shot is None or raw.pixel is None:
             return []
         number = {name: index for index, name in enumerate(raw.shots)}
         lenses = {shot.name: shot.lens for shot in self.capture.shots}
@@ -64,8 +65,9 @@ class CapturePoints:
             place = number.get(name)
             if place is None:
                 continue
-            size = lenses[name].size if lenses[name] is not None else None
+            lens = lenses[name]
             pixel = raw.pixel[order[bounds[place] : bounds[place + 1]]]
-            at = pixel / (size or (frame.lens.size if frame.lens else frame.full_size()))
+            stored = frame.lens.known_size if frame.lens else frame.full_size()
+            at = pixel / ((lens.size if lens is not None else None) or stored)
             found.append((frame.name, at[((at >= 0) & (at < 1)).all(axis=1)]))
         return found

@@ -34,9 +34,9 @@ def checked(scene: Scene) -> Scene:
         looks = dict(zip((frame.name for frame in frames), pool.map(_look, frames), strict=True))
     masks = next((frame.masks for frame in frames if frame.masks is not None), None)
     for frame in frames if masks is not None else ():
-        found = masks.facts().get(frame.mask_photo)
-        if isinstance(found, InputError) and looks[frame.name].error is None:
-            looks[frame.name] = _Look(str(found))
+        facts = masks.facts().get(frame.mask_photo) if masks and frame.mask_photo is not None else None
+        if isinstance(facts, InputError) and looks[frame.name].error is None:
+            looks[frame.name] = _Look(str(facts))
     bad = {name: look.error for name, look in looks.items() if look.error is not None}
     said = left_out(bad, len(frames), "photos that cannot be used")
     scene = _with_looks(scene, looks, bad)

@@ -224,7 +224,7 @@ def _binary_cameras(path: Path, wanted: Collection[int]) -> dict[int, Lens]:
     """The cameras that images have; the others are passed over, millions of them in a second."""
     file = _Bytes(path)
     count = file.count(CAMERA.size)
-    data, place, end = memoryview(file.data), file.place, len(file.data)
+    data, place, end = file.data.data, file.place, len(file.data)
     lengths = [8 * (MODELS.get(name) or OTHER_MODELS[name]) for name in BINARY_MODELS]
     cameras = {}
     for _ in range(count):
@@ -277,13 +277,13 @@ def _binary_points(path: Path) -> tuple[np.ndarray, ...]:
     for start in range(0, len(places), POINTS_AT_ONCE):
         part = slice(start, start + POINTS_AT_ONCE)
         rows = np.ascontiguousarray(file.data[places[part, None] + offset]).view(POINT)[:, 0]
-        ids[part], xyz[part], rgb[part], error[part] = (rows[key] for key in POINT.names)
+        ids[part], xyz[part], rgb[part], error[part] = rows["id"], rows["xyz"], rows["rgb"], rows["error"]
     return ids, xyz, rgb, error
 
 
 def _point_places(file: _Bytes, count: int) -> np.ndarray:
     """(count,) int64 where each point begins: behind the track of the one before."""
-    data, place, last = memoryview(file.data), file.place, len(file.data) - POINT.itemsize - LENGTH.size
+    data, place, last = file.data.data, file.place, len(file.data) - POINT.itemsize - LENGTH.size
     places = array("q")
     for _ in range(count):
         if place > last:

@@ -100,8 +100,9 @@ def depth_file(path: Path, unit_m: float = 0.001, **options) -> DepthMap:
     Args:
         options: other attributes of the map.
     """
-    kind = {".npy": _NpyFile, ".exr": _ExrFile}.get(path.suffix.lower(), _ImageFile)
-    return DepthMap(str(path), kind(path), unit_m, **options)
+    kinds: dict[str, Callable[[Path], Callable[[], np.ndarray]]] = {".npy": _NpyFile, ".exr": _ExrFile}
+    read = kinds.get(path.suffix.lower(), _ImageFile)(path)
+    return DepthMap(str(path), read, unit_m, **options)
 
 
 @dataclass(frozen=True)

@@ -29,3 +29,9 @@ class Entry:
     photo: Photo | None = None
     mask: Photo | None = None
     transparent: bool = False
+
+    @property
+    def fitted_lens(self) -> Lens:
+        """`lens`, once it is fitted to the photo (`room2dgs.captures.fitted`)."""
+        assert self.lens is not None, f"{self.shot.path} has no lens"
+        return self.lens

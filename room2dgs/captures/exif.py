@@ -49,4 +49,4 @@ def _ratio(shot: Shot, lens: Lens) -> float | None:
         return None
     if not 5 <= millimetres <= 1000:
         return None
-    return lens.K[0, 0] / (millimetres / FILM_DIAGONAL_MM * math.hypot(*lens.size))
+    return lens.K[0, 0] / (millimetres / FILM_DIAGONAL_MM * math.hypot(*lens.known_size))

@@ -16,7 +16,7 @@ CHANNELS = ("R", "Y", "Z", "depth", "Depth", "D", "V")  # the first that is ther
 SIDE = 1 << 20
 MEND = "replace it or export the capture again"
 # by bytes of a number
-_FLOATS = {2: np.dtype("<f2"), 4: np.dtype("<f4")}
+_FLOATS: dict[int, np.dtype[Any]] = {2: np.dtype("<f2"), 4: np.dtype("<f4")}
 
 
 def exr_size(path: Path) -> tuple[int, int]:

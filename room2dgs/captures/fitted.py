@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from room2dgs.captures.capture import Capture, Shot, file_name, pinhole_lens
+from room2dgs.captures.depth_maps import DepthMap
 from room2dgs.captures.entry import Entry
 from room2dgs.captures.image_files import depth_size
 from room2dgs.captures.left_out import left_out
@@ -123,7 +124,8 @@ def _fitted(
     given = config.intrinsics
     lens = shot.lens
     if given is not None:
-        lens = pinhole_lens(*given, None, "scene.intrinsics", config.pixel_centres != "integer")
+        fx, fy, cx, cy = given
+        lens = pinhole_lens(fx, fy, cx, cy, None, "scene.intrinsics", config.pixel_centres != "integer")
     size, photo = header.size, shot.photo
     if _to_be_turned(lens, header, shot.path.name, told):
         size, photo = turned_size(size, header.orientation), TurnedPhoto(shot.source, header.orientation)
@@ -146,7 +148,9 @@ def _fitted(
         elif lens.size != size:
             lens = _scaled(lens, size, shot)
         doubt = check_principal_point(lens, sure)
-        mask = None if headers.mask is None else _mask(shot.mask, headers.mask, size)
+        mask = None
+        if shot.mask is not None and headers.mask is not None:
+            mask = _mask(shot.mask, headers.mask, size)
     except InputError as error:
         if header.orientation == 1 or photo is not shot.photo:
             raise
@@ -181,9 +185,10 @@ def _resized(one: tuple[int, int], other: tuple[int, int]) -> bool:
 
 def _scaled(lens: Lens, size: tuple[int, int], shot: Shot) -> Lens:
     """Intrinsics of a photo that was resized after they were written."""
-    if not _resized(size, lens.size):
+    width, height = lens.known_size
+    if not _resized(size, (width, height)):
         raise InputError(
-            f"{shot.path} has {size[0]}x{size[1]} pixels, but its intrinsics are for {lens.size[0]}x{lens.size[1]}; "
+            f"{shot.path} has {size[0]}x{size[1]} pixels, but its intrinsics are for {width}x{height}; "
             "give the intrinsics of this image size as scene.intrinsics=[fx,fy,cx,cy], or the photos that they are for"
         )
     return lens.scaled_to(size)
@@ -205,11 +210,10 @@ def _check_depths(entries: Sequence[Entry], not_turned: set[str]) -> None:
     Args:
         not_turned: names of photos with an EXIF orientation that is not applied.
     """
-    present = [entry for entry in entries if entry.shot.depth is not None]
+    present = [(entry, entry.shot.depth) for entry in entries if entry.shot.depth is not None]
     with ThreadPoolExecutor() as pool:
-        sizes = list(pool.map(lambda entry: _depth_size(entry.shot), present))
-    for entry, size in zip(present, sizes, strict=True):
-        depth = entry.shot.depth
+        sizes = list(pool.map(_depth_size, (depth for _, depth in present)))
+    for (entry, depth), size in zip(present, sizes, strict=True):
         if size is not None:
             label = depth if isinstance(depth, Path) else depth.label
             mend = "register depth to colour or delete the depth folder"
@@ -221,8 +225,8 @@ def _check_depths(entries: Sequence[Entry], not_turned: set[str]) -> None:
                 raise InputError(f"{error} {NOT_TURNED}") from error
 
 
-def _depth_size(shot: Shot) -> tuple[int, int] | None:
+def _depth_size(depth: DepthMap | Path) -> tuple[int, int] | None:
     """(width, height) of a map that shows what the photo shows; None: it has a camera of its own, or is damaged."""
-    if isinstance(shot.depth, Path):
-        return depth_size(shot.depth)
-    return shot.depth.size() if shot.depth.K is None or shot.depth.K_size is not None else None
+    if isinstance(depth, Path):
+        return depth_size(depth)
+    return depth.size() if depth.K is None or depth.K_size is not None else None

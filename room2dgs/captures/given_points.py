@@ -23,6 +23,7 @@ def given_points(capture: Capture, frames: Sequence[Frame], shots: Mapping[str, 
     Returns:
         All points that are some, those that no frame saw too; without tracks where the capture has none.
     """
+    assert capture.points is not None, "the capture brings no points"
     raw = capture.points()
     xyz = np.asarray(raw.xyz, np.float64).reshape(-1, 3)
     real = _real(xyz)
@@ -52,7 +53,7 @@ def _observed(
         xyz = xyz @ capture.world_from_disk[:3, :3].T + capture.world_from_disk[:3, 3]
     if unit is not None:
         xyz = xyz * unit
-    if raw.shot is None:
+    if raw.shot is None or raw.point is None or raw.pixel is None:
         return PointCloud(xyz, raw.rgb)
     number = {name: index for index, name in enumerate(raw.shots)}
     meant = {shot.name: shot.lens.size for shot in capture.shots if shot.lens is not None}
@@ -64,7 +65,7 @@ def _observed(
             continue
         place = number[shots[frame.name]]
         rows = order[bounds[place] : bounds[place + 1]]
-        stored = frame.lens.size if frame.lens else frame.full_size()
+        stored = frame.lens.known_size if frame.lens else frame.full_size()
         resized = np.divide(stored, meant.get(raw.shots[place]) or stored)  # after the model was made
         point, pixel = raw.point[rows], working_pixel(frame, raw.pixel[rows] * resized)
         good = _usable(frame, pixel)
@@ -74,8 +75,8 @@ def _observed(
         parts.append((np.full(len(point), index, np.int32), point.astype(np.int32), pixel[first].astype(np.float32)))
     if not parts:
         return PointCloud(xyz, raw.rgb)
-    frame, point, pixel = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return PointCloud(xyz, raw.rgb, Tracks(tuple(frame.name for frame in frames), frame, point, pixel))
+    seen_by, point, pixel = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return PointCloud(xyz, raw.rgb, Tracks(tuple(frame.name for frame in frames), seen_by, point, pixel))
 
 
 def working_pixel(frame: Frame, pixel: np.ndarray) -> np.ndarray:

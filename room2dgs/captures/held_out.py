@@ -25,7 +25,7 @@ def held_out(capture: Capture) -> tuple[frozenset[str] | None, list[str]]:
     found, unknown = set(), []
     for name in natural(capture.test):
         last = PurePosixPath(_slashes(name))
-        frame = frames.get(name) or by_frame.get(_frame(name)) or bare.get(last.name) or stems.get(last.name)
+        frame = frames.get(name) or by_frame.get(_frame(name) or "") or bare.get(last.name) or stems.get(last.name)
         found |= {frame} if frame else set()
         unknown += [] if frame else [name]
     if not unknown:

@@ -38,9 +38,10 @@ def hidden_of(frame: Frame, alpha: MaskFacts | None) -> Hidden | None:
         alpha: facts of the photo's alpha as of a mask; None: its pixels are opaque.
     """
     parts = []
-    facts = frame.masks.facts().get(frame.mask_photo) if frame.masks and frame.mask_photo is not None else None
-    if isinstance(facts, MaskFacts):
-        rule = frame.masks.rule
+    masks = frame.masks
+    facts = masks.facts().get(frame.mask_photo) if masks and frame.mask_photo is not None else None
+    if masks and isinstance(facts, MaskFacts):
+        rule = masks.rule
         parts.append((rule.usable(facts.small), bool(rule.usable(facts.brightest).any())))
     if alpha is not None:
         parts.append((alpha.small.values > OPAQUE, bool(alpha.brightest.values.max() > OPAQUE)))

@@ -34,7 +34,7 @@ def unknown_keys(found: Iterable[object], known: Collection[str], path: object) 
     if not keys:
         return None
     words = "a key" if len(keys) == 1 else f"{len(keys)} keys"
-    return f"{path} has {words} that this layout does not know and that {_verb(keys)} not used: {some(keys)}"
+    return f"{path} has {words} that this layout does not know and that {_verb(keys)} not used: {some(list(keys))}"
 
 
 def unknown_in(objects: Iterable[Any], known: Collection[str], path: object) -> str | None:

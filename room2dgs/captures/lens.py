@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -66,9 +66,16 @@ class Lens:
             return False
         return self.model in FISHEYES or any(self.params[3 if self.model in ONE_FOCAL else 4 :])
 
+    @property
+    def known_size(self) -> tuple[int, int]:
+        """`size`, of a lens that has one: each has, once it is fitted to its photo."""
+        assert self.size is not None, f"the lens of {self.source} has no size"
+        return self.size
+
     def scaled_to(self, size: tuple[int, int]) -> Lens:
         """The same lens on a photo of another size; `size` must be known."""
-        sx, sy = size[0] / self.size[0], size[1] / self.size[1]
+        known = self.known_size
+        sx, sy = size[0] / known[0], size[1] / known[1]
         if self.model in ONE_FOCAL:
             f, cx, cy, *rest = self.params
             return replace(self, params=(f * (sx + sy) / 2, cx * sx, cy * sy, *rest), size=size)
@@ -110,8 +117,8 @@ class Lens:
 
         return np.asarray(self._camera(pycolmap).cam_from_img(np.ascontiguousarray(pixel, np.float64)))
 
-    def _camera(self, pycolmap):
-        width, height = self.size
+    def _camera(self, pycolmap: Any) -> Any:
+        width, height = self.known_size
         return pycolmap.Camera(model=self.model, width=width, height=height, params=list(self.params))
 
 
@@ -148,7 +155,7 @@ def pinhole_of(lens: Lens) -> Pinhole:
         InputError: the distortion leaves nothing.
     """
     lens.check()
-    width, height = lens.size
+    width, height = lens.known_size
     left, top, right, bottom = _whole_rectangle(lens)
     fx, fy = lens.K[0, 0], lens.K[1, 1]
     if not (right > left and bottom > top):
@@ -162,10 +169,10 @@ def pinhole_of(lens: Lens) -> Pinhole:
     x, y = np.meshgrid((np.arange(size[0]) + 0.5) / fx + left, (np.arange(size[1]) + 0.5) / fy + top)
     rays = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)
     source = lens.project(rays).reshape(*x.shape, 2)
-    valid = _seen_once(source, lens.size)
+    valid = _seen_once(source, lens.known_size)
     if valid.mean() < 0.25:
         raise _nothing_left(lens)
-    source = np.nan_to_num(source - 0.5, nan=-1.0, posinf=-1.0, neginf=-1.0).clip(-1.0, max(lens.size))
+    source = np.nan_to_num(source - 0.5, nan=-1.0, posinf=-1.0, neginf=-1.0).clip(-1.0, max(lens.known_size))
     map_x, map_y = np.ascontiguousarray(np.moveaxis(source, -1, 0), np.float32)
     return Pinhole(K, size, map_x, map_y, None if valid.all() else valid)
 
@@ -176,7 +183,7 @@ def _nothing_left(lens: Lens) -> InputError:
 
 def _whole_rectangle(lens: Lens) -> tuple[float, float, float, float]:
     """(left, top, right, bottom) on the plane z = 1, as the middle ray sees the photo's edges."""
-    width, height = lens.size
+    width, height = lens.known_size
     along = np.linspace(0.0, 1.0, BORDER_SAMPLES)
     zero, one = np.zeros_like(along), np.ones_like(along)
     edges = [(zero, along), (along, zero), (one, along), (along, one)]
@@ -190,7 +197,8 @@ def _whole_rectangle(lens: Lens) -> tuple[float, float, float, float]:
         values = values[np.isfinite(values) & side]
         inner = MAX_TANGENT if not len(values) else min(MAX_TANGENT, float(np.abs(values).min()))
         limits.append(-inner if edge < 2 else inner)
-    return tuple(limits)
+    left, top, right, bottom = limits
+    return left, top, right, bottom
 
 
 def _seen_once(source: np.ndarray, size: tuple[int, int]) -> np.ndarray:

@@ -111,9 +111,8 @@ def facts_of(mask: MaskImage) -> MaskFacts:
     greatest = float(mask.values.max(initial=0)) / (2 ** _bits(mask.values) - 1)
     alpha = None if mask.alpha is None else (int(mask.alpha.min()), int(mask.alpha.max()))
     best = MaskImage(mask.values.max(keepdims=True), None if alpha is None else np.full((1, 1), alpha[1], np.uint8))
-    return MaskFacts(
-        greatest, alpha, MaskImage(_small(mask.values), None if alpha is None else _small(mask.alpha)), best
-    )
+    small = MaskImage(_small(mask.values), None if mask.alpha is None else _small(mask.alpha))
+    return MaskFacts(greatest, alpha, small, best)
 
 
 def mask_image(photo: Photo) -> MaskImage:
@@ -124,7 +123,8 @@ def mask_image(photo: Photo) -> MaskImage:
     """
     if isinstance(photo, TurnedPhoto):
         inner = mask_image(photo.photo)
-        return MaskImage(*(None if part is None else turned(part, photo.orientation) for part in inner))
+        alpha = None if inner.alpha is None else turned(inner.alpha, photo.orientation)
+        return MaskImage(turned(inner.values, photo.orientation), alpha)
     with opened(photo) as image:
         if image is None:
             return MaskImage(photo.pixels().max(axis=-1), None)

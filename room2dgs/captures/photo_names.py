@@ -32,7 +32,8 @@ def in_folder(folder: Path, most_folders: int = 1000) -> list[str]:
     """Names of the files in a folder and below it, relative to it, with slashes; a folder that links lead back to
     counts once.
     """
-    found, left = [], [""]
+    found: list[str] = []
+    left = [""]
     seen: set[str] = set()
     for _ in range(most_folders):
         if not left:

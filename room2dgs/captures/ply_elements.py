@@ -33,12 +33,12 @@ class Property(NamedTuple):
     Attributes:
         name: "x".
         kind: of a value, as numpy has it, without the byte order.
-        count: of a list's length; None: it is no list.
+        length: of a list's length; None: it is no list.
     """
 
     name: str
     kind: str
-    count: str | None = None
+    length: str | None = None
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,8 @@ def parsed_header(path: Path, head: bytes) -> Header:
     if not end:
         raise _refused(path, "its header has no end")
     lines = head[match.end() : end.start() + len(newline)].decode("latin-1").split(newline.decode())
-    form, elements = None, {}
+    form: str | None = None
+    elements: dict[str, tuple[int, list[Property]]] = {}
     for line in filter(None, map(str.split, lines)):
         match line:
             case ["comment" | "obj_info", *_]:
@@ -148,7 +149,7 @@ def _check_counts(path: Path, header: Header, size: int) -> None:
     least = 0
     for count, properties in header.elements.values():
         # a number as text and the space after it; of a list its length alone
-        bytes_each = (2 if header.text else np.dtype(one.count or one.kind).itemsize for one in properties)
+        bytes_each = (2 if header.text else np.dtype(one.length or one.kind).itemsize for one in properties)
         least += count * sum(bytes_each)
     if least > size + 1:
         announced = ", ".join(f"{count} {shown_name(name)}" for name, (count, _) in header.elements.items())
@@ -168,7 +169,7 @@ class _Body:
         for name, (count, properties) in self.header.elements.items():
             if not properties:
                 element = Element({}, {})
-            elif any(one.count for one in properties):
+            elif any(one.length for one in properties):
                 element, at = self._with_lists(name, count, properties, at, name in wanted)
             else:
                 rows, at = self._rows(name, count, [(one.name, self._kind(one.kind)) for one in properties], at)
@@ -208,8 +209,8 @@ class _Body:
     ) -> tuple[Element, int]:
         if not count:
             empty = Lists(np.zeros(0, np.int64), np.zeros(0))
-            single = {one.name: np.zeros(0, one.kind) for one in properties if not one.count}
-            return Element(single, {one.name: empty for one in properties if one.count}), at
+            single = {one.name: np.zeros(0, one.kind) for one in properties if not one.length}
+            return Element(single, {one.name: empty for one in properties if one.length}), at
         equal = self._equal_lists(count, properties, at)
         if equal is not None:
             return equal
@@ -219,7 +220,7 @@ class _Body:
         single, lists = {}, {}
         for index, one in enumerate(properties):
             kind = np.dtype(self._kind(one.kind))
-            if one.count:
+            if one.length:
                 values = self._gathered(starts[index], lengths[index], kind)
                 lists[one.name] = Lists(lengths[index], self._told(values, one.kind))
             else:
@@ -232,8 +233,8 @@ class _Body:
         fields, lengths, place = [], {}, at
         for one in properties:
             stored = self._kind(one.kind)
-            if one.count:
-                kind = np.dtype(self._kind(one.count))
+            if one.length:
+                kind = np.dtype(self._kind(one.length))
                 if place + kind.itemsize > len(self.body):
                     return None
                 length = np.frombuffer(self.body, kind, 1, place)[0]
@@ -251,13 +252,13 @@ class _Body:
         rows = np.frombuffer(self.body, np.dtype(fields), count, at)
         if any((rows[f"length of {name}"] != length).any() for name, length in lengths.items()):
             return None
-        single = {one.name: self._told(rows[f"single {one.name}"], one.kind) for one in properties if not one.count}
+        single = {one.name: self._told(rows[f"single {one.name}"], one.kind) for one in properties if not one.length}
         lists = {
             one.name: Lists(
                 np.full(count, lengths[one.name], np.int64), self._told(rows[f"list {one.name}"].reshape(-1), one.kind)
             )
             for one in properties
-            if one.count
+            if one.length
         }
         return Element(single, lists), at + size * count
 
@@ -295,9 +296,9 @@ class _Body:
 
     def _counted(self, one: Property) -> struct.Struct | None:
         """How a list's length is stored."""
-        if one.count is None:
+        if one.length is None:
             return None
-        return struct.Struct(self.header.order + ("d" if self.header.text else OF_STRUCT[one.count]))
+        return struct.Struct(self.header.order + ("d" if self.header.text else OF_STRUCT[one.length]))
 
     def _gathered(self, starts: np.ndarray, lengths: np.ndarray, kind: np.dtype) -> np.ndarray:
         """Values that lie at these places, one row after another."""

@@ -56,6 +56,12 @@ class PointCloud:
         return len(self.xyz)
 
     @property
+    def known_tracks(self) -> Tracks:
+        """`tracks`, of a cloud that has some."""
+        assert self.tracks is not None, "the points have no tracks"
+        return self.tracks
+
+    @property
     def track_length(self) -> np.ndarray:
         """(M,) int64 number of photos that saw each point; 0 where unknown."""
         if self.tracks is None:

@@ -38,9 +38,10 @@ def read_ply(path: Path) -> PointCloud:
 
 def _colors(vertex: Element) -> np.ndarray:
     """(count, 3) uint8, grey where the file has none; floats are shares of 1, long integers of their largest."""
-    channels = [vertex.single.get(name) for name in ("red", "green", "blue")]
-    if any(channel is None for channel in channels):
+    names = ("red", "green", "blue")
+    if any(name not in vertex.single for name in names):
         return np.full((len(vertex.single["x"]), 3), 128, dtype=np.uint8)
+    channels = [vertex.single[name] for name in names]
     rgb = np.stack(channels, axis=1)
     if rgb.dtype == np.uint8:
         return rgb
@@ -50,7 +51,7 @@ def _colors(vertex: Element) -> np.ndarray:
 
 def save_points(path: Path, points: PointCloud) -> None:
     """Write a cloud with tracks to a safetensors file; nothing half-written is left under its name."""
-    tracks = points.tracks
+    tracks = points.known_tracks
     arrays = {
         "xyz": points.xyz,
         "rgb": points.rgb,

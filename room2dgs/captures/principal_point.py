@@ -25,7 +25,7 @@ def check_principal_point(lens: Lens, sure: bool = False) -> str | None:
         InputError: the principal point is far outside of the photos; or the intrinsics look like those of photos of
             another size, or of turned ones, and nobody is `sure`.
     """
-    K, size = lens.K, lens.size
+    K, size = lens.K, lens.known_size
     at = K[:2, 2] / np.array(size)
     off = np.abs(at - 0.5)
     if (off <= USUAL_OFF_CENTRE).all():

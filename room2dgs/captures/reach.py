@@ -6,7 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from room2dgs.captures.capture import Capture, Poses, disk_pose, file_name, world_from_cam
+from room2dgs.captures.capture import (
+    C2W_OPENCV,
+    C2W_OPENGL,
+    W2C_OPENCV,
+    W2C_OPENGL,
+    Capture,
+    Poses,
+    disk_pose,
+    file_name,
+    world_from_cam,
+)
 from room2dgs.captures.entry import Entry
 from room2dgs.captures.left_out import left_out
 from room2dgs.captures.scene import Dropped
@@ -59,9 +69,9 @@ def _reach(centres: np.ndarray) -> float:
 
 def _other_reading(entries: Sequence[Entry], was: Poses) -> Poses | None:
     """The inverse reading, if cameras far from the origin stand together with it: the wrong one turns the distance."""
-    turned = {"camera_to_world": "world_to_camera", "world_to_camera": "camera_to_world"}
-    kind = next(kind for kind in turned if was.startswith(kind))
-    other: Poses = was.replace(kind, turned[kind])
+    pairs = (C2W_OPENCV, W2C_OPENCV), (C2W_OPENGL, W2C_OPENGL)
+    inverse = {one: other for pair in pairs for one, other in (pair, pair[::-1])}
+    other: Poses = inverse[was]
     centres = np.stack([world_from_cam(disk_pose(entry.world_from_cam, was), other)[:3, 3] for entry in entries])
     near = _reach(centres) <= LONGEST_PATH_M
     return other if near and np.abs(centres).max() > LONE * USUAL_PATH_M else None

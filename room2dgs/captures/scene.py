@@ -136,13 +136,17 @@ class Frame:
         if self.lens is None:
             return self.source.pixels(self.camera.size)
         pixels = self.source.pixels()
-        if pixels.shape[1::-1] != self.lens.size:
-            raise InputError(f"{self.color_path} is not {self.lens.size[0]}x{self.lens.size[1]} pixels any more")
+        width, height = self.lens.known_size
+        if pixels.shape[1::-1] != (width, height):
+            raise InputError(f"{self.color_path} is not {width}x{height} pixels any more")
         return resized(pinhole_of(self.lens).undistorted(pixels), self.camera.size)
 
     @property
     def _mask_rule(self) -> MaskRule:
-        return self.masks.rule if self.masks is not None else rule_of([facts_of(mask_image(self.mask_photo))])
+        if self.masks is not None:
+            return self.masks.rule
+        assert self.mask_photo is not None
+        return rule_of([facts_of(mask_image(self.mask_photo))])
 
     def _mask_bits(self) -> tuple[np.ndarray]:
         mask = self._mask()
@@ -159,8 +163,8 @@ class Frame:
         full = self.full_size()
         usable = np.ones(full[::-1], np.float32)
         for part in parts:
-            stored = self.lens.size if self.lens else full
-            white = part.astype(np.float32)
+            stored = self.lens.known_size if self.lens else full
+            white: np.ndarray = part.astype(np.float32)
             if white.shape[1::-1] != stored:
                 white = cv2.resize(white, stored, interpolation=cv2.INTER_NEAREST)
             usable = usable * (pinhole_of(self.lens).undistorted(white) if self.lens else white)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +17,8 @@ ENOUGH_TRACKED = 400  # points of a photo; a guess adds to fewer
 HIDDEN = 1.25  # a point this many times as far as its cell's nearest is hidden
 
 
-class SeenPoints(NamedTuple):
+@dataclass(frozen=True)
+class SeenPoints:
     """N points as one photo sees them.
 
     Attributes:
@@ -64,8 +65,12 @@ def likely_points(points: PointCloud, frame: Frame) -> tuple[SeenPoints, np.ndar
         return sure, np.ones(len(sure.index), dtype=bool)
     guess = probably_seen(points.xyz, frame.camera)
     more = ~np.isin(guess.index, sure.index)
-    parts = (np.concatenate([one, other[more]]) for one, other in zip(sure, guess, strict=True))
-    return SeenPoints(*parts), np.arange(len(sure.index) + int(more.sum())) < len(sure.index)
+    both = SeenPoints(
+        np.concatenate([sure.index, guess.index[more]]),
+        np.concatenate([sure.pixel, guess.pixel[more]]),
+        np.concatenate([sure.depth, guess.depth[more]]),
+    )
+    return both, np.arange(len(sure.index) + int(more.sum())) < len(sure.index)
 
 
 def probably_seen(xyz: np.ndarray, camera: Camera) -> SeenPoints:

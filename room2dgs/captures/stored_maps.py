@@ -45,7 +45,8 @@ class StoredMaps(Mapping[str, ViewMaps[np.ndarray]]):
         packed = self.cache.get((self._mine, name))
         if packed is None:
             raise RuntimeError(f"the maps of {name} are no longer in the cache; this is a fault of room2dgs")
-        return packed
+        depth, depth_confidence, normal, normal_confidence = packed
+        return depth, depth_confidence, normal, normal_confidence
 
     def source(self, name: str) -> str:
         """What made a view's maps."""

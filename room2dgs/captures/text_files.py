@@ -160,8 +160,11 @@ def read_json(path: Path, data: bytes | None = None) -> Any:
     text = text_of(path, MAX_JSON_BYTES) if data is None else data
     if len(text) > MAX_JSON_BYTES:
         raise InputError(f"{path} has {len(text) >> 20} MiB, too large for what it should hold; replace the file")
-    marks = ("[", "{", ",") if isinstance(text, str) else (b"[", b"{", b",")
-    if sum(map(text.count, marks)) > MAX_JSON_VALUES:
+    if isinstance(text, str):
+        marks = sum(text.count(mark) for mark in ("[", "{", ","))
+    else:
+        marks = sum(text.count(mark) for mark in (b"[", b"{", b","))
+    if marks > MAX_JSON_VALUES:
         raise InputError(f"{path} holds more than {MAX_JSON_VALUES:,} values, too many for a capture; replace the file")
     try:
         return json.loads(text)

@@ -192,7 +192,7 @@ class Video:
 
     def _room(self) -> int:
         """Frames that fit into what is kept."""
-        width, height = _size(self._capture)
+        width, height = _size(self._opened())
         return KEPT_BYTES // max(1, 3 * width * height)
 
     def _keep(self, number: int, image: np.ndarray) -> None:
@@ -209,5 +209,6 @@ class Video:
         return self._capture
 
     def _release(self) -> None:
-        self._capture.release()
+        if self._capture is not None:
+            self._capture.release()
         self._capture = None

@@ -140,7 +140,7 @@ class Camera:
     def inside(self, pixel: np.ndarray) -> np.ndarray:
         """(...) bool: pixels (..., 2) within the image, the left and upper border included; NaN is not."""
         pixel = np.asarray(pixel)
-        return ((pixel >= 0) & (pixel < (self.width, self.height))).all(axis=-1)
+        return np.asarray(((pixel >= 0) & (pixel < (self.width, self.height))).all(axis=-1))
 
     def in_view(self, xyz: np.ndarray, near_m: float = NEAR_M) -> np.ndarray:
         """(...) bool: points (..., 3) of the world inside the image and at least `near_m` in front, hidden or not."""

@@ -64,7 +64,7 @@ def depth_to_normals(depth: Tensor, K: Tensor | np.ndarray, cam_from_world: Tens
     if wants_grad or not runs_compiled(depth):
         return normals_by_differences(depth, K, cam_from_world)[0]
     normal = torch.empty(*depth.shape, 3, dtype=torch.float32)
-    _C.depth_normals(depth.detach().contiguous(), *intrinsics(K), rotation_of(cam_from_world), normal)
+    _C.depth_normals(depth.detach().contiguous().numpy(), *intrinsics(K), rotation_of(cam_from_world), normal.numpy())
     return normal
 
 

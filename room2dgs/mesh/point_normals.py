@@ -26,8 +26,8 @@ def towards_views(points: PointCloud, frames: Sequence[Frame], max_depth_m: floa
     """
     towards = np.zeros((len(points), 3))
     for frame in frames:
-        index, _, depth = seen_points(points, frame)
-        index = index[depth <= max_depth_m]
+        seen = seen_points(points, frame)
+        index = seen.index[seen.depth <= max_depth_m]
         rays = frame.camera.centre - points.xyz[index]
         towards[index] += rays / np.linalg.norm(rays, axis=1, keepdims=True)
     return towards

@@ -294,8 +294,8 @@ def test_frames_of_one_deflate_stream_in_any_order(tmp_path):
     path.write_bytes(b"".join(parts) + packer.flush())
     stream = DepthStream(path)
     taken = []
-    monitor = stream._take
-    stream._take = lambda size: (taken.append(size), monitor(size))[1]
+    monitor = stream._unpacked
+    stream._unpacked = lambda size: (taken.append(size), monitor(size))[1]
     for index in [149, *range(148, 128, -1), 0, 140, 70, 149]:
         assert (stream.frame(index) == levels[index]).all()
     assert len(taken) < 150 + 24 * 64 // 2 + 64  # from the start each time: over 3,000

@@ -6,6 +6,7 @@ its time. Depth is millimetres.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -59,15 +60,18 @@ def read_arkitscenes(root: Path, config: SceneConfig) -> Capture:
     shots = []
     for stamp, name in photos:
         nearest, at = _near(stamp, pincam_stamps), _near(stamp, stamps)
-        pose, lens, pincam = poses[at], None, pincams[nearest][1]
+        pose: np.ndarray | Callable[[], np.ndarray] = poses[at]
+        lens, pincam = None, pincams[nearest][1]
         if abs(pincam_stamps[nearest] - stamp) > SAME_PINCAM_S:
             pose = lost("no intrinsics near its time")
         else:
             if pincam not in lenses:
                 lenses[pincam] = _lens(folder / stream[1] / pincam, config)
-            lens = lenses[pincam]
-            if isinstance(lens, InputError):
-                pose, lens = damaged(lens), None
+            known = lenses[pincam]
+            if isinstance(known, InputError):
+                pose = damaged(known)
+            else:
+                lens = known
         if abs(stamps[at] - stamp) > SAME_POSE_S:
             pose = lost("no pose near its time")
         depth = None
@@ -102,10 +106,10 @@ def _lens(path: Path, config: SceneConfig) -> Lens | InputError:
     """The lens, or why it is none: that costs the photos that it is for."""
     try:
         lines = lines_of(path)
-        width, height, *values = floats(lines[0][1] if lines else "", path, 1, 6)
+        width, height, fx, fy, cx, cy = floats(lines[0][1] if lines else "", path, 1, 6)
         if not (0 < width < 65536 and 0 < height < 65536):
             raise InputError(f"{path} has no size of a photo; download the scan again")
-        return pinhole_lens(*values, (int(width), int(height)), path, config.pixel_centres != "integer")
+        return pinhole_lens(fx, fy, cx, cy, (int(width), int(height)), path, config.pixel_centres != "integer")
     except InputError as error:
         return error
 

@@ -113,8 +113,8 @@ def _refused(said: str) -> np.ndarray:
 
 def _cameras(chunk: ElementTree.Element, photos: LabelledPhotos, notes: list[str]) -> list[_Camera]:
     """The cameras that are enabled and say which photo they are of."""
-    elements = chunk.find("cameras")
-    elements = list((chunk if elements is None else elements).iter("camera"))
+    cameras = chunk.find("cameras")
+    elements = list((chunk if cameras is None else cameras).iter("camera"))
     paths = {
         frame.get("camera_id"): photo.get("path")
         for frame in chunk.iterfind("frames/frame/cameras/camera")
@@ -194,7 +194,7 @@ def _placed(
     def pose(camera: _Camera) -> np.ndarray:
         if camera.component in apart:
             raise Lost("it is in another component, which is not placed against the largest")
-        own = np.array(floats(camera.transform, f"{path} (camera {camera.label})", None, 16)).reshape(4, 4)
+        own = _numbers(camera.transform or "", f"{path} (camera {camera.label})", 16).reshape(4, 4)
         if camera.component not in components:
             return own
         component = components[camera.component]
@@ -246,10 +246,14 @@ def _component(component: ElementTree.Element, unit: float, path: Path) -> np.nd
     translation = component.findtext("transform/translation")
     result = np.eye(4)
     if rotation:
-        result[:3, :3] = np.array(floats(rotation, f"{path} (rotation)", None, 9)).reshape(3, 3)
+        result[:3, :3] = _numbers(rotation, f"{path} (rotation)", 9).reshape(3, 3)
     if translation:
-        result[:3, 3] = np.array(floats(translation, f"{path} (translation)", None, 3)) / unit
+        result[:3, 3] = _numbers(translation, f"{path} (translation)", 3) / unit
     return result
+
+
+def _numbers(text: str, label: str, count: int) -> np.ndarray:
+    return np.array(floats(text, label, None, count), np.float64)
 
 
 READER = Reader(is_metashape, read_metashape, LAYOUT)

@@ -58,9 +58,9 @@ def read_monosdf(root: Path, config: SceneConfig) -> Capture:
         try:
             K, pose = decomposed(matrices[key], f"{path} ({key})")
             lens = pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], None, path, config.pixel_centres == "half")
+            shots.append(Shot(stem, folder / name, pose, lens))
         except InputError as error:
-            lens, pose = None, damaged(error)
-        shots.append(Shot(stem, folder / name, pose, lens))
+            shots.append(Shot(stem, folder / name, damaged(error), None))
     notes = note_on(sum(f"world_mat_{place[name]}" in matrices for name in photos), len(matrices), path)
     return Capture(
         root, "monosdf", shots, gt_mesh=gt_mesh_in(root, "*_mesh.ply"), why="world_mat is in metres", notes=notes

@@ -226,8 +226,8 @@ def capture_world(meta: Mapping[str, Any], path: Path) -> np.ndarray | None:
 def _check_same_world(meta: Mapping[str, Any], path: Path, more: Mapping[str, Any], other: Path) -> None:
     """A part that says nothing is in the world of the first."""
     worlds = [capture_world(meta, path), capture_world(more, other)]
-    both = [np.eye(4) if world is None else world for world in worlds]
-    if worlds[1] is not None and not np.allclose(*both, rtol=1e-6, atol=1e-9):
+    first, second = (np.eye(4) if world is None else world for world in worlds)
+    if worlds[1] is not None and not np.allclose(first, second, rtol=1e-6, atol=1e-9):
         raise InputError(
             f"{path} and {other.name} have different applied_transform or applied_scale; save both in one world"
         )
@@ -296,8 +296,8 @@ def _default_unit(meta: Mapping[str, Any], frames: list[dict[str, Any]], path: P
     """Metres of one unit of depth where no key tells: of fractions as small as metres are (.npy, .exr, float .tiff)
     it is one, else they are millimetres, as nerfstudio has it.
     """
-    names = [frame.get("depth_file_path") for frame in frames]
-    names = [name for name in names if isinstance(name, str) and name]
+    found = (frame.get("depth_file_path") for frame in frames)
+    names = [name for name in found if isinstance(name, str) and name]
     if "depth_unit_scale_factor" in meta or not names:
         return 0.001
     greatest = []

@@ -56,11 +56,11 @@ def read_neuralrgbd(root: Path, config: SceneConfig) -> Capture:
             root / "images" / name,
             poses[place[name]],
             lens,
-            depth=depth_file(folder / depths[name]) if name in depths else None,
+            depth=depth_file(folder / depths[name]) if folder and name in depths else None,
         )
         for name in photos
     ]
-    notes = [f"poses: {path.name}" + (f"; depth: {folder.name}/" if depths else "")]
+    notes = [f"poses: {path.name}" + (f"; depth: {folder.name}/" if folder and depths else "")]
     notes += note_on(len(photos), len(poses), path)
     return Capture(
         root, "neuralrgbd", shots, C2W_OPENGL, gt_mesh=gt_mesh_in(root), notes=notes, why="Neural RGB-D is in metres"

@@ -193,8 +193,8 @@ def _pose_and_lens(known: dict[str, Any] | InputError, source: Path, half: bool)
         pose = np.eye(4)
         pose[:3] = [[number(known, f"t_{row}{column}", source) for column in range(4)] for row in range(3)]
         size = int(number(known, "width", source)), int(number(known, "height", source))
-        values = [number(known, key, source) for key in ("fx", "fy", "cx", "cy")]
-        return pose, pinhole_lens(*values, size, source, half), size
+        fx, fy, cx, cy = (number(known, key, source) for key in ("fx", "fy", "cx", "cy"))
+        return pose, pinhole_lens(fx, fy, cx, cy, size, source, half), size
     except InputError as error:
         return damaged(error), None, None
 

@@ -117,7 +117,7 @@ def _lenses(meta: dict[str, Any], count: int, source: Path, config: SceneConfig)
                 "export the capture again"
             )
         rows = [numbers({"K": row}, "K", 4, f"{source} (perFrameIntrinsicCoeffs)") for row in every]
-        return [pinhole_lens(*row, size, source, half) for row in rows]
+        return [pinhole_lens(fx, fy, cx, cy, size, source, half) for fx, fy, cx, cy in rows]
     K = intrinsic_matrix(meta, "K", source)
     return [pinhole_lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], size, source, half)]
 

@@ -36,9 +36,9 @@ def read_replica(root: Path, config: SceneConfig) -> Capture:
     """
     params, source, unknown = _params(root)
     size = int(number(params, "w", source)), int(number(params, "h", source))
-    values = [number(params, key, source) for key in ("fx", "fy", "cx", "cy")]
+    fx, fy, cx, cy = (number(params, key, source) for key in ("fx", "fy", "cx", "cy"))
     unit = 1.0 / positive(params, "scale", source)
-    lens = pinhole_lens(*values, size, source, config.pixel_centres == "half")
+    lens = pinhole_lens(fx, fy, cx, cy, size, source, config.pixel_centres == "half")
     path, folder = root / "traj.txt", root / "results"
     poses, damage = pose_rows(path, 1)
     names = natural(listed(folder))

@@ -112,7 +112,8 @@ def _read_through(
 ) -> tuple[_Stream, _Stream | None, Collector]:
     """One pass over all that is not pixels."""
     frames = info_frames(bag, config)
-    streams, by_info = {}, {}
+    streams: dict[str, _Stream] = {}
+    by_info: dict[str, list[_Stream]] = {}
     for sensor in (depth, colour):
         if sensor is not None:
             streams[sensor.topic] = _Stream(sensor, [], [])
@@ -238,6 +239,7 @@ def _depth_map(
     if abs(int(stamps[nearest]) - stamp) > MAX_APART_S * 1e9:
         return None
     encoding, label = depth.sensor.encoding, f"{bag.path} ({depth.sensor.topic})"
+    assert encoding is not None, f"{label} has no depth"
     unit, lens = DEPTHS[encoding][1], depth.lens_at(stamp)
     read = partial(_numbers, bag, pictures[nearest].place, encoding, label)
     if color_from_depth is None:

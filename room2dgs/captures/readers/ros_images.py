@@ -110,8 +110,8 @@ def _array(message: Any, kind: type, channels: int, label: str) -> np.ndarray:
         raise InputError(f"{label} has fewer bytes than its {width}x{height} pixels; record it again")
     step = message.step
     rows = np.lib.stride_tricks.as_strided(data, (height, row), (step, 1), writeable=False)
-    order = ">" if message.is_bigendian else "<"
-    image = np.ascontiguousarray(rows).view(np.dtype(kind).newbyteorder(order)).astype(kind)
+    stored = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
+    image: np.ndarray = np.ascontiguousarray(rows).view(stored).astype(kind)
     return image.reshape(height, width, channels)
 
 
@@ -174,7 +174,7 @@ def lens_of(info: Any, rectified: bool, half: bool, label: str) -> Lens | None:
     size = np.array((roi.width, roi.height) if roi.width and roi.height else (info.width, info.height))
     focal = K[(0, 1), (0, 1)] / binning
     centre = (K[:2, 2] + shift - (roi.x_offset, roi.y_offset)) / binning
-    shape = tuple(int(side) for side in size // binning)
+    shape = int(size[0]) // binning[0], int(size[1]) // binning[1]
     params = tuple(float(value) for value in (*focal, *centre))
     known = shape if min(shape) > 0 else None
     if rectified or not any(D):

@@ -77,7 +77,7 @@ def read_scannet(root: Path, config: SceneConfig) -> Capture:
         )
         for index, photo in photos
     ]
-    first = next((shot for shot in shots if shot.depth is not None and depth_size(shot.depth)), None)
+    first = next((shot for shot in shots if isinstance(shot.depth, Path) and depth_size(shot.depth)), None)
     if first and (folder / "intrinsic" / "intrinsic_depth.txt").exists():
         _check_registered(folder / "intrinsic" / "intrinsic_depth.txt", K, first)
     warnings = _extrinsics(folder / "intrinsic") if first else []
@@ -93,11 +93,11 @@ def read_scannet(root: Path, config: SceneConfig) -> Capture:
 
 
 def _extrinsics(folder: Path) -> list[str]:
-    paths = [folder / f"extrinsic_{name}.txt" for name in ("color", "depth")]
-    if not all(path.is_file() for path in paths):
+    color, depth = (folder / f"extrinsic_{name}.txt" for name in ("color", "depth"))
+    if not (color.is_file() and depth.is_file()):
         return []
     try:
-        return not_registered(*map(read_matrix, paths), paths[1])
+        return not_registered(read_matrix(color), read_matrix(depth), depth)
     except InputError as error:
         return [f"extrinsics are not used: {error}"]
 
@@ -138,9 +138,11 @@ def _photos(folder: Path) -> tuple[list[tuple[int, Path]], list[str]]:
 
 def _check_registered(path: Path, K: np.ndarray, first: Shot) -> None:
     """Both cameras must be the same up to image size: a depth map is resized to its photo, never warped."""
+    assert isinstance(first.depth, Path) and first.lens is not None
     K_depth, size, depth = read_intrinsics(path), color_size(first.path), depth_size(first.depth)
+    assert depth is not None
     check_principal_point(replace(first.lens, size=size))  # says more if it is the photos' intrinsics that are wrong
-    scale = np.diag([size[0] / depth[0], size[1] / depth[1], 1.0])
+    scale = np.diag(np.array([size[0] / depth[0], size[1] / depth[1], 1.0]))
     error = np.abs((scale @ K_depth - K)[:2]) / np.array([[K[0, 0]], [K[1, 1]]])
     if error.max() > MAX_MISMATCH:
         raise InputError(
@@ -170,7 +172,7 @@ def read_flat(root: Path, config: SceneConfig) -> Capture:
     """Read what the C++ reader of .sens writes: frame-000000.{color.jpg,depth.png,pose.txt} and _info.txt."""
     path = root / "_info.txt"
     known = key_values(path)
-    size = tuple(int(number(known, f"m_color{side}", path)) for side in ("Width", "Height"))
+    size = int(number(known, "m_colorWidth", path)), int(number(known, "m_colorHeight", path))
     K = numbers(known, "m_calibrationColorIntrinsic", 16, path).reshape(4, 4)
     unknown = unknown_keys(known, INFO, path)
     shift = positive(known, "m_depthShift", path, 1000.0)
@@ -179,7 +181,7 @@ def read_flat(root: Path, config: SceneConfig) -> Capture:
     shots = []
     for name in natural(name for name in names if ".color." in name):
         stem = name.partition(".color.")[0]
-        depth = next((f"{stem}.depth{end}" for end in (".png", ".pgm") if f"{stem}.depth{end}" in names), None)
+        map_name = next((f"{stem}.depth{end}" for end in (".png", ".pgm") if f"{stem}.depth{end}" in names), None)
         pose = f"{stem}.pose.txt"
         shots.append(
             Shot(
@@ -187,16 +189,16 @@ def read_flat(root: Path, config: SceneConfig) -> Capture:
                 root / name,
                 partial(read_world_from_cam, root / pose) if pose in names else lost(f"{pose} is missing"),
                 lens,
-                depth=depth_file(root / depth, 1.0 / shift) if depth else None,
+                depth=depth_file(root / map_name, 1.0 / shift) if map_name else None,
             )
         )
     if not shots:
         raise InputError(f"{root} has no photos; a capture with _info.txt has frame-000000.color.jpg and so on")
     notes = [unknown] if unknown else []
-    extrinsics = [
+    color, depth = (
         numbers(known, key, 16, path).reshape(4, 4) if key in known else np.eye(4)
         for key in ("m_calibrationColorExtrinsic", "m_calibrationDepthExtrinsic")
-    ]
+    )
     return Capture(
         root,
         "scannet",
@@ -204,7 +206,7 @@ def read_flat(root: Path, config: SceneConfig) -> Capture:
         gt_mesh=scannet_mesh(root),
         why="ScanNet's poses are metres",
         notes=notes,
-        warnings=not_registered(*extrinsics, path) if any(shot.depth for shot in shots) else [],
+        warnings=not_registered(color, depth, path) if any(shot.depth for shot in shots) else [],
     )
 
 

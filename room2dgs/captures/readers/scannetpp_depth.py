@@ -10,7 +10,7 @@ import struct
 import zlib
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -34,9 +34,9 @@ class DepthStream:
         self.path = path
         self._lock = Lock()
         self._whole: bool | None = None
-        self._file = None
+        self._file: BinaryIO | None = None
         self._next = 0
-        self._unpacker = None
+        self._unpacker: Any = None  # zlib's, whose type has no name
         self._marks: list[tuple[int, Any]] = []  # place in the file and unpacker of frame 0, MARK_EVERY, ...
         self._last: tuple[int, bytes] | None = None
         self._places: list[tuple[int, int]] = []
@@ -82,7 +82,7 @@ class DepthStream:
             self._next, self._unpacker = mark * MARK_EVERY, unpacker.copy()
         data = b""
         while self._next <= index:
-            data = self._take(METRES_BYTES)
+            data = self._unpacked(METRES_BYTES)
             if len(data) < METRES_BYTES:
                 self._unpacker = None
                 raise self._damaged(index)
@@ -91,7 +91,9 @@ class DepthStream:
                 self._marks.append((self._file.tell(), self._unpacker.copy()))
         return data
 
-    def _take(self, size: int) -> bytes:
+    def _unpacked(self, size: int) -> bytes:
+        """The next bytes; fewer at the file's end."""
+        assert self._file is not None
         parts, missing = [], size
         while missing:
             packed = self._unpacker.unconsumed_tail or self._file.read(CHUNK)
@@ -123,7 +125,8 @@ class DepthStream:
         return np.frombuffer(values, "<u2").reshape(HEIGHT, WIDTH).astype(np.float32) / 1000
 
     def _scanned(self) -> list[tuple[int, int]]:
-        places, length = [], check_regular(self.path)
+        places: list[tuple[int, int]] = []
+        length = check_regular(self.path)
         with open_regular(self.path) as file:
             while file.tell() + 4 <= length:
                 (size,) = struct.unpack("<I", file.read(4))

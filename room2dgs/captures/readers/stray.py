@@ -60,7 +60,8 @@ def read_stray(root: Path, config: SceneConfig) -> Capture:
         )
     half = config.pixel_centres != "integer"
     lens = _lens(root / "camera_matrix.csv", half)
-    lines, bad = {}, {}
+    lines: dict[int, _Line] = {}
+    bad: dict[str, str] = {}
     for place, row in enumerate(rows):
         label = f"{path} line {place + 2}"
         try:
@@ -131,8 +132,8 @@ def _line(row: dict[str, str], place: int, label: str, lens: Lens, half: bool) -
     if not 0 <= index < 10**8:
         raise InputError(f"{label} names frame {index}; copy the scan again")
     if all((row.get(key) or "").strip() for key in ("fx", "fy", "cx", "cy")):
-        values = [number(row, key, label) for key in ("fx", "fy", "cx", "cy")]
-        lens = pinhole_lens(*values, None, label.partition(" line ")[0], half)
+        fx, fy, cx, cy = (number(row, key, label) for key in ("fx", "fy", "cx", "cy"))
+        lens = pinhole_lens(fx, fy, cx, cy, None, label.partition(" line ")[0], half)
     return _Line(index, pose, lens)
 
 

@@ -102,7 +102,7 @@ def _new_lens(values: Mapping[str, Any], path: Path, photo: Path) -> Lens | None
     fy = _focal(values, "y", size[1], path)
     if fx is None and fy is None:
         return None
-    fx, fy = fx or fy, fy or fx
+    fx, fy = fx or fy or 0.0, fy or fx or 0.0
     cx, cy = number(values, "cx", path, size[0] / 2), number(values, "cy", path, size[1] / 2)
     model = str(values.get("camera_model", "OPENCV")).upper()
     if values.get("is_fisheye") is True:
@@ -152,5 +152,5 @@ def _distortion(values: Mapping[str, Any], path: Path) -> tuple[list[float], lis
     if "distortion_params" in values:
         found = numbers(values, "distortion_params", 6, path)  # nerfstudio's order
         return [*found[:4], 0.0, 0.0], list(found[4:])
-    found = {key: number(values, key, path, 0.0) for key in COEFFICIENTS}
-    return [found[f"k{i}"] for i in range(1, 7)], [found["p1"], found["p2"]]
+    known = {key: number(values, key, path, 0.0) for key in COEFFICIENTS}
+    return [known[f"k{i}"] for i in range(1, 7)], [known["p1"], known["p2"]]
