@@ -30,7 +30,7 @@ TEST_OPTIONS ?= -n 2 --dist loadfile --durations=20 --durations-min=8
 install: $(READY)
 
 $(READY): $(SOURCES)
-	@$(PYTHON) room2dgs/system_libraries.py
+	@$(PYTHON) room2dgs/system_libraries.py --install
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python .ci/requirements.py dev > $(VENV)/requirements.txt
 	$(PIP) install -q $(PINS) -r $(VENV)/requirements.txt

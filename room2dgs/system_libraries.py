@@ -1,6 +1,8 @@
 """The system's own libraries and tools that wheels take for granted, and Debian's names for them.
 
-Standard library alone: the Makefile runs this file before anything is installed.
+    python -m room2dgs.system_libraries
+
+Standard library alone: the Makefile runs this file, with --install, before anything is installed.
 """
 
 from __future__ import annotations
@@ -49,27 +51,36 @@ def package_of(error: BaseException) -> str | None:
     return next((package for name, package in LIBRARIES.items() if name in str(error)), None)
 
 
-def main() -> int:
-    """Install what is missing as root with apt-get, else say how; 0 when nothing is missing in the end."""
+def main(arguments: list[str]) -> int:
+    """Say how to install what is missing; with --install, as root and where apt-get is, install it.
+
+    Returns:
+        0 when nothing is missing in the end, else 1.
+    """
     if sys.version_info < (3, 10):  # noqa: UP036 - whatever Python the Makefile met
         print(f"Python 3.10 or newer is needed, {sys.executable} is {sys.version.split()[0]}", file=sys.stderr)
         return 1
     missing = missing_build_tools() + (missing_libraries() if sys.platform == "linux" else [])
     if not missing:
         return 0
-    names = " ".join(missing)
-    if not (hasattr(os, "geteuid") and os.geteuid() == 0 and shutil.which("apt-get")):
-        print(
-            f"Some system packages are missing; on Debian or Ubuntu: sudo apt-get install {names}",
-            file=sys.stderr,
-        )
-        return 1
-    print(f"installing system packages: {names}", flush=True)
+    root = hasattr(os, "geteuid") and os.geteuid() == 0
+    if "--install" in arguments and root and shutil.which("apt-get"):
+        return _install(missing)
+    sudo = "" if root else "sudo "
+    print(
+        f"Some system packages are missing; on Debian or Ubuntu: {sudo}apt-get install {' '.join(missing)}",
+        file=sys.stderr,
+    )
+    return 1
+
+
+def _install(packages: list[str]) -> int:
+    print(f"installing system packages: {' '.join(packages)}", flush=True)
     environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
-    for arguments in (["update", "-qq"], ["install", "-y", "-qq", "--no-install-recommends", *missing]):
+    for arguments in (["update", "-qq"], ["install", "-y", "-qq", "--no-install-recommends", *packages]):
         code = subprocess.call(["apt-get", *arguments], env=environment, stdout=subprocess.DEVNULL)
         if code:
-            print(f"apt-get {arguments[0]} failed ({code}); install by hand: {names}", file=sys.stderr)
+            print(f"apt-get {arguments[0]} failed ({code}); install by hand: {' '.join(packages)}", file=sys.stderr)
             return 1
     return 0
 
@@ -83,4 +94,4 @@ def _loads(name: str) -> bool:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))
