@@ -22,24 +22,25 @@ LONGEST = 16 << 20  # bytes of a log that are read; a run of a day has one
 
 
 class _RunHandler(logging.Handler):
-    """Plain lines to what the standard output is at that time, and, appended, to a file.
+    """Plain lines to what shows them, such as the standard output, and, appended, to a file.
 
     Each is one line, with control characters escaped: names in it may be anybody's.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, show: Log) -> None:
         super().__init__()
         self.path = path
+        self.show = show
 
     def emit(self, record: logging.LogRecord) -> None:
         # errors reach the caller, unlike those of logging's own handlers: a full disk ends a run with its sentence
         line = self.format(record)
-        to_terminal(line)
+        self.show(line)
         append(self.path, shown(line) + "\n")
 
 
-def run_log(out: Path | str) -> Log:
-    """A log for the run in `out`: lines go to stdout and out/log.txt.
+def run_log(out: Path | str, show: Log | None = None) -> Log:
+    """A log for the run in `out`: lines go to out/log.txt and to `show`, or else to the standard output.
 
     What modules send to the logger meanwhile goes to the run that was last heard of: a study's runs may follow each
     other in one process.
@@ -50,7 +51,7 @@ def run_log(out: Path | str) -> Log:
     path = Path(out) / LOG_FILE
     path.parent.mkdir(parents=True, exist_ok=True)
     refuse_links_out(path.parent)
-    handler = _RunHandler(path)
+    handler = _RunHandler(path, show or to_terminal)
 
     def log(line: str) -> None:
         _use(handler)

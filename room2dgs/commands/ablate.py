@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from room2dgs.commands.eval import ground_truth
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import read
 from room2dgs.logs import in_lines, run_log
+from room2dgs.pipeline.evaluate import ground_truth
+from room2dgs.pipeline.scene import read_capture
 from room2dgs.study.ablation import Study, rows_of
 from room2dgs.study.jobs import Job, finished, planned, study_folder, words_of
 from room2dgs.study.launch import of_hydra
@@ -46,7 +46,7 @@ def main(argv: list[str]) -> int:
     progress = Progress([job for job in jobs if not job.same_as and not finished(job)])
     config = jobs[0].config
     gt = ground_truth(config)
-    scene = read(config)  # reported now if missing, not once a row
+    scene = read_capture(config)  # reported now if missing, not once a row
     from room2dgs.study.ablation_report import HTML, MARKDOWN, write_page, write_tables
 
     out.mkdir(parents=True, exist_ok=True)

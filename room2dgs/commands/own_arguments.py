@@ -20,7 +20,7 @@ def own_arguments(argv: Sequence[str], names: Sequence[str]) -> tuple[dict[str, 
     return own, rest
 
 
-def whole_number(own: dict[str, str], name: str, default: int | None, least: int, most: int) -> int | None:
+def whole_number(own: dict[str, str], name: str, default: int, least: int, most: int) -> int:
     """A whole number among the arguments.
 
     Raises:

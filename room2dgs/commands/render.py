@@ -1,32 +1,20 @@
-"""`room2dgs render`: photo, colour, depth and normals of a run's views side by side."""
+"""`room2dgs render`: photo, colour, depth and normals of a run's views side by side, or views along a path."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import numpy as np
-
-from room2dgs.captures.scene import Frame, Scene
-from room2dgs.commands.own_arguments import own_arguments
-from room2dgs.commands.render_path import path_options, render_path
+from room2dgs.commands.own_arguments import choices, own_arguments, whole_number
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import read, rendered, trained_surfels, use_threads, with_poses_of_run
-from room2dgs.config import Config
 from room2dgs.errors import InputError
-from room2dgs.logs import Log, run_log
-from room2dgs.runs.folder import RENDERS, at_work, earlier_run
-from room2dgs.runs.metrics import record, timed
-from room2dgs.runs.pictures import depth_picture, normal_picture, write_png
-
-if TYPE_CHECKING:
-    from room2dgs.splat.types import Rendering, Surfels
+from room2dgs.pipeline.camera_path import SAVED, PathOptions, render_path
+from room2dgs.pipeline.loaded_run import loaded_surfels
+from room2dgs.pipeline.render import VIEWS, write_renders
+from room2dgs.runs.folder import earlier_run
 
 USAGE = """room2dgs render run=DIR [views=test|train|all]
 room2dgs render run=DIR path=smooth|FILE [to=DIR] [save=color,depth,depth_npy,normals,video]
                         [frames=N] [through=N] [fps=N] [width=N]"""
-VIEWS = ("test", "train", "all")
-MIN_ALPHA = 0.5  # less covered pixels are drawn black in depth and normals
 OWN = ("views", "path", "to", "save", "frames", "fps", "width", "through")  # arguments that are no settings
 
 
@@ -45,44 +33,32 @@ def main(argv: list[str]) -> int:
     views = own.get("views", "test")
     if views not in VIEWS:
         raise InputError(f"views={views} is not known; choose from {', '.join(VIEWS)}")
-    path = path_options(own)
+    path = _path_options(own)
     config = earlier_run(overrides)
-    with at_work(config) as out:
-        surfels = trained_surfels(out)
-        scene = with_poses_of_run(read(config), out)
+    with loaded_surfels(config) as (scene, surfels, run):
         if path is not None:
-            render_path(path, scene, surfels, config, out, run_log(out))
+            render_path(path, scene, surfels, config, run)
         else:
-            render_scene(scene, surfels, config, out, run_log(out), {}, views)
+            write_renders(scene, surfels, config, run, views)
     return 0
 
 
-def render_scene(
-    scene: Scene,
-    surfels: Surfels,
-    config: Config,
-    out: Path,
-    log: Log,
-    seconds: dict[str, float],
-    views: str = "test",
-) -> None:
-    """renders/<test|train>/<view>.png of the views."""
-    use_threads(config)
-    drawn = 0
-    with timed(seconds, "render"):
-        for name, frames in (("test", scene.test), ("train", scene.train)):
-            if views in (name, "all"):
-                for frame, rendering in rendered(surfels, frames, config):
-                    write_png(out / RENDERS / name / f"{frame.name}.png", parallel_map(frame, rendering))
-                    drawn += 1
-    record(out, {}, seconds)
-    log(f"renders: {drawn} pictures in {out / RENDERS} (photo, colour, depth, normal)")
-
-
-def parallel_map(frame: Frame, rendering: Rendering) -> np.ndarray:
-    """(H, 4 W, 3) uint8 RGB: photo, rendered colour, median depth, normals."""
-    covered = (rendering.alpha >= MIN_ALPHA).numpy()
-    color = np.round(rendering.color.clamp(0, 1).numpy() * 255).astype(np.uint8)
-    depth = depth_picture(rendering.median_depth.numpy(), covered)
-    normal = normal_picture(rendering.normal.numpy(), frame.camera, covered)
-    return np.concatenate([frame.color(), color, depth, normal], axis=1)
+def _path_options(own: dict[str, str]) -> PathOptions | None:
+    """The arguments of a path; None: none is asked for."""
+    given = [name for name in own if name != "views"]
+    if not given:
+        return None
+    if not own.get("path"):
+        raise InputError(f"{given[0]}= is for a path; add path=smooth or path=FILE")
+    if "views" in own:
+        raise InputError("views= and path= exclude each other; leave one out")
+    default = PathOptions()
+    return PathOptions(
+        path=own["path"],
+        to=Path(own["to"]).expanduser().absolute() if own.get("to") else None,
+        save=choices(own, "save", ",".join(default.save), SAVED),
+        frames=whole_number(own, "frames", default.frames, 1, 100_000),
+        through=whole_number(own, "through", default.through, 2, 100_000),
+        fps=whole_number(own, "fps", default.fps, 1, 240),
+        width=whole_number(own, "width", 0, 16, 16384) or None,
+    )

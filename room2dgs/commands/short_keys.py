@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from room2dgs.config import conf_dir
 from room2dgs.config.overrides import group_choices
 
+FOOTAGE = {"video": "prepare.video", "images": "prepare.images"}  # of which a capture is made first
+
 
 def written_out(argv: Sequence[str], short: Mapping[str, str]) -> list[str]:
     """Short names as the settings that they stand for; a choice of a group (`scene=default`) stays one.

@@ -12,7 +12,7 @@ import numpy as np
 
 from room2dgs.captures.view_maps import ViewMaps, valid_depth
 from room2dgs.json_files import update_json
-from room2dgs.runs.metrics import Stages, by_stage, commit, machine, versions
+from room2dgs.runs.metrics import StageTimes, by_stage, commit, machine, versions
 
 if TYPE_CHECKING:
     from room2dgs.stereo.dense import DenseView
@@ -76,12 +76,12 @@ def total(photos: Sequence[Coverage]) -> Coverage:
     )
 
 
-def write_coverage(out: Path, photos: Sequence[Coverage], seconds: Stages) -> None:
+def write_coverage(out: Path, photos: Sequence[Coverage], times: StageTimes) -> None:
     """out/coverage.json."""
     (out / COVERAGE).unlink(missing_ok=True)
     whole = {
         "total": asdict(total(photos)),
-        "seconds": by_stage(seconds),
+        "seconds": by_stage(times),
         "photos": [asdict(one) for one in photos],
         "machine": machine(),
         "commit": commit(),

@@ -6,7 +6,6 @@ import math
 import os
 import platform
 import resource
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -17,6 +16,7 @@ from typing import Any
 
 from room2dgs import __version__
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin
+from room2dgs.commit import commit
 from room2dgs.cores import available_cores
 from room2dgs.freed_memory import give_back
 from room2dgs.json_files import read_json, update_json
@@ -53,7 +53,11 @@ MESH_SCORES = (
 )
 
 
-class Stages(dict[str, float]):
+# and those of its held-out views
+IMAGE_SCORES = ("psnr_db", "ssim", "test_views")
+
+
+class StageTimes(dict[str, float]):
     """Seconds by stage, as `timed` fills them in, and the memory.
 
     Attributes:
@@ -68,35 +72,35 @@ class Stages(dict[str, float]):
 
 
 @contextmanager
-def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    """Adds the block's wall time to `seconds[stage]`; `Stages` keep its memory too. What it freed is given back."""
+def timed(times: StageTimes, stage: str) -> Iterator[None]:
+    """Adds the block's time to a stage's, and notes its memory. What the block freed is given back to the system."""
     start, cpu = time.perf_counter(), time.process_time()
     yield
     give_back()
-    seconds[stage] = seconds.get(stage, 0.0) + round(time.perf_counter() - start, 3)
-    if isinstance(seconds, Stages):
-        seconds.peak_memory_mb[stage] = peak_memory_mb()
-        seconds.cpu[stage] = seconds.cpu.get(stage, 0.0) + round(time.process_time() - cpu, 3)
+    times[stage] = times.get(stage, 0.0) + round(time.perf_counter() - start, 3)
+    times.peak_memory_mb[stage] = peak_memory_mb()
+    times.cpu[stage] = times.cpu.get(stage, 0.0) + round(time.process_time() - cpu, 3)
 
 
-def by_stage(seconds: Stages) -> dict[str, dict[str, float]]:
+def by_stage(times: StageTimes) -> dict[str, dict[str, float]]:
     """Stage -> "wall" and "cpu" seconds (all cores together)."""
-    return {stage: {"wall": wall, "cpu": seconds.cpu.get(stage, 0.0)} for stage, wall in seconds.items()}
+    return {stage: {"wall": wall, "cpu": times.cpu.get(stage, 0.0)} for stage, wall in times.items()}
 
 
-def record(out: Path, part: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
+def record(out: Path, part: dict[str, Any], times: StageTimes | None = None) -> dict[str, Any]:
     """Sets `part` in the run's metrics.json, and what every command adds to it.
 
     Returns:
         All that the file now holds.
     """
-    before = {key: value for key, value in earlier(out).items() if value is not None}
+    times = StageTimes() if times is None else times
+    before = {key: value for key, value in read_metrics(out).items() if value is not None}
     memory = max(peak_memory_mb(), before.get("peak_memory_mb", 0.0))
     common = {
-        "seconds": {**before.get("seconds", {}), **seconds},
+        "seconds": {**before.get("seconds", {}), **times},
         "peak_memory_mb": memory,
-        "stage_peak_memory_mb": {**before.get("stage_peak_memory_mb", {}), **getattr(seconds, "peak_memory_mb", {})},
-        "cpu_seconds": {**before.get("cpu_seconds", {}), **getattr(seconds, "cpu", {})},
+        "stage_peak_memory_mb": {**before.get("stage_peak_memory_mb", {}), **times.peak_memory_mb},
+        "cpu_seconds": {**before.get("cpu_seconds", {}), **times.cpu},
         "versions": versions(),
         "commit": commit(),
         "machine": machine(),
@@ -104,7 +108,7 @@ def record(out: Path, part: dict[str, Any], seconds: dict[str, float]) -> dict[s
     return update_json(out / METRICS, {**part, **common})
 
 
-def earlier(out: Path) -> dict[str, Any]:
+def read_metrics(out: Path) -> dict[str, Any]:
     """What the run's metrics.json holds so far; nothing without the file.
 
     Raises:
@@ -116,7 +120,7 @@ def earlier(out: Path) -> dict[str, Any]:
 
 def origin_of_run(out: Path) -> Origin | None:
     """`Scene.origin_m` as the run noted it; None if nothing whole is noted."""
-    capture = earlier(out).get("capture")
+    capture = read_metrics(out).get("capture")
     noted = capture.get("origin_m", AT_ORIGIN) if isinstance(capture, dict) else None  # runs from before had none
     if not isinstance(noted, (list, tuple)) or len(noted) != 3:
         return None
@@ -126,9 +130,9 @@ def origin_of_run(out: Path) -> Origin | None:
     return x, y, z
 
 
-def stale(out: Path, beginnings: tuple[str, ...]) -> dict[str, None]:
-    """Null for what metrics.json says under keys that begin so: what it was measured on is gone."""
-    return dict.fromkeys(key for key in earlier(out) if key.startswith(beginnings))
+def cleared(out: Path, beginnings: tuple[str, ...]) -> dict[str, None]:
+    """Null for each key of metrics.json that begins so, for `record`: what was measured is gone."""
+    return dict.fromkeys(key for key in read_metrics(out) if key.startswith(beginnings))
 
 
 def peak_memory_mb() -> float:
@@ -146,18 +150,6 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[package] = "missing"
     return found
-
-
-def commit() -> str | None:
-    """The checkout's commit, "+" behind it when files differ from it; None outside a checkout."""
-    root = Path(__file__).resolve().parents[2]
-    if not (root / ".git").exists():
-        return None
-    try:
-        head = _git(root, "rev-parse", "HEAD")
-        return head + "+" if _git(root, "status", "--porcelain") else head
-    except (OSError, subprocess.SubprocessError):
-        return None
 
 
 def machine() -> dict[str, Any]:
@@ -180,8 +172,3 @@ def processor() -> str:
     except OSError:
         pass
     return platform.processor() or platform.machine()
-
-
-def _git(root: Path, *arguments: str) -> str:
-    done = subprocess.run(["git", "-C", str(root), *arguments], capture_output=True, text=True, check=True, timeout=10)
-    return done.stdout.strip()

@@ -15,7 +15,7 @@ from room2dgs.errors import InputError, RunFailed
 from room2dgs.files import is_temporary
 from room2dgs.owner import LOCK, refuse_if_owned
 from room2dgs.runs.folder import CONFIG, POINTS, PRIOR_MAPS, absolute, last_value, value_at
-from room2dgs.runs.metrics import earlier
+from room2dgs.runs.metrics import read_metrics
 from room2dgs.study.launch import combinations, in_turn, launched
 
 EXPERIMENT, SEED = "experiment", "train.seed"
@@ -109,7 +109,7 @@ def finished(job: Job) -> bool:
     if other:
         raise InputError(f"{job.folder} holds a run with another {other}; choose another out=DIR, or delete it")
     try:
-        return "eval" in (earlier(job.folder).get("seconds") or {})
+        return "eval" in (read_metrics(job.folder).get("seconds") or {})
     except InputError:  # figures that are not whole: the run is gone on with, and says so itself
         return False
 

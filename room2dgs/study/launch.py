@@ -34,7 +34,7 @@ from room2dgs.config.overrides import group_choices, known_key, quoted
 from room2dgs.config.sentences import of_composition
 from room2dgs.errors import InputError, RunFailed
 from room2dgs.interrupts import Terminated
-from room2dgs.runs.metrics import earlier
+from room2dgs.runs.metrics import read_metrics
 
 BASIC = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"  # one job after the other
 COLOR_CODE = re.compile(r"\x1b\[[0-9;]*m")  # open3d colours its errors
@@ -131,7 +131,7 @@ def job(config: DictConfig) -> float:
     folder = Path(hydra.runtime.output_dir)
     settings = [text for text in hydra.overrides.task if text.partition("=")[0] != "out"]
     _checked(ended([sys.executable, "-m", "room2dgs.cli", "run", *settings, f"out={folder}"]))
-    metrics = earlier(folder)
+    metrics = read_metrics(folder)
     scores = (value for name, value in metrics.items() if name.startswith("f_score_") and value is not None)
     return float(next(scores, "nan"))
 

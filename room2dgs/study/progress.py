@@ -10,7 +10,7 @@ from room2dgs.errors import RunFailed
 from room2dgs.files import remove_leftovers
 from room2dgs.logs import Log, in_lines
 from room2dgs.owner import owned
-from room2dgs.runs.metrics import earlier
+from room2dgs.runs.metrics import read_metrics
 from room2dgs.study.ablation import Run
 from room2dgs.study.jobs import Job, batches, executed
 
@@ -66,5 +66,5 @@ def run_all(
 def run_of(job: Job, progress: Progress) -> Run:
     """A job as the tables know it."""
     why = str(progress.failed.get(job.folder, ""))
-    metrics = None if why or job in progress.todo else earlier(job.folder)
+    metrics = None if why or job in progress.todo else read_metrics(job.folder)
     return Run(job.row, job.seed, job.folder, metrics, why)

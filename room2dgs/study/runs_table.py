@@ -12,7 +12,7 @@ from room2dgs.errors import InputError
 from room2dgs.report.table import Table
 from room2dgs.report.table import markdown as as_markdown
 from room2dgs.runs.folder import METRICS
-from room2dgs.runs.metrics import earlier
+from room2dgs.runs.metrics import read_metrics
 
 COLUMNS = {
     "run": lambda m: m["run"],
@@ -41,7 +41,7 @@ def row(run: Path) -> dict[str, str]:
     """
     path = run / METRICS
     try:
-        metrics: dict[str, Any] = {**earlier(run), "run": run.name}
+        metrics: dict[str, Any] = {**read_metrics(run), "run": run.name}
         return {name: cell(metrics) for name, cell in COLUMNS.items()}
     except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(

@@ -17,9 +17,10 @@ from PIL import Image
 
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.readers.scannetpp_depth import DepthStream, lz4_block
-from room2dgs.commands.stages import told
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
+from room2dgs.pipeline.run_folder import RunFolder
+from room2dgs.pipeline.scene import describe_capture
 from room2dgs.runs.page import texts
 
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -249,7 +250,7 @@ def test_intrinsics_that_disagree_with_exif_are_a_warning_with_what_mends_them(w
     given = re.search(r"scene\.intrinsics=(\[.*\])", said)[1]
     assert read_scene(settings(root, intrinsics=json.loads(given))).warnings == ()
     log = []
-    told(scene, tmp_path, log.append)
+    describe_capture(scene, RunFolder(tmp_path, log.append))
     assert f"WARNING: {said}" in log
     assert json.loads((tmp_path / "metrics.json").read_text())["capture"]["warnings"] == [said]
     assert said in texts.warnings(scene, load_config([f"scene.path={root}", "out=unused"]), {}, log)
@@ -266,7 +267,9 @@ def test_photos_without_a_pose_are_left_out_by_name_in_log_and_metrics(written, 
     poses = made.poses.copy()
     poses[2] = -np.inf
     log = []
-    told(read_scene(settings(written("scannet", made=replace(made, poses=poses)))), tmp_path, log.append)
+    describe_capture(
+        read_scene(settings(written("scannet", made=replace(made, poses=poses)))), RunFolder(tmp_path, log.append)
+    )
     reason = "pose/4.txt holds inf or NaN (tracking lost)"
     assert f"frame 000004 left out: {reason}" in log
     assert json.loads((tmp_path / "metrics.json").read_text())["capture"]["left_out"] == {"000004": reason}

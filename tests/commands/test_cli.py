@@ -78,22 +78,22 @@ def refused(capsys, argv: list[str]) -> str:
 
 
 def test_nothing_of_the_training_is_in_memory_when_the_mesh_is_made(scene, tmp_path, monkeypatch):
-    from room2dgs.commands import run, train
+    from room2dgs.pipeline import reconstruct, train
 
-    held = {}
+    in_memory = {}
 
     def watched(name, stage):
-        def staged(scene, *rest):
+        def watching(scene, *rest):
             result = stage(scene, *rest)
-            held[name] = scene.cache.in_memory
+            in_memory[name] = scene.cache.in_memory
             return result
 
-        return staged
+        return watching
 
     monkeypatch.setattr(train, "points_and_priors", watched("priors", train.points_and_priors))
-    monkeypatch.setattr(run, "train_scene", watched("training", run.train_scene))
+    monkeypatch.setattr(reconstruct, "train_surfels", watched("training", reconstruct.train_surfels))
     assert cli.main(["run", *settings(scene, tmp_path / "run"), "report.enabled=false"]) == 0
-    assert held["priors"] > 0 and held["training"] == 0
+    assert in_memory["priors"] > 0 and in_memory["training"] == 0
 
 
 def test_run_leaves_what_the_readme_promises(finished, scene):

@@ -15,10 +15,9 @@ from pathlib import Path
 import pytest
 
 from room2dgs import cli, files
-from room2dgs.commands import run as run_command
-from room2dgs.commands import stages
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
+from room2dgs.pipeline import depth, reconstruct
 from room2dgs.runs.folder import claimed, new_run
 from room2dgs.train import checkpoint
 
@@ -125,7 +124,7 @@ def test_a_run_killed_before_its_first_file_was_there_is_begun_by_the_same_comma
 
 def test_a_run_killed_in_its_mesh_goes_on_there_to_the_same_bits(wall, tmp_path, whole, monkeypatch, capsys):
     out = tmp_path / "run"
-    killed("room2dgs.commands.run.mesh_scene", "run", *settings(wall, out))
+    killed("room2dgs.pipeline.reconstruct.make_mesh", "run", *settings(wall, out))
     assert (out / "surfels.safetensors").exists() and not (out / "mesh.ply").exists()
     (out / f".mesh.ply.{os.getppid()}.tmp").write_text("half")
     (out / "points").mkdir()
@@ -135,7 +134,7 @@ def test_a_run_killed_in_its_mesh_goes_on_there_to_the_same_bits(wall, tmp_path,
     def again(*_, **__):
         raise AssertionError("priors were made again")
 
-    monkeypatch.setattr(stages, "read_priors", again)
+    monkeypatch.setattr(depth, "find_priors", again)
     capsys.readouterr()
     assert cli.main(["run", f"out={out}", "resume=yes"]) == 0
     assert "priors are there from before" in capsys.readouterr().out
@@ -150,7 +149,7 @@ def test_a_run_killed_after_its_mesh_keeps_it(wall, tmp_path, whole, monkeypatch
         raise KeyboardInterrupt
 
     out = tmp_path / "run"
-    monkeypatch.setattr(run_command, "render_scene", stopped)
+    monkeypatch.setattr(reconstruct, "write_renders", stopped)
     assert cli.main(["run", *settings(wall, out)]) == 130
     assert f"go on with: room2dgs run out={out} resume=true" in capsys.readouterr().err
     made = (out / "mesh.ply").stat().st_mtime_ns

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 import torch
 import trimesh
 
 from room2dgs.captures.read import read_scene
-from room2dgs.commands.mesh import mesh_scene
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.eval.surface import Surface
+from room2dgs.kernels.builds import PLAIN
+from room2dgs.kernels.emulation import cuda_kernels_on_cpu
+from room2dgs.kernels.operators import BY_BLOCK_CODE
 from room2dgs.mesh import device_volume
+from room2dgs.pipeline.mesh import make_mesh
+from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.splat import Surfels
-from room2dgs.splat.backends import blocks
 
 
 def settings(wall, out, device):
@@ -38,16 +43,15 @@ def discs(wall) -> Surfels:
 
 def test_blocks_make_the_cpus_mesh(wall, tmp_path, monkeypatch):
     surfels, drawn, fused = discs(wall), [], []
-    draw, take_in = blocks.BACKEND.render, device_volume._take_in
-    monkeypatch.setattr(
-        blocks, "BACKEND", blocks.BACKEND._replace(render=lambda *view: (drawn.append(1), draw(*view))[1])
-    )
+    draw, take_in = BY_BLOCK_CODE["rasterize"], device_volume._take_in
+    monkeypatch.setitem(BY_BLOCK_CODE, "rasterize", lambda *view: (drawn.append(view[0] is PLAIN), draw(*view))[1])
     monkeypatch.setattr(device_volume, "_take_in", lambda *view: (fused.append(1), take_in(*view))[1])
     made = {}
-    for device in ("cpu", "blocks"):
-        config = settings(wall, tmp_path / device, device)
+    for device, kernels in {"cpu": nullcontext, "blocks": cuda_kernels_on_cpu}.items():
+        config = settings(wall, tmp_path / device, "cpu")
         scene = read_scene(config.scene)
-        mesh_scene(scene, surfels, config, tmp_path / device, lambda _: None, {})
+        with kernels():
+            make_mesh(scene, surfels, config, RunFolder(tmp_path / device, lambda _: None))
         made[device] = trimesh.load(tmp_path / device / "mesh.ply", process=False)
         assert len(drawn) == len(fused) == (0 if device == "cpu" else len(scene.train))
     cpu, found = made["cpu"], made["blocks"]
@@ -59,5 +63,5 @@ def test_no_gpu_is_one_sentence_and_the_earlier_mesh_stays(wall, tmp_path, witho
     config = settings(wall, tmp_path, "cuda")
     (tmp_path / "mesh.ply").write_text("earlier")
     with pytest.raises(InputError, match=r"render\.device=cuda lacks"):
-        mesh_scene(read_scene(config.scene), discs(wall), config, tmp_path, lambda _: None, {})
+        make_mesh(read_scene(config.scene), discs(wall), config, RunFolder(tmp_path, lambda _: None))
     assert (tmp_path / "mesh.ply").read_text() == "earlier"

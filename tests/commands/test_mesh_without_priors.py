@@ -11,8 +11,8 @@ import pytest
 import trimesh
 
 from room2dgs import cli
-from room2dgs.commands import stages
 from room2dgs.depth.network import ahead, maps
+from room2dgs.pipeline import depth
 
 WALL_Z = 2.0
 SOURCES = ("stereo", "points")
@@ -35,7 +35,7 @@ def no_prior(monkeypatch):
     def looked(*arguments, **named):
         raise Looked
 
-    for module, name in ((stages, "read_priors"), (ahead, "predicted_maps"), (maps, "open_network")):
+    for module, name in ((depth, "find_priors"), (ahead, "predicted_maps"), (maps, "open_network")):
         monkeypatch.setattr(module, name, looked)
 
 

@@ -13,10 +13,10 @@ import pytest
 from room2dgs import cli
 from room2dgs.captures.read import read_scene
 from room2dgs.commands.ablate import DEFAULTS as ABLATE
-from room2dgs.tools.prior_error.__main__ import DEFAULTS as PRIOR_ERROR
 from room2dgs.config import load_config
 from room2dgs.depth import load_priors
 from room2dgs.sfm.sparse import sparse_points
+from room2dgs.tools.prior_error.__main__ import DEFAULTS as PRIOR_ERROR
 
 ROOT = Path(__file__).resolve().parents[2]
 WALL_Z = 2.0

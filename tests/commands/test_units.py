@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from room2dgs import cli
-from room2dgs.commands.units import unit_doubt
+from room2dgs.pipeline.units import unit_doubt
 from room2dgs.runs.page.texts import logged_warnings
 
 FIFTIETH = 0.02

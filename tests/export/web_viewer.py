@@ -25,7 +25,7 @@ import torch
 
 from room2dgs import cli
 from room2dgs.captures.scene import Frame
-from room2dgs.commands.stages import read, with_poses_of_run
+from room2dgs.pipeline.scene import scene_of_run
 from room2dgs.eval.image_metrics import psnr
 from room2dgs.geometry.camera_tensors import view_matrices
 from room2dgs.runs.folder import earlier_run
@@ -125,7 +125,7 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     config = earlier_run([f"run={options.run}"])
     surfels = load_surfels(options.run / "surfels.safetensors")
-    held_out = with_poses_of_run(read(config), options.run).test
+    held_out = scene_of_run(config).test
     frames = held_out[:: max(1, len(held_out) // options.views)][: options.views]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

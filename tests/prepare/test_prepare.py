@@ -426,11 +426,11 @@ def test_two_photos_that_would_have_one_name_are_refused(tmp_path):
 
 def test_run_of_a_video_makes_its_capture_in_the_runs_folder(monkeypatch, tmp_path):
     """And goes on with it; a taken folder is refused before hours of matching."""
-    from room2dgs.commands import prepare as command
     from room2dgs.errors import InputError
+    from room2dgs.pipeline import reconstruct as command
 
     made = []
-    monkeypatch.setattr(command, "prepared", lambda config, out: made.append((config.prepare.video, out)))
+    monkeypatch.setattr(command, "prepare_capture", lambda config, out, show: made.append((config.prepare.video, out)))
     video, out = tmp_path / "a=b.mp4", tmp_path / "run"
     result = command.with_capture([f"prepare.video={video}", f"out={out}"])
     assert made == [(str(video), out / "capture")] and result[-1] == f"scene.path={out / 'capture'}"

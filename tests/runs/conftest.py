@@ -11,7 +11,7 @@ import trimesh
 
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.view_maps import ViewMaps
-from room2dgs.commands.stages import rendered
+from room2dgs.pipeline.surfels import render_frames
 from room2dgs.config import dump_config, load_config
 from room2dgs.eval.pictures import error_mesh
 from room2dgs.eval.surface import Surface
@@ -85,7 +85,7 @@ def reported(wall, tmp_path_factory):
     maps = {name: ViewMaps(depth=depth, depth_confidence=sure) for name in names}
     write_trust(out / "trust.npz", scene.train, maps, {name: (depth, count) for name in names})
     surfels = discs_on(mesh)
-    path = write_report(scene, surfels, lambda frames: rendered(surfels, frames, config), config, out)
+    path = write_report(scene, surfels, lambda frames: render_frames(surfels, frames, config), config, out)
     return SimpleNamespace(path=path, out=out, capture=capture, mesh=mesh, surfels=surfels, scene=scene, config=config)
 
 

@@ -11,15 +11,15 @@ import pytest
 PROGRAM = """
 from pathlib import Path
 import numpy as np
-from room2dgs.runs.metrics import Stages, timed
+from room2dgs.runs.metrics import StageTimes, timed
 
 def resident_mb():
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 2**20
 
-with timed(Stages(), "first"):
+with timed(StageTimes(), "first"):
     pass
 before = resident_mb()
-with timed(Stages(), "second"):
+with timed(StageTimes(), "second"):
     blocks = [np.ones(8192) for _ in range(4000)]  # 64 KiB each
     most = resident_mb()
     stays = blocks[::100]

@@ -15,7 +15,7 @@ from room2dgs.captures.scene import Scene
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.json_files import update_json
-from room2dgs.runs.metrics import earlier, record
+from room2dgs.runs.metrics import StageTimes, read_metrics, record
 from room2dgs.runs.page import texts
 from room2dgs.runs.schema import BY_KEY
 from room2dgs.study.ablation import figures_of
@@ -31,7 +31,9 @@ KEYS = [*BY_KEY, "f_score_5cm", "precision_5cm", "recall_5cm"]
 
 def read_everywhere(out) -> None:
     """What reports, tables, studies and later commands make of a run's figures."""
-    metrics = earlier(out)
+    times = StageTimes()
+    times["read"] = 1.0
+    metrics = read_metrics(out)
     config = load_config(["scene.path=x", f"out={out}"])
     scene = Scene("x", (), ())
     texts.opening(config, metrics)
@@ -42,7 +44,7 @@ def read_everywhere(out) -> None:
     texts.threshold_m(metrics, config)
     values_of(metrics, "area", "5cm")
     figures_of(metrics, "5cm")
-    record(out, {}, {"read": 1.0})
+    record(out, {}, times)
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -71,7 +73,7 @@ def test_a_figure_of_another_kind_is_one_sentence_or_does_no_harm(tmp_path, stra
 )
 def test_a_damaged_file_is_one_sentence(tmp_path, content, said):
     (tmp_path / "metrics.json").write_bytes(content.encode("latin-1"))
-    for use in (earlier, lambda out: record(out, {}, {}), lambda out: update_json(out / "metrics.json", {})):
+    for use in (read_metrics, lambda out: record(out, {}), lambda out: update_json(out / "metrics.json", {})):
         with pytest.raises(InputError, match=said):
             use(tmp_path)
 
@@ -79,11 +81,11 @@ def test_a_damaged_file_is_one_sentence(tmp_path, content, said):
 def test_a_pipe_or_a_link_to_nothing_is_told(tmp_path):
     os.mkfifo(tmp_path / "metrics.json")
     with pytest.raises(InputError, match="is a pipe"):
-        earlier(tmp_path)
+        read_metrics(tmp_path)
     (tmp_path / "metrics.json").unlink()
     (tmp_path / "metrics.json").symlink_to("gone")
     with pytest.raises(InputError, match="which is not there"):
-        earlier(tmp_path)
+        read_metrics(tmp_path)
 
 
 @pytest.mark.parametrize("verb", ["report", "mesh", "eval", "table"])
@@ -101,14 +103,14 @@ def test_a_run_that_was_meshed_anew_has_a_report_without_scores(finished, capsys
     assert cli.main(["report", f"out={finished}"]) == 0
     assert "F-score at 5cm" in (finished / "report.html").read_text()
     assert cli.main(["mesh", f"out={finished}", "mesh.voxel_m=0.05"]) == 0
-    assert earlier(finished)["protocols"] is None
+    assert read_metrics(finished)["protocols"] is None
     assert cli.main(["report", f"out={finished}"]) == 0
     assert "F-score at" not in (finished / "report.html").read_text()
 
 
 def test_the_legend_of_the_error_is_that_of_the_scores(finished, capsys):
     assert cli.main(["eval", f"out={finished}", "eval.threshold_m=0.02"]) == 0
-    assert earlier(finished)["threshold_m"] == 0.02
+    assert read_metrics(finished)["threshold_m"] == 0.02
     for forget in (False, True):  # a run from before says it under its protocol alone
         if forget:
             update_json(finished / "metrics.json", {"threshold_m": None})

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from room2dgs.commands.view import viewer_of
+from room2dgs.pipeline.view import viewer_of
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.eval.pictures import error_mesh

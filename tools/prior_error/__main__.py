@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from room2dgs.commands.eval import ground_truth
+from room2dgs.pipeline.evaluate import ground_truth
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.stages import read
+from room2dgs.pipeline.scene import read_capture
 from room2dgs.config import Config, load_config
 from room2dgs.config.overrides import quoted
 from room2dgs.depth.network.maps import read_models
@@ -104,7 +104,7 @@ def main(argv: list[str]) -> int:
         read_models(group[0].config.prior)  # a network that is missing is reported now, not at its row
     progress = Progress([job for group in jobs.values() for job in group if not finished(job)])
     config = next(iter(jobs.values()))[0].config
-    scene = read(config)
+    scene = read_capture(config)
     if not any(frame.depth_path for frame in scene.frames):
         raise InputError(f"{scene.path / 'depth'} has no depth maps; priors are simulated from, and measured on, them")
     if not (ground_truth(config) or scene.gt_mesh):

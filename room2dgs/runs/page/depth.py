@@ -20,7 +20,7 @@ from room2dgs.report.page import Figure, page
 from room2dgs.report.table import NOTHING, Table, table
 from room2dgs.runs.depth_coverage import Coverage, counted, total
 from room2dgs.runs.folder import REPORT
-from room2dgs.runs.metrics import earlier
+from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.page import texts, trust
 from room2dgs.runs.page.views import small
 from room2dgs.runs.pictures import depth_picture
@@ -59,7 +59,7 @@ def write_depth_report(
     Raises:
         InputError: a photo cannot be read.
     """
-    whole, metrics = total(photos), earlier(out)
+    whole, metrics = total(photos), read_metrics(out)
     pictured = _pictured(scene.keyframes, views, filled, config.report.views)
     text = page(
         "depth.html.j2",

@@ -14,7 +14,7 @@ from room2dgs.eval.alignment import moved
 from room2dgs.eval.shading import CLAY
 from room2dgs.mesh.io import read_mesh
 from room2dgs.mesh.simplify import decimated
-from room2dgs.runs.metrics import earlier
+from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.page.packing import packed, stepped
 
 FINE = 2  # times the wanted triangles: what is beyond is first joined on a grid, which takes no time
@@ -79,9 +79,9 @@ def with_error(one: Solid, out: Path, origin_m: Origin) -> Solid:
     """With the layer "error", if the run's mesh was scored: colours of eval/error.ply, each vertex its nearest."""
     error_file = out / "eval" / "error.ply"
     # meshing anew takes the scores out of metrics.json; the picture of the earlier mesh's error stays on the disk
-    if not error_file.is_file() or earlier(out).get("protocol") is None:
+    if not error_file.is_file() or read_metrics(out).get("protocol") is None:
         return one
-    scored, align = read_mesh(error_file), earlier(out).get("align")
+    scored, align = read_mesh(error_file), read_metrics(out).get("align")
     if scored.visual.kind != "vertex":  # somebody else's file
         return one
     # a mesh that was aligned is scored, and coloured, in the truth's frame

@@ -21,7 +21,7 @@ from room2dgs.logs import logged
 from room2dgs.mesh.world import read_in_scene
 from room2dgs.report.page import page
 from room2dgs.runs.folder import MESH, REPORT, TRUST
-from room2dgs.runs.metrics import earlier
+from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.page import surfel_layer, texts, trust
 from room2dgs.runs.page.coverage import Coverage, Spot, advice, coverage, spots
 from room2dgs.runs.page.mesh_layer import SEEN, Solid, block, solid, with_error, with_photos
@@ -56,7 +56,7 @@ def write_report(scene: Scene, surfels: Surfels | None, rendered: Rendered, conf
     Raises:
         InputError: the run's mesh or a photo cannot be read.
     """
-    metrics = earlier(out)
+    metrics = read_metrics(out)
     log = logged(out)
     maps = read_trust(out / TRUST)
     source = str(metrics.get("depth_source") or "none")

@@ -10,40 +10,40 @@ import numpy as np
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import Config
-from room2dgs.logs import Log
-from room2dgs.runs.metrics import timed
+from room2dgs.pipeline.run_folder import RunFolder
 
 if TYPE_CHECKING:
+    from room2dgs.depth import StereoViews
     from room2dgs.geometry.camera import Camera
     from room2dgs.mesh.views import FusedView
-    from room2dgs.stereo.dense import DenseView
 
 
-def stereo_views(
-    scene: Scene, points: PointCloud, config: Config, log: Log, seconds: dict[str, float]
-) -> tuple[list[Camera], list[DenseView], float]:
+def find_stereo(scene: Scene, points: PointCloud, config: Config, run: RunFolder) -> tuple[StereoViews, float]:
     """The training photos compared with each other: depth of the keyframes.
 
     Returns:
-        Their cameras at stereo's image size, what was found in each, and the share of the pixels that have a depth.
+        What was found in each keyframe, and the share of the pixels that have a depth.
 
     Raises:
         InputError: as `scene_stereo`.
     """
+    from room2dgs.depth import StereoViews
     from room2dgs.stereo.scene import coverage, scene_stereo
 
-    with timed(seconds, "stereo"):
-        cameras, found = scene_stereo(scene.keyframes, points, config.stereo, log, config.render.device, scene.beside)
+    with run.timed("stereo"):
+        cameras, found = scene_stereo(
+            scene.keyframes, points, config.stereo, run.log, config.render.device, scene.beside
+        )
         views = list(found)
     share = coverage(views)
-    log(
+    run.log(
         f"stereo: {share.mean():.0%} of the pixels of {len(views)} views have a depth (least {share.min():.0%}), "
-        f"{seconds['stereo'] / len(views):.1f} s a view"
+        f"{run.times['stereo'] / len(views):.1f} s a view"
     )
-    return cameras, views, float(share.mean())
+    return StereoViews(cameras, views), float(share.mean())
 
 
-def colors(frames: Sequence[Frame], cameras: Sequence[Camera]) -> Iterator[np.ndarray]:
+def resized_photos(frames: Sequence[Frame], cameras: Sequence[Camera]) -> Iterator[np.ndarray]:
     """(H, W, 3) uint8 photos at the cameras' sizes, one at a time."""
     import cv2
 
@@ -51,9 +51,10 @@ def colors(frames: Sequence[Frame], cameras: Sequence[Camera]) -> Iterator[np.nd
         yield cv2.resize(frame.color(), camera.size, interpolation=cv2.INTER_AREA)
 
 
-def fused_views(frames: Sequence[Frame], cameras: Sequence[Camera], views: Sequence[DenseView]) -> Iterator[FusedView]:
+def fused_stereo(frames: Sequence[Frame], stereo: StereoViews) -> Iterator[FusedView]:
     """Stereo's depth as it is fused, one view at a time: the pixels that enough views agree with, all of one weight."""
     from room2dgs.mesh.views import FusedView
 
-    for camera, view, color in zip(cameras, views, colors(frames, cameras), strict=True):
+    photos = resized_photos(frames, stereo.cameras)
+    for camera, view, color in zip(stereo.cameras, stereo.views, photos, strict=True):
         yield FusedView(camera, view.depth, color)

@@ -1,4 +1,4 @@
-"""Metres: where the depth prior contradicts the unit of the poses, what is said names scene.unit with the number."""
+"""Whether the poses are in metres: a depth prior that contradicts them names the scene.unit that would fit."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from room2dgs.captures.scene import Scene
 from room2dgs.captures.seen_points import NEAR_M
 from room2dgs.config import Config
 from room2dgs.errors import InputError
-from room2dgs.logs import Log
-from room2dgs.runs.metrics import earlier, record
+from room2dgs.pipeline.run_folder import RunFolder
+from room2dgs.runs.metrics import read_metrics
 
 if TYPE_CHECKING:
     from room2dgs.depth import Priors
 
 SCALE = "prior_scale"  # in metrics.json
-LEAST_VIEWS, ASKED_VIEWS, LEAST_POINTS = 3, 12, 100
-# Factors between the prior's metres and the poses' from which on they are spoken of: networks are off by tens of
+LEAST_VIEWS, SAMPLED_VIEWS, LEAST_POINTS = 3, 12, 100
+# Factors between the prior's metres and the poses' from which on a warning is given: networks are off by tens of
 # percent, and who says that poses are metres mostly knows.
 UNKNOWN_UNIT, KNOWN_UNIT = 2.0, 3.0
 
 
-def note_scale(priors: Priors, points: PointCloud, scene: Scene, config: Config, out: Path, log: Log) -> None:
+def check_unit(priors: Priors, points: PointCloud, scene: Scene, config: Config, run: RunFolder) -> None:
     """Records the median scale of a prior in metres, and warns if it contradicts the poses.
 
     Raises:
@@ -39,12 +39,12 @@ def note_scale(priors: Priors, points: PointCloud, scene: Scene, config: Config,
     scales = [fit.scale for fit in priors.fits.values() if np.isfinite(fit.residual) and fit.scale > 0]
     fitted = len(scales) >= LEAST_VIEWS
     scale = float(np.median(scales)) if fitted else _scale_at_points(priors, points, scene)
-    record(out, {SCALE: scale}, {})
+    run.record({SCALE: scale})
     doubt = unit_doubt(scale, scene, config.scene.unit)
     if doubt and not fitted:
         raise InputError(f"{scene.path} is not in metres: {doubt}")
     if doubt:
-        log(f"WARNING: {doubt}")
+        run.log(f"WARNING: {doubt}")
 
 
 def _scale_at_points(priors: Priors, points: PointCloud, scene: Scene) -> float | None:
@@ -53,7 +53,7 @@ def _scale_at_points(priors: Priors, points: PointCloud, scene: Scene) -> float 
     None: too few tell, or they are farther; then something else is wrong with them.
     """
     ratios, away = [], []
-    for frame in scene.keyframes[:: max(1, len(scene.keyframes) // ASKED_VIEWS)]:
+    for frame in scene.keyframes[:: max(1, len(scene.keyframes) // SAMPLED_VIEWS)]:
         maps = priors.by_frame.get(frame.name)
         if maps is None or maps.depth is None or not len(points):
             continue
@@ -94,8 +94,8 @@ def unit_doubt(scale: float | None, scene: Scene, unit: float | None) -> str | N
 
 
 @contextmanager
-def unit_named(scene: Scene, config: Config, out: Path) -> Iterator[None]:
-    """Where no surface comes out in the block, and the unit of the poses may be why, that is what is said.
+def unit_in_no_surface(scene: Scene, config: Config, out: Path) -> Iterator[None]:
+    """If the block finds no surface, and the unit of the poses may be the cause, the error says so.
 
     Raises:
         NoSurface: with the unit in its sentence.
@@ -105,7 +105,7 @@ def unit_named(scene: Scene, config: Config, out: Path) -> Iterator[None]:
     try:
         yield
     except NoSurface as error:
-        scale = earlier(out).get(SCALE)
+        scale = read_metrics(out).get(SCALE)
         doubt = unit_doubt(scale if isinstance(scale, float) and scale > 0 else None, scene, config.scene.unit)
         if doubt and (scene.metric or config.scene.unit is not None):  # then something else may be the cause
             raise NoSurface(f"{error}; or lengths are in another unit than metres: {doubt}") from error

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 VIEWS = 60
 
 
-def same_depth_part(scene: Scene, gt: Path, config: Config, depth_source: str, log: Log) -> dict[str, Any]:
+def same_depth_figures(scene: Scene, gt: Path, config: Config, depth_source: str, log: Log) -> dict[str, Any]:
     """For metrics.json: "truth_from_same_depth", and "depth_to_truth_m" where the run used the capture's own depth.
 
     A truth that lies where the depth lies (`SAME_M`) is taken for made from it: nothing in a capture says otherwise.

@@ -1,4 +1,4 @@
-"""The views along a path of cameras: pictures, raw depth, a video."""
+"""Pictures, raw depth and a video of what cameras see along a path through a run."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ import cv2
 import numpy as np
 
 from room2dgs.captures.scene import Frame, Scene
-from room2dgs.commands.own_arguments import choices, whole_number
-from room2dgs.commands.stages import rendered, use_threads
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.export.depth_maps import MIN_ALPHA, TooFar, as_npy, covered_depth, in_millimetres
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
-from room2dgs.logs import Log
+from room2dgs.pipeline.run_folder import RunFolder
+from room2dgs.pipeline.surfels import render_frames, use_threads
 from room2dgs.runs.folder import RENDERS
 from room2dgs.runs.pictures import normal_picture, write_png
 
@@ -31,52 +30,31 @@ SMOOTH, VIDEO = "smooth", "video.mp4"
 
 
 class PathOptions(NamedTuple):
-    """What to render.
+    """Which path to render, and what to write of it.
 
     Attributes:
         path: "smooth", or a camera file.
         to: folder; None: in the run's.
         save: of `SAVED`.
-        frames, through: of the smooth path.
+        frames, through: of the smooth path: pictures, and captured views that it passes.
         fps: of the video.
         width: pixels; None: as the cameras have it.
     """
 
-    path: str
-    to: Path | None
-    save: tuple[str, ...]
-    frames: int
-    through: int
-    fps: int
-    width: int | None
+    path: str = SMOOTH
+    to: Path | None = None
+    save: tuple[str, ...] = ("color", "video")
+    frames: int = 240
+    through: int = 12
+    fps: int = 30
+    width: int | None = None
 
 
-def path_options(own: dict[str, str]) -> PathOptions | None:
-    """The arguments of a path; None: none is asked for.
+def render_path(options: PathOptions, scene: Scene, surfels: Surfels, config: Config, run: RunFolder) -> Path:
+    """Writes NAME.png, NAME.depth.png, NAME.depth.npy, NAME.normals.png and video.mp4, as `options.save` says.
 
-    Raises:
-        InputError: one is impossible.
-    """
-    given = [name for name in own if name != "views"]
-    if not given:
-        return None
-    if not own.get("path"):
-        raise InputError(f"{given[0]}= is for a path; add path=smooth or path=FILE")
-    if "views" in own:
-        raise InputError("views= and path= exclude each other; leave one out")
-    return PathOptions(
-        path=own["path"],
-        to=Path(own["to"]).expanduser().absolute() if own.get("to") else None,
-        save=choices(own, "save", "color,video", SAVED),
-        frames=whole_number(own, "frames", 240, 1, 100_000),
-        through=whole_number(own, "through", 12, 2, 100_000),
-        fps=whole_number(own, "fps", 30, 1, 240),
-        width=whole_number(own, "width", None, 16, 16384),
-    )
-
-
-def render_path(options: PathOptions, scene: Scene, surfels: Surfels, config: Config, out: Path, log: Log) -> Path:
-    """Files NAME.png, NAME.depth.png, NAME.depth.npy, NAME.normals.png and video.mp4, as asked for.
+    Returns:
+        Their folder.
 
     Raises:
         InputError: a camera file that cannot be used, or a folder that cannot be written.
@@ -85,7 +63,7 @@ def render_path(options: PathOptions, scene: Scene, surfels: Surfels, config: Co
 
     frames = path_frames(options, scene)
     name = SMOOTH if options.path == SMOOTH else Path(options.path).stem
-    folder = options.to or out / RENDERS / name
+    folder = options.to or run.path / RENDERS / name
     sizes = {frame.camera.size for frame in frames}
     if "video" in options.save and len(sizes) > 1:
         raise InputError(f"{options.path} has pictures of several sizes, a video has one; leave video out of save=")
@@ -97,15 +75,15 @@ def render_path(options: PathOptions, scene: Scene, surfels: Surfels, config: Co
     bar, far = Bar(len(frames), 0), TooFar()
     try:
         with _video(folder / VIDEO, frames[0].camera.size, options) as add:
-            for done, (frame, view) in enumerate(rendered(surfels, frames, config), start=1):
+            for done, (frame, view) in enumerate(render_frames(surfels, frames, config), start=1):
                 color = np.round(view.color.clamp(0, 1).numpy() * 255).astype(np.uint8)
                 _write(folder, frame, view, color, options.save, far)
                 add(color)
                 bar.update(done, f"{frame.name}")
     finally:
         bar.stop()
-    far.tell(log, "save=depth_npy")
-    log(f"renders: {len(frames)} views ({', '.join(options.save)}) in {folder}")
+    far.tell(run.log, "save=depth_npy")
+    run.log(f"renders: {len(frames)} views ({', '.join(options.save)}) in {folder}")
     return folder
 
 

@@ -1,0 +1,182 @@
+"""Scores: of a run's mesh and held-out views, or of any mesh, against the truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from room2dgs.captures.scene import Frame, Scene
+from room2dgs.config import Config, EvalConfig, load_config
+from room2dgs.errors import InputError
+from room2dgs.links_out import refuse_links_out
+from room2dgs.logs import Log, in_lines, to_terminal
+from room2dgs.owner import owned
+from room2dgs.pipeline.run_folder import RunFolder
+from room2dgs.pipeline.same_depth import same_depth_figures
+from room2dgs.pipeline.scene import read_capture
+from room2dgs.pipeline.surfels import render_frames, use_threads
+from room2dgs.regular_files import check_regular
+from room2dgs.runs.folder import MESH, METRICS, required
+from room2dgs.runs.metrics import MESH_SCORES, cleared, read_metrics
+
+if TYPE_CHECKING:
+    from room2dgs.eval.alignment import Alignment
+    from room2dgs.eval.protocol import MeshFile
+    from room2dgs.splat.types import Surfels
+
+
+def evaluate_run(scene: Scene, surfels: Surfels | None, config: Config, run: RunFolder) -> None:
+    """Held-out views against their photos, if there are surfels, and the mesh against the truth, if there is one.
+
+    Raises:
+        InputError: no mesh, or as `ground_truth` and `alignment`.
+    """
+    use_threads(config)
+    gt = ground_truth(config) or scene.gt_mesh
+    figures: dict[str, Any] = {}
+    with run.timed("eval"):
+        if surfels is not None and config.eval.image_metrics:
+            figures = _image_scores(scene, surfels, config, run.log)
+        if gt is None:
+            run.log("no ground truth (gt_mesh.ply in the capture, or eval.gt=MESH): the mesh is not scored")
+        else:
+            mesh = required(Path(config.eval.pred) if config.eval.pred else run.path / MESH, "mesh")
+            figures |= cleared(run.path, MESH_SCORES)
+            figures |= _mesh_scores(mesh, gt, scene, config.eval, run.path, run.log)
+            if config.eval.align == "none":
+                source = read_metrics(run.path).get("depth_source", "")
+                figures |= same_depth_figures(scene, gt, config, source, run.log)
+            run.log(f"pictures of the error: {run.path / 'eval'}")
+    run.record(figures)
+    run.log(f"scores: {run.path / METRICS}")
+
+
+def evaluate_mesh(config: Config, log: Log = to_terminal) -> Path:
+    """Scores a mesh that no run made: its cameras come from the capture.
+
+    Args:
+        config: `eval.pred` is the mesh, `eval.gt` the truth unless the capture has one.
+
+    Returns:
+        The folder that the scores went to, which is config.out.
+
+    Raises:
+        InputError: prediction or ground truth are not named or not there.
+    """
+    gt = ground_truth(config)
+    pred = Path(config.eval.pred or "")
+    check_regular(pred, "give pred=MESH")
+    scene = read_capture(config)
+    gt = gt or scene.gt_mesh
+    if gt is None:
+        raise InputError(f"{config.scene.path} has no gt_mesh.ply; give gt=MESH")
+    run = RunFolder(Path(config.out), log)
+    refuse_links_out(run.path, ("eval",))
+    with owned(run.path):
+        with run.timed("eval"):
+            scores = _mesh_scores(pred, gt, scene, config.eval, run.path, log)
+        run.record(cleared(run.path, MESH_SCORES) | scores)
+    log(f"scores: {run.path / METRICS}, pictures: {run.path / 'eval'}")
+    return run.path
+
+
+def ground_truth(config: Config) -> Path | None:
+    """The mesh that eval.gt names, or None.
+
+    Raises:
+        InputError: it is not there, or no file.
+    """
+    if not config.eval.gt:
+        return None
+    path = Path(config.eval.gt)
+    check_regular(path, "give eval.gt the path of the ground-truth mesh")
+    return path
+
+
+def alignment(meshes: tuple[MeshFile, MeshFile], scene: Scene, truth: Scene | None, settings: EvalConfig) -> Alignment:
+    """What brings the mesh and the scene's cameras to the ground truth, all in their scenes' frames.
+
+    Args:
+        meshes: prediction and ground truth.
+        truth: the capture with the true poses.
+
+    Raises:
+        InputError: as `by_cameras` and `by_surfaces`, or a capture is needed and not given.
+    """
+    from room2dgs.eval.alignment import by_cameras, by_surfaces
+
+    by = None
+    if truth is not None:
+        centres = {frame.name: frame.camera.centre for frame in scene.frames}
+        by = by_cameras(centres, {frame.name: frame.camera.centre for frame in truth.frames}, settings.align_scale)
+    if settings.align == "cameras":
+        if by is None:
+            raise InputError("eval.align=cameras needs the true poses; give eval.align_scene=DIR of that capture")
+        return by
+    start = None if by is None else by.truth_from_pred
+    return by_surfaces(meshes[0].mesh, meshes[1].mesh, start, settings.align_scale, settings.seed)
+
+
+def _mesh_scores(pred: Path, gt: Path, scene: Scene, settings: EvalConfig, out: Path, log: Log) -> dict[str, Any]:
+    """The mesh's scores, logged, with pictures of the error in the folder `eval`."""
+    from room2dgs.eval import evaluate, write_pictures
+    from room2dgs.eval.placement import misplaced
+    from room2dgs.eval.protocol import load
+
+    truth = _true_scene(settings)
+    origin_m = scene.origin_m if truth is None else truth.origin_m
+    meshes = load(pred, scene.origin_m), load(gt, origin_m)
+    frames = scene.frames
+    scores: dict[str, Any] = {"align": "none"}
+    if settings.align != "none":
+        found = alignment(meshes, scene, truth, settings)
+        log(found.line())
+        meshes, frames = _in_truth_frame(meshes, frames, found)
+        scores = {"align": found.between_worlds(scene.origin_m, origin_m).as_dict()}
+    doubt = misplaced(meshes[0].mesh, meshes[1].mesh)
+    if doubt:
+        log(f"WARNING: {doubt}")
+    result = evaluate(
+        *meshes,
+        [frame.camera for frame in frames],
+        settings.protocols,
+        threshold_m=settings.threshold_m,
+        samples=settings.samples,
+        seed=settings.seed,
+    )
+    write_pictures(result, frames, out / "eval", origin_m)
+    for line in result.lines():
+        in_lines(log, line)
+    return scores | result.as_dict()
+
+
+def _true_scene(settings: EvalConfig) -> Scene | None:
+    """The capture with the true poses, if the mesh is to be aligned by it."""
+    from room2dgs.captures.read import placed
+
+    if settings.align == "none" or not settings.align_scene:
+        return None
+    return placed(load_config([f"scene.path={settings.align_scene}", "out=unused", "scene.test_every=0"]).scene)
+
+
+def _in_truth_frame(
+    meshes: tuple[MeshFile, MeshFile], frames: tuple[Frame, ...], found: Alignment
+) -> tuple[tuple[MeshFile, MeshFile], tuple[Frame, ...]]:
+    from room2dgs.eval.alignment import moved_camera, moved_mesh
+
+    pred = replace(meshes[0], mesh=moved_mesh(meshes[0].mesh, found.truth_from_pred))
+    moved = tuple(replace(frame, camera=moved_camera(frame.camera, found.truth_from_pred)) for frame in frames)
+    return (pred, meshes[1]), moved
+
+
+def _image_scores(scene: Scene, surfels: Surfels, config: Config, log: Log) -> dict[str, Any]:
+    from room2dgs.eval import image_scores
+
+    if not scene.test:
+        log("no view is held out (scene.test_every=0): no image scores")
+        return {}
+    views = render_frames(surfels, scene.test, config)
+    scores = image_scores((frame.name, view.color.numpy(), frame.color(), frame.mask()) for frame, view in views)
+    log(f"{len(scene.test)} held-out views: PSNR {scores['psnr_db']:.2f} dB, SSIM {scores['ssim']:.3f}")
+    return {"psnr_db": scores["psnr_db"], "ssim": scores["ssim"], "test_views": scores["views"]}

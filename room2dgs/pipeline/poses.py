@@ -1,0 +1,44 @@
+"""Refining the poses of a capture: poses.json."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+
+from room2dgs.captures.scene import Scene
+from room2dgs.config import Config
+from room2dgs.pipeline.run_folder import RunFolder
+from room2dgs.pipeline.scene import describe_capture, with_poses_of_run
+from room2dgs.runs.folder import CHECKPOINTS, POINTS, POSES, PRIOR_MAPS
+
+
+def refine_poses(scene: Scene, config: Config, run: RunFolder, *, with_priors: bool = True) -> Scene:
+    """The capture with the poses that a new or resumed run works with; poses.json keeps them.
+
+    A run that has a checkpoint goes on with the poses that it has. Before that, frames or settings may have changed
+    since the run was begun; what has stayed the same is in the cache of points.
+
+    Args:
+        with_priors: networks make their maps meanwhile, since matching of photos leaves cores free.
+
+    Raises:
+        InputError: as `refined_poses` and `read_poses`.
+    """
+    from room2dgs.captures.poses_file import write_poses
+    from room2dgs.depth.network.ahead import maps_ahead
+    from room2dgs.sfm.refinement import refined_poses
+
+    describe_capture(scene, run)
+    if any((run.path / CHECKPOINTS).glob("*")):
+        return with_poses_of_run(scene, run.path)
+    known = (run.path / POSES).exists()
+    cache = Path(config.points.cache or run.path / POINTS)
+    prior = replace(config.prior, cache=config.prior.cache or str(run.path / PRIOR_MAPS))
+    ahead = maps_ahead(scene.keyframes, prior, run.log) if with_priors else nullcontext(lambda: None)
+    # poses that are there took their time when they were found
+    with nullcontext() if known else run.timed("poses"), ahead as begin:
+        found, report = refined_poses(scene, config.sfm, config.points, cache, run.log, extracted=begin)
+    write_poses(run.path / POSES, scene, found, report)
+    run.record({"poses": report})
+    return found

@@ -1,0 +1,34 @@
+"""A finished run in a few lines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from room2dgs.runs.folder import MESH, RENDERS, REPORT
+from room2dgs.runs.metrics import read_metrics
+
+
+def summary(out: Path) -> list[str]:
+    """How good it is, how long it took, and where to look.
+
+    Raises:
+        InputError: as `read_metrics`.
+    """
+    metrics = read_metrics(out)
+    lines = []
+    scores = [metrics.get(f"{name}_5cm") for name in ("f_score", "precision", "recall")]
+    if None not in scores:
+        lines.append("F-score @ 5 cm {:.3f} (precision {:.3f}, recall {:.3f})".format(*scores))
+    seconds = metrics["seconds"]
+    stages = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
+    surfels = f"{metrics['primitives']:,} surfels; " if metrics.get("primitives") is not None else ""
+    lines.append(f"{surfels}{sum(seconds.values()):.0f} s in all: {stages}")
+    lines.append(f"peak memory {metrics['peak_memory_mb'] / 1000:.2f} GB")
+    lines.append(f"mesh      {out / MESH}")
+    if (out / RENDERS).exists():
+        lines.append(f"pictures  {out / RENDERS}")
+    if (out / "eval" / "views.png").exists():
+        lines.append(f"          {out / 'eval' / 'views.png'}, {out / 'eval' / 'top.png'}")
+    if (out / REPORT).exists():
+        lines.append(f"report    {out / REPORT}")
+    return lines

@@ -1,0 +1,91 @@
+"""A viewer of an earlier run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from room2dgs.captures.scene import Frame, Scene
+from room2dgs.captures.selection import evenly_spaced
+from room2dgs.config import Config
+from room2dgs.pipeline.scene import scene_of_run
+from room2dgs.pipeline.surfels import surfels_if_trained, use_threads
+from room2dgs.runs.folder import MESH, required
+
+if TYPE_CHECKING:
+    from room2dgs.runs.page.mesh_views import DrawnMesh
+    from room2dgs.viewer.server import Viewer
+
+PHOTO_WIDTH = 160  # pixels of the photos in the cameras' frames
+CAMERAS = 120  # at most, evenly spaced
+CAMERA_SIZE = 0.02  # of twice the extent of the cameras
+FACES = 150_000
+SEED_M = 0.015
+
+
+def viewer_of(config: Config, host: str, port: int, fps: float) -> Viewer:
+    """A viewer with all that a run has to show.
+
+    Raises:
+        InputError: the run is not trained to the end, or has no mesh if it trains nothing; or viser is missing.
+    """
+    from room2dgs.geometry.up_axis import up_axis
+    from room2dgs.train import checkpoint
+    from room2dgs.viewer.server import Viewer
+
+    out = Path(config.out)
+    surfels = surfels_if_trained(config)
+    mesh = required(out / MESH, "run") if surfels is None else out / MESH
+    scene = scene_of_run(config)
+    shown = _drawn_mesh(mesh, scene) if surfels is None else surfels
+    use_threads(config)
+    up = up_axis([frame.camera for frame in scene.frames], np.zeros((0, 3)))
+    viewer = Viewer(shown, up, host, port, fps, config.render.near_m)
+    try:
+        viewer.look_from(scene.frames[0].camera)
+        _add_meshes(viewer, mesh, scene)
+        state = checkpoint.latest(out, print)
+        if state is not None and "positions" in state.fixed:
+            viewer.add_seeds(state.fixed["positions"].numpy(), SEED_M)
+        _add_cameras(viewer, scene)
+    except BaseException:
+        viewer.stop()
+        raise
+    return viewer
+
+
+def _drawn_mesh(mesh: Path, scene: Scene) -> DrawnMesh:
+    """Of a run that trains nothing."""
+    from room2dgs.mesh.world import read_in_scene
+    from room2dgs.runs.page.mesh_views import DrawnMesh
+
+    return DrawnMesh(read_in_scene(mesh, scene.origin_m))
+
+
+def _add_meshes(viewer: Viewer, mesh: Path, scene: Scene) -> None:
+    from room2dgs.mesh.world import read_in_scene
+    from room2dgs.runs.page.mesh_layer import solid, with_error
+    from room2dgs.viewer.server import ERROR
+    from room2dgs.viewer.server import MESH as SHOWN_MESH
+
+    if not mesh.is_file():
+        return
+    room = with_error(solid(read_in_scene(mesh, scene.origin_m), FACES), mesh.parent, scene.origin_m)
+    for name, layer in ((SHOWN_MESH, "color"), (ERROR, "error")):
+        if layer in room.layers:
+            viewer.add_mesh(name, room.vertices, room.faces, room.layers[layer])
+
+
+def _add_cameras(viewer: Viewer, scene: Scene) -> None:
+    frames: Sequence[Frame] = evenly_spaced(scene.frames, CAMERAS)
+    photos = [_thumbnail(frame.color()) for frame in frames]
+    viewer.add_cameras([frame.camera for frame in frames], photos, CAMERA_SIZE * scene.extent * 2)
+
+
+def _thumbnail(photo: np.ndarray) -> np.ndarray:
+    height = max(1, round(photo.shape[0] * PHOTO_WIDTH / photo.shape[1]))
+    return cv2.resize(photo, (PHOTO_WIDTH, height), interpolation=cv2.INTER_AREA)
