@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
@@ -22,6 +24,11 @@ from room2dgs.config.groups.sfm import SfmConfig
 from room2dgs.config.groups.stereo import StereoConfig
 from room2dgs.config.groups.strategy import StrategyConfig
 from room2dgs.config.groups.train import TrainConfig
+from room2dgs.config.names import PrimitiveName, described
+from room2dgs.registries.decoders import DECODERS
+from room2dgs.registries.meshers import MESHERS
+from room2dgs.registries.primitives import PRIMITIVES
+from room2dgs.registries.strategies import STRATEGIES
 
 
 @dataclass(config=GROUP)
@@ -30,6 +37,7 @@ class Config:
 
     out: Folder = Field(description="the run's folder")
     resume: bool = Field(description="go on from the last checkpoint in `out`")
+    primitive: PrimitiveName = Field(description=described("What the room is made of.", PRIMITIVES))
     prepare: PrepareConfig = Field()
     scene: SceneConfig = Field()
     sfm: SfmConfig = Field()
@@ -49,17 +57,34 @@ class Config:
 
     @model_validator(mode="after")
     def _groups_fit_together(self) -> Config:
-        if self.seeds.decoder == "shared" and self.render.sh_degree > 0:
-            raise ValueError(
-                f"render.sh_degree={self.render.sh_degree} needs seeds.decoder=explicit; "
-                "seeds.decoder=shared has colours of degree 0 alone"
-            )
-        if self.mesh.source == "stereo" and not self.stereo.enabled:
-            raise ValueError(
-                "mesh.source=stereo is nothing without stereo; give stereo.enabled=true, or mesh.source=depth or points"
-            )
-        if self.strategy.name == "plain" and (self.seeds.per_seed, self.seeds.decoder) != (1, "explicit"):
-            raise ValueError(
-                "strategy=plain is densification of single surfels; give seeds.per_seed=1 and seeds.decoder=explicit"
-            )
+        self._decoder_fits()
+        self._strategy_fits()
+        self._mesher_fits()
         return self
+
+    def _decoder_fits(self) -> None:
+        name, degree = self.seeds.decoder, self.render.sh_degree
+        most = DECODERS.get(name).facts.get("max_sh_degree")
+        if most is not None and degree > most:
+            others = [entry.name for entry in DECODERS.entries() if entry.facts.get("max_sh_degree") is None]
+            raise ValueError(
+                f"render.sh_degree={degree} needs seeds.decoder={' or '.join(others)}; "
+                f"seeds.decoder={name} has colours up to degree {most} alone"
+            )
+
+    def _strategy_fits(self) -> None:
+        entry = STRATEGIES.get(self.strategy.name)
+        needs = entry.facts.get("needs", {})
+        if any(attrgetter(key)(self) != value for key, value in needs.items()):
+            given = " and ".join(f"{key}={value}" for key, value in needs.items())
+            raise ValueError(f"strategy={entry.name} works with single primitives; give {given}")
+
+    def _mesher_fits(self) -> None:
+        source = self.mesh.source
+        if self.stereo.enabled or not MESHERS.get(source).facts["needs_stereo"]:
+            return
+        untrained = (one for one in MESHERS.entries() if not one.facts["trains"] and not one.facts["needs_stereo"])
+        others = " or ".join(one.name for one in untrained)
+        raise ValueError(
+            f"mesh.source={source} is nothing without stereo; give stereo.enabled=true, or mesh.source={others}"
+        )

@@ -73,6 +73,7 @@ class Primitive(ABC):
     Attributes:
         activation: what raw scales mean.
         splats: the named tuple of activated primitives (`Splats`); no other kind has the same.
+        parameters: names of the raw parameters, in the order in which they are optimised; SH_REST only above degree 0.
         file_kind: what a file of them says that it holds.
         shapes: of one activated primitive, by field; `BASES` stands for the number of harmonics.
     """
@@ -80,6 +81,7 @@ class Primitive(ABC):
     activation: ScaleActivation = EXP
 
     splats: ClassVar[Callable[..., Any]]
+    parameters: ClassVar[tuple[str, ...]] = (ROTATIONS, RAW_SCALES, OPACITY_LOGITS, SH_DC, SH_REST)
     file_kind: ClassVar[str]
     shapes: ClassVar[Mapping[str, tuple[int, ...]]]
 
@@ -110,7 +112,7 @@ class Primitive(ABC):
         return spawned.scales
 
     def first_parameters(self, spawned: Spawned, sh_rest: int) -> dict[str, Tensor]:
-        """Raw parameters that mean the spawned discs, by name, in the order of a checkpoint; without "offsets".
+        """Raw parameters that mean the spawned discs, by name.
 
         Args:
             sh_rest: harmonics above degree 0; they start at zero.

@@ -1,13 +1,18 @@
-"""Where surfels have their attributes from: the values of `seeds.decoder`."""
+"""How seeds become primitives: the values of `seeds.decoder`."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from room2dgs.registry import Registry
 
-DECODERS: Registry[Any] = Registry("decoder")
-DECODERS.register("explicit", "room2dgs.seeds.decoders.explicit:ExplicitDecoder", "Every surfel stores its attributes.")
+if TYPE_CHECKING:
+    from room2dgs.seeds.decoders.decoder import DecoderKind
+
+# fact max_sh_degree: of the colours that it decodes; without it any
+DECODERS: Registry[DecoderKind] = Registry("decoder")
+_AT = "room2dgs.seeds.decoders"
+DECODERS.register("explicit", f"{_AT}.explicit:EXPLICIT", "Each primitive stores its own attributes.")
 DECODERS.register(
-    "shared", "room2dgs.seeds.decoders.shared:SharedDecoder", "A network decodes them from a feature of each seed."
+    "shared", f"{_AT}.shared:SHARED", "A network decodes the attributes from a feature of each seed.", max_sh_degree=0
 )

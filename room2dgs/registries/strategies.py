@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from room2dgs.registry import Registry
 
-STRATEGIES: Registry[Any] = Registry("strategy")
-STRATEGIES.register("fixed", "room2dgs.train.strategies.base:Strategy", "The number of surfels does not change.")
-STRATEGIES.register("seeds", "room2dgs.train.strategies.seeds:SeedStrategy", "The paper's growth and pruning of seeds.")
+if TYPE_CHECKING:
+    from room2dgs.captures.scene import Scene
+    from room2dgs.config import Config
+    from room2dgs.train.strategies.strategy import Strategy
+
+# fact needs: the settings that it works with, by dotted name; without it any
+STRATEGIES: Registry[Callable[[Config, Scene], Strategy]] = Registry("strategy")
+_AT = "room2dgs.train.strategies"
+STRATEGIES.register("fixed", f"{_AT}.strategy:fixed", "The seeds of the start are those of the end.")
 STRATEGIES.register(
-    "plain", "room2dgs.train.strategies.plain:PlainStrategy", "The densification of 2D Gaussian Splatting."
+    "seeds", f"{_AT}.seeds:seed_strategy", "Seeds grow on a voxel hierarchy and are pruned, as in the paper."
+)
+STRATEGIES.register(
+    "plain",
+    f"{_AT}.plain:plain_strategy",
+    "Single primitives are cloned, split and pruned, as 2DGS does.",
+    needs={"seeds.per_seed": 1, "seeds.decoder": "explicit"},
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -13,29 +12,10 @@ from room2dgs.config import Config
 from room2dgs.geometry.arguments import number, whole_number
 from room2dgs.geometry.rotations import quaternions_to, tangents
 from room2dgs.geometry.spherical_harmonics import C0
+from room2dgs.primitives.spawned import Spawned
 from room2dgs.seeds.seeds import Seeds
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
-
-
-class Spawned(NamedTuple):
-    """k surfels for each of S seeds, activated; float32.
-
-    Attributes:
-        positions: (S, 3) the seeds, metres.
-        offsets: (S, k, 3) metres from the seed (eq. 9: p = v + O).
-        rotations: (S, k, 4) unit quaternions (w, x, y, z); the third axis is the seed's normal.
-        scales: (S, k, 2) metres.
-        opacities: (S, k).
-        sh_dc: (S, k, 3) coefficient of degree 0.
-    """
-
-    positions: Tensor
-    offsets: Tensor
-    rotations: Tensor
-    scales: Tensor
-    opacities: Tensor
-    sh_dc: Tensor
 
 
 def first_opacity(config: Config) -> float:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -11,18 +12,25 @@ from room2dgs.geometry.arguments import check_tensor, number
 from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.splat.api import render
 from room2dgs.splat.checks import check_floating
-from room2dgs.splat.types import Surfels
+from room2dgs.splat.types import Rendering
 
 
-def contributions(surfels: Surfels, views: Iterable[tuple[Tensor, Tensor, int, int]], near_m: float) -> Tensor:
+def contributions(
+    surfels: Any,
+    views: Iterable[tuple[Tensor, Tensor, int, int]],
+    near_m: float,
+    render: Callable[..., Rendering] = render,
+) -> Tensor:
     """(N,) float64, pixels: the sum of alpha times transmittance over the pixels of the view where it is largest.
 
     What few views see counts as much as what all see. Colour is linear in the surfels' colours, so the weights are its
     gradient: one rendering forth and back a view.
 
     Args:
+        surfels: or another named tuple with `centers` and `sh`.
         views: K (3, 3), cam_from_world (4, 4), width, height of each.
         near_m: as `render` has it.
+        render: how they are drawn, with the arguments of `splat.render`.
 
     Raises:
         TypeError, ValueError: as `render`.

@@ -24,7 +24,9 @@ TRAIN_KEYS = (
 )  # fmt: skip
 FREE = ("scene.gt_mesh", "scene.split", "scene.test_every", "render.threads")
 # What runs had from before there was the setting; left out where it is the same, so that they go on.
-ABSENT = {"render.device": "cpu", "train.random_background": False, "train.opacity_floor.until": 0}
+ABSENT = {
+    "render.device": "cpu", "train.random_background": False, "train.opacity_floor.until": 0, "primitive": "surfel2d",
+}  # fmt: skip
 # These say where things lie. What lies there counts (`contents`), or it follows from other settings.
 PLACES = ("scene.path", "points.file", "points.cache")
 PHOTOS, POINTS_FILE = "photos", "given points"
@@ -41,7 +43,7 @@ def fingerprint(config: Config, scene: Scene, priors: Mapping[str, ViewMaps] | N
     """
     values = asdict(config)
     values["scene"]["path"] = str(Path(config.scene.path).resolve())
-    flat: dict[str, Any] = {}
+    flat: dict[str, Any] = {"primitive": config.primitive}
     for section in SECTIONS:
         _flatten(section, values[section], flat)
     for key in TRAIN_KEYS:

@@ -9,7 +9,7 @@ from torch import Tensor
 from room2dgs.train import checkpoint
 from room2dgs.train.neighbour_views import NeighbourViews
 from room2dgs.train.step import mean_psnr_db
-from room2dgs.train.strategies.base import Strategy
+from room2dgs.train.strategies.strategy import Strategy
 from room2dgs.train.trainer import Hook, Iteration, Trainer
 from room2dgs.train.views import Views
 

@@ -15,12 +15,13 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Scene
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
+from room2dgs.primitives.primitive import Primitive, Splats
+from room2dgs.primitives.registry import new_primitive
 from room2dgs.seeds.decoders.decoder import Decoder
 from room2dgs.seeds.decoders.registry import new_decoder, restored_decoder
 from room2dgs.seeds.depth_seeds import away_from, prior_surface
 from room2dgs.seeds.seeds import joined, seed_points, surface_seeds
 from room2dgs.seeds.spawn import first_opacity, spawn
-from room2dgs.splat.types import Surfels
 from room2dgs.train.checkpoint import Checkpoint
 from room2dgs.train.state_check import check_state
 
@@ -41,17 +42,22 @@ class Model:
         return len(self.decoder.fixed()["positions"])
 
     @property
-    def surfel_count(self) -> int:
-        """Number of surfels."""
+    def count(self) -> int:
+        """Number of primitives."""
         return self.decoder.count()
 
-    def surfels(self, active_sh_degree: int) -> Surfels:
-        """Activated, differentiable."""
-        return Surfels(*self.decoder.surfels(active_sh_degree))
+    @property
+    def primitive(self) -> Primitive:
+        """What they are."""
+        return self.decoder.primitive
+
+    def splats(self, active_sh_degree: int) -> Splats:
+        """The primitives, activated, differentiable."""
+        return self.decoder.splats(active_sh_degree)
 
 
 def new_model(scene: Scene, points: PointCloud, config: Config, priors: Mapping[str, ViewMaps] | None = None) -> Model:
-    """Seeds from points and, with seeds.init=sfm+depth, from depth priors; surfels from seeds.
+    """Seeds from points and, with seeds.init=sfm+depth, from depth priors; primitives from seeds.
 
     Raises:
         InputError: no points, or points out of range.
@@ -68,7 +74,8 @@ def new_model(scene: Scene, points: PointCloud, config: Config, priors: Mapping[
             surface = away_from(surface, points.xyz, config.seeds.depth_voxel_m)
             seeds = joined(seeds, surface_seeds(surface, config.seeds))
     spawned = spawn(seeds, config.seeds.per_seed, first_opacity(config), config.train.seed)
-    decoder = new_decoder(spawned, config.seeds, config.render.sh_degree, config.train.seed)
+    primitive, degree = new_primitive(config), config.render.sh_degree
+    decoder = new_decoder(spawned, primitive, config.seeds, degree, config.train.seed)
     return Model(decoder, make_adam(decoder.parameters()))
 
 
@@ -79,13 +86,13 @@ def restored_model(state: Checkpoint, config: Config) -> Model:
         InputError: the checkpoint's tensors are not those that these settings make.
     """
     check_state(state, config)
-    decoder = restored_decoder(config.seeds, state.fixed, state.parameters)
+    decoder = restored_decoder(new_primitive(config), config.seeds, state.fixed, state.parameters)
     adam = make_adam(decoder.parameters())
     load_adam_state(adam, state.adam)
     return Model(decoder, adam, state.iteration)
 
 
-def moved_model(model: Model, config: Config, device: torch.device) -> Model:
+def model_on(model: Model, device: torch.device) -> Model:
     """The model with its optimiser on a device; the same one where it is there."""
 
     def there(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
@@ -94,7 +101,7 @@ def moved_model(model: Model, config: Config, device: torch.device) -> Model:
     fixed = model.decoder.fixed()
     if fixed["positions"].device == device:
         return model
-    decoder = restored_decoder(config.seeds, there(fixed), there(model.decoder.parameters()))
+    decoder = model.decoder.with_tensors(there(fixed), there(model.decoder.parameters()))
     adam = make_adam(decoder.parameters())
     load_adam_state(adam, there(adam_state(model.adam)))
     return Model(decoder, adam, model.iteration)

@@ -37,7 +37,7 @@ class Report(Hook):
         self._scalars.close()
 
     def after_step(self, trainer: Trainer, iteration: Iteration) -> None:
-        done, step, surfels = iteration.done, iteration.step, trainer.model.surfel_count
+        done, step, surfels = iteration.done, iteration.step, trainer.model.count
         where = f"iteration {done}/{self._config.iterations}"
         self._means.add(step.losses)
         if done % PSNR_EVERY == 0 or trainer.finished:

@@ -7,9 +7,9 @@ from functools import lru_cache
 import numpy as np
 
 from room2dgs.config import Config, NormalReweightingConfig, RatesConfig, RenderConfig, TermConfig, TrainConfig
+from room2dgs.primitives.primitive import Rates
 from room2dgs.splat.constants import OPACITY_FLOOR
 
-REST_SHARE = 1 / 20  # of the colour's rate, for SH above degree 0 (2DGS)
 CORRECTIONS_START = 0.1  # of the run
 EXTENT_MIN_M = 0.1  # cameras that only turn have no extent, and nothing would move
 
@@ -23,22 +23,21 @@ def center_rate(iteration: int, iterations: int, rates: RatesConfig, extent_m: f
     return max(extent_m, EXTENT_MIN_M) * _decayed(iteration, iterations, rates.center, rates.center_final)
 
 
-def learning_rates(iteration: int, iterations: int, rates: RatesConfig, extent_m: float) -> dict[str, float]:
-    """Adam's rate for each parameter of either decoder, by name."""
-    network = _decayed(iteration, iterations, rates.network, rates.network_final)
-    return {
-        "offsets": center_rate(iteration, iterations, rates, extent_m),
-        "rotations": rates.rotation,
-        "raw_scales": rates.scale,
-        "opacity_logits": rates.opacity,
-        "sh_dc": rates.color,
-        "sh_rest": rates.color * REST_SHARE,
-        "features": rates.feature,
-        "hidden_weight": network,
-        "hidden_bias": network,
-        "out_weight": network,
-        "out_bias": network,
-    }
+def rates_at(iteration: int, iterations: int, rates: RatesConfig, extent_m: float) -> Rates:
+    """Adam's learning rates; the decoder says which of them each parameter has.
+
+    Args:
+        extent_m: as of `center_rate`.
+    """
+    return Rates(
+        center=center_rate(iteration, iterations, rates, extent_m),
+        rotation=rates.rotation,
+        scale=rates.scale,
+        opacity=rates.opacity,
+        color=rates.color,
+        feature=rates.feature,
+        network=_decayed(iteration, iterations, rates.network, rates.network_final),
+    )
 
 
 def correction_share(iteration: int, iterations: int) -> float:

@@ -9,9 +9,10 @@ from torch import Tensor
 
 from room2dgs.config import Config
 from room2dgs.errors import InputError
+from room2dgs.primitives.registry import new_primitive
+from room2dgs.primitives.spawned import Spawned
 from room2dgs.seeds.decoders.decoder import Decoder
 from room2dgs.seeds.decoders.registry import new_decoder
-from room2dgs.seeds.spawn import Spawned
 from room2dgs.train.checkpoint import Checkpoint
 
 MOMENTS = ("exp_avg", "exp_avg_sq")
@@ -35,14 +36,15 @@ def check_state(state: Checkpoint, config: Config) -> None:
 def _one_seed(config: Config, state: Checkpoint) -> Decoder:
     """A decoder of these settings: its tensors have the names, kinds and shapes of any number of seeds'."""
     offsets = state.parameters.get("offsets")
-    # strategies part a seed's surfels: each is then a seed of its own
-    apart = offsets is not None and offsets.dim() == 3 and offsets.shape[1] == 1
-    surfels = 1 if apart else config.seeds.per_seed
-    rotations = torch.zeros(1, surfels, 4)
+    # strategies separate a seed's primitives: each is then a seed of its own
+    separate = offsets is not None and offsets.dim() == 3 and offsets.shape[1] == 1
+    each = 1 if separate else config.seeds.per_seed
+    rotations = torch.zeros(1, each, 4)
     rotations[..., 0] = 1
-    ones, zeros = torch.ones(1, surfels), torch.zeros(1, surfels, 3)
-    spawned = Spawned(zeros[:, 0], zeros, rotations, 0.1 * torch.ones(1, surfels, 2), 0.5 * ones, zeros)
-    return new_decoder(spawned, config.seeds, config.render.sh_degree, config.train.seed)
+    ones, zeros = torch.ones(1, each), torch.zeros(1, each, 3)
+    spawned = Spawned(zeros[:, 0], zeros, rotations, 0.1 * torch.ones(1, each, 2), 0.5 * ones, zeros)
+    primitive, degree = new_primitive(config), config.render.sh_degree
+    return new_decoder(spawned, primitive, config.seeds, degree, config.train.seed)
 
 
 def _wrong(state: Checkpoint, pattern: Decoder, seeds: int) -> Iterator[str]:

@@ -11,16 +11,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from room2dgs import splat
-from room2dgs.block_code import stays
 from room2dgs.config import Config, RenderConfig
+from room2dgs.kernels.builds import is_asynchronous
+from room2dgs.primitives.primitive import Splats
+from room2dgs.primitives.registry import render
 from room2dgs.splat.constants import OPACITY_FLOOR
-from room2dgs.splat.types import Rendering, Surfels
+from room2dgs.splat.types import Rendering
 from room2dgs.train.model import Model, set_rates
 from room2dgs.train.neighbour_views import Pair
 from room2dgs.train.objective import Term, loss_terms, needed_maps, total_loss
 from room2dgs.train.progress import StageClock
-from room2dgs.train.schedule import active_sh_degree, learning_rates, opacity_floor
+from room2dgs.train.schedule import active_sh_degree, opacity_floor, rates_at
 from room2dgs.train.views import View, Views
 
 BACKGROUND = 0x6267  # tells these draws from others of the same seed
@@ -71,16 +72,16 @@ def forward_backward(
     clock.lap("data")
     center_px = None
     if screen_gradients:
-        size = (model.surfel_count, 2)
+        size = (model.count, 2)
         center_px = torch.zeros(size, dtype=torch.float32, device=view.K.device, requires_grad=True)
 
-    def rendered() -> tuple[Surfels, Rendering]:
-        surfels = model.surfels(active_sh_degree(iteration, config.render))
+    def rendered() -> tuple[Splats, Rendering]:
+        splats = model.splats(active_sh_degree(iteration, config.render))
         maps = needed_maps(view, config, iteration, pair)
         behind = background(iteration, config, view.K.device)
         floor = opacity_floor(iteration, config.train)
-        return surfels, render_view(
-            surfels, view, config.render, background=behind, opacity_floor=floor, center_px=center_px, **maps
+        return splats, render_view(
+            splats, view, config.render, background=behind, opacity_floor=floor, center_px=center_px, **maps
         )
 
     # a pose that wants a gradient gets that of the rendering; the terms themselves take it as it is
@@ -89,7 +90,7 @@ def forward_backward(
     def terms_of(rendering: Rendering) -> dict[str, Term]:
         return loss_terms(rendering, target, compared, config, iteration, pair, clock)
 
-    surfels, rendering = rendered()
+    splats, rendering = rendered()
     clock.lap("render")
     terms = terms_of(rendering)
     loss = total_loss(terms)
@@ -98,7 +99,7 @@ def forward_backward(
     model.adam.zero_grad(set_to_none=True)
     loss.backward()
     clock.lap("backward")
-    seen = (surfels.opacities.detach(), center_px.grad) if screen_gradients else ()
+    seen = (splats.opacities.detach(), center_px.grad) if screen_gradients else ()
     color, depth, alpha = (values.detach() for values in (rendering.color, rendering.depth, rendering.alpha))
     return Step(losses, color, shown(target, view, color), depth, alpha, lambda: terms_of(rendered()[1]), *seen)
 
@@ -109,16 +110,17 @@ def descend(model: Model, config: Config, extent_m: float) -> None:
     Args:
         extent_m: `Scene.extent`, the scale of the centres' learning rate.
     """
-    set_rates(model.adam, learning_rates(model.iteration, config.train.iterations, config.train.rates, extent_m))
+    rates = rates_at(model.iteration, config.train.iterations, config.train.rates, extent_m)
+    set_rates(model.adam, model.decoder.learning_rates(rates))
     model.adam.step()
     model.decoder.constrain()
     model.iteration += 1
 
 
 def render_view(
-    surfels: Surfels,
+    splats: Splats,
     view: View,
-    render: RenderConfig,
+    settings: RenderConfig,
     *,
     background: Tensor | None = None,
     opacity_floor: float = OPACITY_FLOOR,
@@ -126,15 +128,15 @@ def render_view(
     with_normal: bool = False,
     with_distortion: bool = False,
 ) -> Rendering:
-    """Render one view, over `render.background` unless another is given; maps that are not asked for are zeros."""
-    return splat.render(
-        surfels,
+    """Render one view, over `settings.background` unless another is given; maps that are not asked for are zeros."""
+    return render(
+        splats,
         view.K,
         view.cam_from_world,
         view.width,
         view.height,
-        background=_background(tuple(render.background), view.K.device) if background is None else background,
-        near_m=render.near_m,
+        background=_background(tuple(settings.background), view.K.device) if background is None else background,
+        near_m=settings.near_m,
         opacity_floor=opacity_floor,
         center_px=center_px,
         with_normal=with_normal,
@@ -163,13 +165,13 @@ def _background(color: tuple[float, ...], device: torch.device) -> Tensor:
 
 
 def _number(value: Tensor) -> float | Tensor:
-    return value.detach() if stays(value) else value.item()
+    return value.detach() if is_asynchronous(value) else value.item()
 
 
-def current_surfels(model: Model, render: RenderConfig) -> Surfels:
-    """The model's surfels as its last iteration saw them, without gradients."""
+def current_splats(model: Model, settings: RenderConfig) -> Splats:
+    """The model's primitives as its last iteration saw them, without gradients."""
     with torch.no_grad():
-        return model.surfels(active_sh_degree(max(0, model.iteration - 1), render))
+        return model.splats(active_sh_degree(max(0, model.iteration - 1), settings))
 
 
 def psnr_db(image: Tensor, target: Tensor) -> float | Tensor:
@@ -186,15 +188,15 @@ def shown(target: Tensor, view: View, color: Tensor) -> Tensor:
     return target if view.mask is None else torch.where(view.mask[..., None], target, color)
 
 
-def _psnr_of(surfels: Surfels, view: View, render: RenderConfig) -> float | Tensor:
-    color = render_view(surfels, view, render).color
+def _psnr_of(splats: Splats, view: View, settings: RenderConfig) -> float | Tensor:
+    color = render_view(splats, view, settings).color
     return psnr_db(color, shown(view.target(), view, color))
 
 
-def mean_psnr_db(model: Model, views: Views, render: RenderConfig) -> float:
+def mean_psnr_db(model: Model, views: Views, settings: RenderConfig) -> float:
     """Mean PSNR of the model's renderings over all of `views` at full size, decibels."""
-    surfels = current_surfels(model, render)
+    splats = current_splats(model, settings)
     with torch.no_grad():
         seen = (views.at(index, priors=False) for index in range(len(views)))
-        values = [_psnr_of(surfels, view, render) for view in seen]
+        values = [_psnr_of(splats, view, settings) for view in seen]
     return float(sum(values)) / len(values)

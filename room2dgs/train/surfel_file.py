@@ -1,4 +1,4 @@
-"""The result of training as a file: activated surfels."""
+"""The result of training as a file: activated primitives."""
 
 from __future__ import annotations
 
@@ -9,37 +9,37 @@ import torch
 from torch import Tensor
 
 from room2dgs.errors import InputError
-from room2dgs.splat.types import Surfels
+from room2dgs.primitives.primitive import BASES, Primitive, Splats
+from room2dgs.primitives.registry import primitive_of, primitives_by_file
 from room2dgs.train.tensor_file import read_tensors, write_tensors
 
-KIND = "surfels"
-BASES = -1  # as many as the colour's degree wants
-SHAPES = {"centers": (3,), "rotations": (4,), "scales": (2,), "opacities": (), "sh": (BASES, 3)}  # of one surfel
 SH_BASES = (1, 4, 9, 16)
 FARTHEST_M = 1e9
 SHORTEST = 1e-9  # of a quaternion: its square still has digits in float32
 
 
-def save_surfels(path: Path, surfels: Surfels, meta: dict[str, Any]) -> None:
-    """Write surfels (metres and probabilities) and what made them.
+def save_surfels(path: Path, surfels: Splats, meta: dict[str, Any]) -> None:
+    """Write primitives of any kind (metres and probabilities) and what made them.
 
     Raises:
         InputError: the file cannot be written.
     """
-    write_tensors(path, KIND, surfels._asdict(), meta)
+    write_tensors(path, primitive_of(surfels).file_kind, surfels._asdict(), meta)
 
 
-def load_surfels(path: Path) -> Surfels:
+def load_surfels(path: Path) -> Splats:
     """Read what `save_surfels` wrote.
 
     Raises:
         InputError: missing, damaged, or not a file of surfels: other tensors, shapes, numbers or none at all.
     """
-    tensors, _ = read_tensors(Path(path), KIND)
-    wrong = _wrong(tensors)
+    kinds = primitives_by_file()
+    tensors, meta = read_tensors(Path(path), *kinds)
+    primitive = kinds[meta["kind"]]
+    wrong = _wrong(tensors, primitive)
     if wrong:
         raise InputError(f"{path} {wrong}; train again")
-    return Surfels(**{**tensors, "rotations": _sized(tensors["rotations"])})
+    return primitive.splats(**{**tensors, "rotations": _sized(tensors["rotations"])})
 
 
 def _sized(rotations: Tensor) -> Tensor:
@@ -60,21 +60,21 @@ def surfels_meta(path: Path) -> dict[str, Any]:
     Raises:
         InputError: missing, damaged, or not a file of surfels.
     """
-    return read_tensors(Path(path), KIND)[1]
+    return read_tensors(Path(path), *primitives_by_file())[1]
 
 
-def _wrong(tensors: dict[str, Tensor]) -> str:
+def _wrong(tensors: dict[str, Tensor], primitive: Primitive) -> str:
     """What is not as `save_surfels` writes it, or an empty string."""
-    differ = set(tensors) ^ set(SHAPES)
+    differ = set(tensors) ^ set(primitive.shapes)
     if differ:
-        return f"{'lacks' if min(differ) in SHAPES else 'has'} {min(differ)}"
-    return _wrong_shape(tensors) or _wrong_number(tensors)
+        return f"{'lacks' if min(differ) in primitive.shapes else 'has'} {min(differ)}"
+    return _wrong_shape(tensors, primitive) or _wrong_number(tensors)
 
 
-def _wrong_shape(tensors: dict[str, Tensor]) -> str:
+def _wrong_shape(tensors: dict[str, Tensor], primitive: Primitive) -> str:
     count = len(tensors["opacities"]) if tensors["opacities"].dim() else 0
     bases = tensors["sh"].shape[1] if tensors["sh"].dim() == 3 else SH_BASES[0]
-    for name, inner in SHAPES.items():
+    for name, inner in primitive.shapes.items():
         value, shape = tensors[name], (count, *(bases if side == BASES else side for side in inner))
         if value.dtype != torch.float32:
             return f"has {name} as {str(value.dtype).removeprefix('torch.')}, not float32"

@@ -42,8 +42,11 @@ def write_tensors(path: Path, kind: str, tensors: dict[str, Tensor], meta: dict[
         raise InputError(f"{path} cannot be written ({reason}); make room or give another folder") from error
 
 
-def read_tensors(path: Path, kind: str) -> tuple[dict[str, Tensor], dict[str, Any]]:
+def read_tensors(path: Path, *kinds: str) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Read and check what `write_tensors` wrote.
+
+    Args:
+        kinds: any of these will do; the metadata's "kind" says which it is.
 
     Raises:
         InputError: missing, truncated, damaged, another kind of file or a newer format.
@@ -55,8 +58,8 @@ def read_tensors(path: Path, kind: str) -> tuple[dict[str, Tensor], dict[str, An
             tensors = {name: file.get_tensor(name) for name in sorted(file.keys())}
     except DAMAGE as error:
         raise InputError(f"{path} is not a whole room2dgs file; delete it and train again") from error
-    if not isinstance(meta, dict) or meta.get("kind") != kind:
-        raise InputError(f"{path} does not hold a {kind}; give the file that training wrote")
+    if not isinstance(meta, dict) or meta.get("kind") not in kinds:
+        raise InputError(f"{path} does not hold a {' or '.join(kinds)}; give the file that training wrote")
     if meta.get("format") != FORMAT:
         raise InputError(f"{path} has format {meta.get('format')}, not {FORMAT}; use the version that wrote it")
     if meta.get("crc32") != _checksum(tensors):

@@ -16,18 +16,19 @@ from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.errors import InputError, first_line
 from room2dgs.files import remove_leftovers
+from room2dgs.kernels.builds import BLOCK_BUILDS
 from room2dgs.logs import Log
-from room2dgs.splat.types import Surfels
+from room2dgs.primitives.primitive import Splats, mapped
 from room2dgs.train import checkpoint
 from room2dgs.train.checkpoint import Checkpoint
 from room2dgs.train.device import CPU, DeviceCache
 from room2dgs.train.fingerprint import check_same, fingerprint
-from room2dgs.train.model import checkpoint_of, moved_model, new_model, restored_model
+from room2dgs.train.model import checkpoint_of, model_on, new_model, restored_model
 from room2dgs.train.neighbour_views import Pair
 from room2dgs.train.progress import StageClock
 from room2dgs.train.schedule import image_fraction, view_index
-from room2dgs.train.step import Step, current_surfels, descend, forward_backward
-from room2dgs.train.strategies.base import Adjustment
+from room2dgs.train.step import Step, current_splats, descend, forward_backward
+from room2dgs.train.strategies.strategy import Adjustment
 from room2dgs.train.views import View, Views
 
 
@@ -149,7 +150,7 @@ class Trainer:
             raise ValueError(f"hooks of the same name: {', '.join(sorted(hook.name for hook in hooks))}")
         self.scene, self.config, self.out, self.log, self.hooks = scene, config, out, log, tuple(hooks)
         self.device = device
-        on_device = None if config.render.device == "cpu" else DeviceCache(device, config.memory.gpu_mb)
+        on_device = DeviceCache(device, config.memory.gpu_mb) if device.type in BLOCK_BUILDS else None
         self.views = Views(scene.train, priors, scene.cache, on_device)
         self.fingerprint = fingerprint(config, scene, priors)
         self.clock = StageClock()
@@ -163,9 +164,9 @@ class Trainer:
             return
         if config.resume:
             log(f"no whole checkpoint in {checkpoint.folder_of(out)}; starting from the beginning")
-        self.model = moved_model(new_model(scene, points, config, priors), config, device)
+        self.model = model_on(new_model(scene, points, config, priors), device)
         log(
-            f"{len(points)} points, {self.model.seeds} seeds, {self.model.surfel_count} surfels, "
+            f"{len(points)} points, {self.model.seeds} seeds, {self.model.count} surfels, "
             f"{len(scene.train)} training views"
         )
 
@@ -201,9 +202,9 @@ class Trainer:
                 "delete it and go on with another"
             ) from error
 
-    def surfels(self) -> Surfels:
+    def surfels(self) -> Splats:
         """As the last iteration saw them, activated, without gradients, on the CPU."""
-        return Surfels(*(values.cpu() for values in current_surfels(self.model, self.config.render)))
+        return mapped(current_splats(self.model, self.config.render), Tensor.cpu)
 
     def checkpoint(self) -> Checkpoint:
         """The whole state, sharing its tensors."""
@@ -237,6 +238,6 @@ class Trainer:
     def _resume(self, state: Checkpoint) -> None:
         check_same(state.fingerprint, self.fingerprint, self.out)
         self.log(f"resuming after iteration {state.iteration} of {self.config.train.iterations}")
-        self.model = moved_model(restored_model(state, self.config), self.config, self.device)
+        self.model = model_on(restored_model(state, self.config), self.device)
         self.clock = StageClock(state.seconds)
         self._resumed_state = state.extra

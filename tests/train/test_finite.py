@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -18,7 +19,7 @@ class HardSurfels(Hook):
     """Puts hard surfels among the others, and sees that everything stays finite."""
 
     def on_start(self, trainer):
-        d = trainer.model.decoder
+        d = SimpleNamespace(**trainer.model.decoder.parameters())
         with torch.no_grad():
             d.rotations[0] = 0
             d.rotations[1] *= 1e-20

@@ -3,16 +3,22 @@
 import pytest
 
 from room2dgs.errors import InputError
-from room2dgs.seeds.decoders.registry import DECODERS
+from room2dgs.registries.decoders import DECODERS
+from room2dgs.registries.primitives import PRIMITIVES
+from room2dgs.registries.strategies import STRATEGIES
+from room2dgs.registry import Entry
 from room2dgs.train import train
-from room2dgs.train.strategies.registry import STRATEGIES, new_strategy
+from room2dgs.train.strategies.registry import new_strategy
 from room2dgs.train.terms.registry import LOSS_TERMS
 from room2dgs.train.terms.term import LossTerm
 
+both = lambda config, scene: (config, scene)  # noqa: E731
 SINGLE = "seeds.per_seed=1"  # which strategy=plain wants
 
 
-@pytest.mark.parametrize("key, registry", [("strategy.name", STRATEGIES), ("seeds.decoder", DECODERS)])
+@pytest.mark.parametrize(
+    "key, registry", [("strategy.name", STRATEGIES), ("seeds.decoder", DECODERS), ("primitive", PRIMITIVES)]
+)
 def test_settings_take_every_registered_name_and_no_other(configure, key, registry):
     for name in registry:
         configure(SINGLE, f"{key}={name}")
@@ -22,7 +28,7 @@ def test_settings_take_every_registered_name_and_no_other(configure, key, regist
 
 
 def test_a_strategy_added_to_the_registry_is_the_one_that_is_used(capture, configure, monkeypatch):
-    monkeypatch.setitem(STRATEGIES, "fixed", lambda config, scene: (config, scene))
+    monkeypatch.setitem(STRATEGIES._own, "fixed", Entry("strategy", "fixed", f"{__name__}:both", "For this test."))
     config = configure()
     assert new_strategy(config, capture[0]) == (config, capture[0])
 

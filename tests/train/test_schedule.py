@@ -1,12 +1,17 @@
 from dataclasses import replace
 
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 from room2dgs import splat
 from room2dgs.config import NormalReweightingConfig, RatesConfig, RenderConfig, ResolutionConfig, TermConfig
 from room2dgs.errors import InputError
+from room2dgs.primitives.spawned import Spawned
+from room2dgs.primitives.surfel2d import Surfel2D
+from room2dgs.seeds.decoders.explicit import explicit_decoder
+from room2dgs.seeds.decoders.shared import shared_decoder
 from room2dgs.train import train as train_run
 from room2dgs.train.schedule import (
     active_sh_degree,
@@ -14,8 +19,8 @@ from room2dgs.train.schedule import (
     center_rate,
     has_shares,
     image_fraction,
-    learning_rates,
     opacity_floor,
+    rates_at,
     reweighting_deg,
     term_weight,
     view_index,
@@ -35,6 +40,11 @@ RATES = RatesConfig(
     pose_center=3e-4,
     exposure=5e-3,
 )
+
+
+def spawned() -> Spawned:
+    zeros, ones = torch.zeros(1, 2, 3), torch.ones(1, 2)
+    return Spawned(zeros[:, 0], zeros, torch.ones(1, 2, 4), torch.ones(1, 2, 2), 0.5 * ones, zeros)
 
 
 def test_center_rate_goes_from_first_to_final_through_the_geometric_mean():
@@ -66,14 +76,22 @@ def test_a_final_rate_of_zero_is_refused(configure, rate):
 
 
 def test_every_layer_of_the_network_learns_at_a_falling_rate():
-    first, last = (learning_rates(i, 101, RATES, 2.5) for i in (0, 100))
-    for name in ("hidden_weight", "hidden_bias", "out_weight", "out_bias"):
-        assert (first[name], last[name]) == pytest.approx((2e-3, 2e-4))
-    assert first["features"] == last["features"] == 7.5e-3
+    first, last = (rates_at(i, 101, RATES, 2.5) for i in (0, 100))
+    assert (first.network, last.network) == pytest.approx((2e-3, 2e-4))
+    assert first.feature == last.feature == 7.5e-3
+    decoder = shared_decoder(spawned(), Surfel2D(), 8, 0)
+    rates = decoder.learning_rates(last)
+    assert set(decoder.parameters()) <= set(rates)
+    assert {name for name, rate in rates.items() if rate == last.network} == {
+        "hidden_weight", "hidden_bias", "out_weight", "out_bias",
+    }  # fmt: skip
+    assert rates["features"] == 7.5e-3 and rates["offsets"] == last.center
 
 
 def test_other_rates_do_not_scale_with_the_scene_and_higher_harmonics_learn_at_a_twentieth():
-    rates = learning_rates(3, 10, RATES, 7.0)
+    decoder = explicit_decoder(spawned(), Surfel2D(), 1)
+    rates = decoder.learning_rates(rates_at(3, 10, RATES, 7.0))
+    assert set(decoder.parameters()) == set(rates)
     assert rates["sh_rest"] == pytest.approx(rates["sh_dc"] / 20)
     assert (rates["rotations"], rates["raw_scales"], rates["opacity_logits"]) == (1e-3, 5e-3, 0.05)
 

@@ -53,10 +53,8 @@ def test_any_number_of_threads_gives_the_same_bytes(capture, configure, log, tmp
     # Torch's sigmoid rounds by the number of threads, but only a few of more than 32768 numbers, and not
     # always: equal files alone could be luck, so every decoding is also seen to run on one torch thread.
     seen = []
-    surfels = ExplicitDecoder.surfels
-    monkeypatch.setattr(
-        ExplicitDecoder, "surfels", lambda *args: seen.append(torch.get_num_threads()) or surfels(*args)
-    )
+    splats = ExplicitDecoder.splats
+    monkeypatch.setattr(ExplicitDecoder, "splats", lambda *args: seen.append(torch.get_num_threads()) or splats(*args))
     before = torch.get_num_threads()
     files = []
     try:

@@ -8,6 +8,8 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from room2dgs.config.fields import GROUP, Float, Int
+from room2dgs.config.names import DecoderName, described
+from room2dgs.registries.decoders import DECODERS
 
 
 @dataclass(config=GROUP)
@@ -30,9 +32,7 @@ class SeedsConfig:
         ge=0.005, le=0.99, description="the same of a run whose seeds no depth prior has placed"
     )
     max_scale_m: Float = Field(ge=1e-4, le=10, description="upper bound of the initial scale")
-    decoder: Literal["explicit", "shared"] = Field(
-        description="explicit: surfels store their attributes | shared: a network decodes them"
-    )
+    decoder: DecoderName = Field(description=described("Turns seeds into primitives.", DECODERS))
     feature_size: Int = Field(ge=1, le=256, description="numbers a seed that the shared decoder's network reads")
     scale_activation: Literal["exp", "softplus"] = Field(
         description="exp | softplus: what the learnt scale numbers mean"

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from room2dgs.config.fields import GROUP, Float, Int, Time
+from room2dgs.config.names import StrategyName, described
+from room2dgs.registries.strategies import STRATEGIES
 
 
 @dataclass(config=GROUP)
 class StrategyConfig:
     """Densification and pruning; a time is an iteration (int) or a share of train.iterations (float)."""
 
-    name: Literal["fixed", "seeds", "plain"] = Field(
-        description="fixed | seeds (the paper's growth and pruning) | plain (2DGS's densification)"
-    )
+    name: StrategyName = Field(description=described("Decides which seeds are added and pruned.", STRATEGIES))
     start: Time = Field(description="of the adjustments")
     stop: Time = Field(description="of the adjustments")
     every: Int = Field(ge=1, description="iterations between two adjustments (the paper's N_g and N_alpha)")

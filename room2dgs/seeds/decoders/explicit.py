@@ -1,97 +1,88 @@
-"""The paper's decoder: every surfel stores its own attributes."""
+"""The paper's decoder: every primitive stores its own attributes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import torch
 from torch import Tensor
 
-from room2dgs.primitives.activations import EXP, OPACITY_LOGIT_MAX, ScaleActivation, opacity_logit_of, opacity_of
-from room2dgs.seeds.spawn import Spawned
-
-NAMES = ("offsets", "rotations", "raw_scales", "opacity_logits", "sh_dc", "sh_rest")
+from room2dgs.primitives.primitive import OFFSETS, SH_REST, Primitive, Rates, Splats
+from room2dgs.primitives.spawned import Spawned
+from room2dgs.seeds.decoders.decoder import DecoderKind
+from room2dgs.seeds.hierarchy import Cells
 
 
 @dataclass
 class ExplicitDecoder:
-    """S fixed seeds, k surfels each (a `Decoder`); float32 raw parameters.
+    """S fixed seeds, k primitives each (a `Decoder`); float32 raw parameters.
 
     Attributes:
+        primitive: what the raw parameters mean.
         positions: (S, 3) the seeds, fixed, metres.
-        offsets: (S, k, 3) metres (eq. 9: p = v + O).
-        rotations: (S, k, 4) quaternions (w, x, y, z) of any norm.
-        raw_scales: (S, k, 2), see `activation`.
-        opacity_logits: (S, k).
-        sh_dc: (S, k, 1, 3).
-        sh_rest: (S, k, (degree + 1)^2 - 1, 3), or None for degree 0.
-        activation: what the raw scales mean.
+        leaves: by name, (S, k, ...): "offsets", (S, k, 3) metres (eq. 9: p = v + O), then the primitive's own.
     """
 
+    primitive: Primitive
     positions: Tensor
-    offsets: Tensor
-    rotations: Tensor
-    raw_scales: Tensor
-    opacity_logits: Tensor
-    sh_dc: Tensor
-    sh_rest: Tensor | None = None
-    activation: ScaleActivation = EXP
+    leaves: dict[str, Tensor]
 
     def __post_init__(self) -> None:
-        for parameter in self.parameters().values():
+        for parameter in self.leaves.values():
             parameter.requires_grad_(True)
 
     @property
     def per_seed(self) -> tuple[str, ...]:
-        return tuple(self.parameters())
+        return tuple(self.leaves)
+
+    @property
+    def separable(self) -> bool:
+        return True
 
     def parameters(self) -> dict[str, Tensor]:
-        values = {name: getattr(self, name) for name in NAMES}
-        return {name: value for name, value in values.items() if value is not None}
+        return dict(self.leaves)
 
     def fixed(self) -> dict[str, Tensor]:
         return {"positions": self.positions}
 
-    def rows_of(self, spawned: Spawned, features: Tensor | None = None) -> dict[str, Tensor]:
-        rest = 0 if self.sh_rest is None else self.sh_rest.shape[2]
-        return _rows(spawned, rest, self.activation)
+    def with_tensors(self, fixed: dict[str, Tensor], parameters: dict[str, Tensor]) -> Self:
+        return replace(self, positions=fixed["positions"], leaves={name: parameters[name] for name in self.leaves})
+
+    def rows_of(self, spawned: Spawned, families: Cells | None = None) -> dict[str, Tensor]:
+        rest = self.leaves[SH_REST].shape[2] if SH_REST in self.leaves else 0
+        return {"positions": spawned.positions.clone(), **_first_leaves(spawned, self.primitive, rest)}
 
     def count(self) -> int:
-        return self.opacity_logits.numel()
+        return self.leaves[OFFSETS].shape[0] * self.leaves[OFFSETS].shape[1]
 
-    def surfels(self, active_sh_degree: int) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-        sh = self.sh_dc.flatten(0, 1)
-        if active_sh_degree > 0:
-            rest = (active_sh_degree + 1) ** 2 - 1
-            sh = torch.cat([sh, self.sh_rest.flatten(0, 1)[:, :rest]], dim=1)
-        return (
-            (self.positions[:, None] + self.offsets).flatten(0, 1),
-            self.rotations.flatten(0, 1),
-            self.activation.scale_of(self.raw_scales).flatten(0, 1),
-            opacity_of(self.opacity_logits).flatten(),
-            sh,
-        )
+    def splats(self, active_sh_degree: int) -> Splats:
+        return self.primitive.activated(self.positions[:, None] + self.leaves[OFFSETS], self.leaves, active_sh_degree)
+
+    def learning_rates(self, rates: Rates) -> dict[str, float]:
+        return {OFFSETS: rates.center, **self.primitive.learning_rates(rates)}
 
     def constrain(self) -> None:
         with torch.no_grad():
-            self.activation.constrain_(self.raw_scales)
-            self.opacity_logits.clamp_(-OPACITY_LOGIT_MAX, OPACITY_LOGIT_MAX)
+            self.primitive.constrain_(self.leaves)
 
 
-def explicit_decoder(spawned: Spawned, sh_degree: int, activation: ScaleActivation = EXP) -> ExplicitDecoder:
-    """A decoder whose surfels are the spawned ones; SH above degree 0 starts at zero."""
-    return ExplicitDecoder(**_rows(spawned, (sh_degree + 1) ** 2 - 1, activation), activation=activation)
+def explicit_decoder(spawned: Spawned, primitive: Primitive, sh_degree: int) -> ExplicitDecoder:
+    """A decoder whose primitives are the spawned discs; SH above degree 0 starts at zero."""
+    leaves = _first_leaves(spawned, primitive, (sh_degree + 1) ** 2 - 1)
+    return ExplicitDecoder(primitive, spawned.positions.clone(), leaves)
 
 
-def _rows(spawned: Spawned, rest: int, activation: ScaleActivation) -> dict[str, Tensor]:
-    rows = {
-        "positions": spawned.positions.clone(),
-        "offsets": spawned.offsets.clone(),
-        "rotations": spawned.rotations.clone(),
-        "raw_scales": activation.raw_of(spawned.scales),
-        "opacity_logits": opacity_logit_of(spawned.opacities),
-        "sh_dc": spawned.sh_dc[:, :, None].clone(),
-    }
-    if rest:
-        rows["sh_rest"] = torch.zeros(*spawned.opacities.shape, rest, 3, dtype=torch.float32)
-    return rows
+def restored(primitive: Primitive, fixed: dict[str, Tensor], parameters: dict[str, Tensor]) -> ExplicitDecoder:
+    """From its tensors by name, which it keeps."""
+    names = (name for name in (OFFSETS, *primitive.parameters) if name in parameters)
+    return ExplicitDecoder(primitive, fixed["positions"], {name: parameters[name] for name in names})
+
+
+EXPLICIT = DecoderKind(
+    lambda spawned, primitive, config, sh_degree, seed: explicit_decoder(spawned, primitive, sh_degree), restored
+)
+
+
+def _first_leaves(spawned: Spawned, primitive: Primitive, sh_rest: int) -> dict[str, Tensor]:
+    return {OFFSETS: spawned.offsets.clone(), **primitive.first_parameters(spawned, sh_rest)}

@@ -6,19 +6,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from room2dgs.captures.scene import Scene
 from room2dgs.config import Config
-from room2dgs.geometry.rotations import normals
-from room2dgs.geometry.spherical_harmonics import C0
+from room2dgs.primitives.primitive import base_colors, mapped
 from room2dgs.seeds.grow import Growth, Parents, grow
 from room2dgs.seeds.hierarchy import level_edge
 from room2dgs.seeds.prune import transparent, unseen
 from room2dgs.seeds.spawn import first_opacity, spawn
-from room2dgs.splat.types import Surfels
 from room2dgs.train.model import Model
 from room2dgs.train.step import Step
-from room2dgs.train.strategies.base import Adjustment, Strategy, window_of
-from room2dgs.train.strategies.edit_seeds import edit_seeds
+from room2dgs.train.strategies.ops import edit_rows
 from room2dgs.train.strategies.screen_gradients import ScreenGradients
+from room2dgs.train.strategies.strategy import Adjustment, Strategy, window_of
 
 
 class SeedStrategy(Strategy):
@@ -60,11 +59,11 @@ class SeedStrategy(Strategy):
         if len(growth):
             draw = np.random.SeedSequence([self._config.train.seed % 2**63, model.iteration]).generate_state(1)[0]
             spawned = spawn(growth.seeds, settings.per_seed, first_opacity(self._config), int(draw))
-            rows = model.decoder.rows_of(spawned, _inherited(model, growth, settings.per_seed))
+            rows = model.decoder.rows_of(spawned, growth.family)
         if len(growth) or len(keep) < model.seeds:
-            edit_seeds(model, settings, keep, rows)
+            edit_rows(model, keep, rows)
         self._unseen = torch.cat([self._unseen[keep], torch.zeros(len(growth), dtype=torch.float32)])
-        self._start(model.surfel_count, self._opacities.device)
+        self._start(model.count, self._opacities.device)
         levels = self._config.strategy.levels
         edges = [level_edge(settings.voxel_m, level, levels) for level in range(levels)]
         added = {f"{100 * edge:g} cm": int((growth.level == level).sum()) for level, edge in enumerate(edges)}
@@ -105,17 +104,17 @@ class SeedStrategy(Strategy):
     def _growth(self, model: Model, keep: Tensor) -> Growth:
         """New seeds from the survivors' gradients; their parents' indices are those before the pruning."""
         settings, strategy = self._config.seeds, self._config.strategy
-        surfels = Surfels(*(values.detach().cpu() for values in model.surfels(0)))
+        splats = mapped(model.splats(0), lambda values: values.detach().cpu())
         seeds = model.decoder.fixed()["positions"].cpu()
         kept = torch.zeros(len(seeds), dtype=torch.bool)
         kept[keep] = True
         of_kept = kept.repeat_interleave(settings.per_seed)
         parents = Parents(
             seeds=seeds[keep].numpy().astype(np.float64),
-            centres=surfels.centers.numpy().astype(np.float64),
-            normals=normals(surfels.rotations).numpy(),
-            scales=surfels.scales.prod(dim=1).sqrt().numpy(),
-            rgb=(0.5 + C0 * surfels.sh[:, 0]).clamp(0, 1).numpy(),
+            centres=splats.centers.numpy().astype(np.float64),
+            normals=model.primitive.normals(splats).numpy(),
+            scales=model.primitive.footprints(splats).numpy(),
+            rgb=base_colors(splats).numpy(),
             gradients=self._gradients.means().cpu().numpy(),
             known=(of_kept & (self._gradients.visits.cpu() >= strategy.min_visits)).numpy(),
         )
@@ -134,10 +133,6 @@ class SeedStrategy(Strategy):
         return growth.largest(max(0, strategy.max_surfels // settings.per_seed - len(keep)))
 
 
-def _inherited(model: Model, growth: Growth, per_seed: int) -> Tensor | None:
-    """(B, F) the largest of the parents' features, element by element (Scaffold-GS), where there are features."""
-    features = model.decoder.parameters().get("features")
-    if features is None:
-        return None
-    values = features.detach().cpu().numpy()[growth.family.order // per_seed]
-    return torch.from_numpy(np.maximum.reduceat(values, growth.family.first, axis=0))
+def seed_strategy(config: Config, scene: Scene) -> SeedStrategy:
+    """strategy.name=seeds."""
+    return SeedStrategy(config, len(scene.train))

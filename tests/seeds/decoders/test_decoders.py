@@ -1,16 +1,14 @@
 """What holds for every decoder and every scale activation."""
 
-import dataclasses
-
 import pytest
 import torch
 
 from room2dgs.config import load_config
+from room2dgs.primitives.registry import new_primitive
+from room2dgs.primitives.spawned import Spawned
 from room2dgs.seeds.decoders.explicit import ExplicitDecoder
 from room2dgs.seeds.decoders.registry import new_decoder, restored_decoder
 from room2dgs.seeds.decoders.shared import SharedDecoder
-from room2dgs.seeds.spawn import Spawned
-from room2dgs.splat import Surfels
 
 KINDS = [("explicit", "exp"), ("explicit", "softplus"), ("shared", "exp"), ("shared", "softplus")]
 every_kind = pytest.mark.parametrize(("kind", "activation"), KINDS)
@@ -42,7 +40,11 @@ def settings(kind="explicit", activation="exp", *more):
 
 
 def a_decoder(kind, activation, start=None):
-    return new_decoder(start or spawned(), settings(kind, activation).seeds, 0, 7)
+    return decoder_of(settings(kind, activation), start)
+
+
+def decoder_of(config, start=None):
+    return new_decoder(start or spawned(), new_primitive(config), config.seeds, 0, 7)
 
 
 def scrambled(decoder, spread=0.3, seed=1):
@@ -55,14 +57,17 @@ def scrambled(decoder, spread=0.3, seed=1):
 
 
 def doubles(decoder):
-    tensors = decoder.parameters() | decoder.fixed()
-    return dataclasses.replace(decoder, **{name: value.detach().double() for name, value in tensors.items()})
+    fixed, parameters = (
+        {name: value.detach().double() for name, value in part.items()}
+        for part in (decoder.fixed(), decoder.parameters())
+    )
+    return decoder.with_tensors(fixed, parameters)
 
 
 @every_kind
 def test_every_decoder_starts_from_the_spawned_surfels(kind, activation):
     start = spawned()
-    surfels = Surfels(*a_decoder(kind, activation, start).surfels(0))
+    surfels = a_decoder(kind, activation, start).splats(0)
     assert torch.equal(surfels.centers, (start.positions[:, None] + start.offsets).reshape(-1, 3))
     assert torch.equal(surfels.rotations, start.rotations.reshape(-1, 4))
     torch.testing.assert_close(surfels.scales, start.scales.reshape(-1, 2), rtol=4e-6, atol=0)
@@ -76,7 +81,7 @@ def test_gradients_are_exact(kind, activation):
     names = list(decoder.parameters())
 
     def surfels(*values):
-        return dataclasses.replace(decoder, **dict(zip(names, values, strict=True))).surfels(0)
+        return tuple(decoder.with_tensors(decoder.fixed(), dict(zip(names, values, strict=True))).splats(0))
 
     inputs = tuple(value.detach().requires_grad_(True) for value in decoder.parameters().values())
     assert torch.autograd.gradcheck(surfels, inputs)
@@ -85,7 +90,7 @@ def test_gradients_are_exact(kind, activation):
 @every_kind
 def test_every_parameter_of_a_moved_decoder_learns_and_the_seeds_do_not(kind, activation):
     decoder = scrambled(a_decoder(kind, activation))
-    sum((value**2).sum() for value in decoder.surfels(0)).backward()
+    sum((value**2).sum() for value in decoder.splats(0)).backward()
     assert all((p.grad != 0).any() for p in decoder.parameters().values())
     assert not decoder.fixed()["positions"].requires_grad
 
@@ -112,9 +117,8 @@ def test_new_seeds_come_behind_and_leave_the_old_surfels_as_they_were(kind, acti
     def grown(tensors):
         return {name: torch.cat([value, rows[name]]) if name in rows else value for name, value in tensors.items()}
 
-    config = settings(kind, activation).seeds
-    larger = restored_decoder(config, grown(decoder.fixed()), grown(decoder.parameters()))
-    before, after = Surfels(*decoder.surfels(0)), Surfels(*larger.surfels(0))
+    larger = decoder.with_tensors(grown(decoder.fixed()), grown(decoder.parameters()))
+    before, after = decoder.splats(0), larger.splats(0)
     for old, now in zip(before, after, strict=True):
         torch.testing.assert_close(now[: len(old)], old, rtol=1e-6, atol=1e-6)
     assert torch.equal(after.centers[12:], (added.positions[:, None] + added.offsets).reshape(-1, 3))
@@ -129,9 +133,10 @@ def test_a_restored_decoder_has_the_same_surfels_and_learns(kind, activation):
     copies = [
         {name: t.detach().clone() for name, t in part.items()} for part in (decoder.fixed(), decoder.parameters())
     ]
-    back = restored_decoder(settings(kind, activation).seeds, *copies)
+    config = settings(kind, activation)
+    back = restored_decoder(new_primitive(config), config.seeds, *copies)
     assert type(back) is type(decoder) and list(back.parameters()) == list(decoder.parameters())
-    assert all(torch.equal(a, b) for a, b in zip(decoder.surfels(0), back.surfels(0), strict=True))
+    assert all(torch.equal(a, b) for a, b in zip(decoder.splats(0), back.splats(0), strict=True))
     assert all(p.is_leaf and p.requires_grad for p in back.parameters().values())
 
 
@@ -140,15 +145,15 @@ def test_constrained_surfels_stay_drawable_however_far_parameters_ran(kind, acti
     for spread in (10.0, 1e4):
         decoder = scrambled(a_decoder(kind, activation), spread)
         decoder.constrain()
-        surfels = Surfels(*decoder.surfels(0))
+        surfels = decoder.splats(0)
         assert surfels.scales.min() >= 0.99e-5 and surfels.scales.max() <= 10.01
         assert surfels.opacities.min() > 0 and surfels.opacities.max() < 1
         assert all(torch.isfinite(value).all() for value in surfels)
 
 
 def test_softplus_counts_in_the_largest_first_scale():
-    decoder = new_decoder(spawned(), settings("explicit", "softplus", "seeds.max_scale_m=0.05").seeds, 0, 0)
-    assert (decoder.activation.name, decoder.activation.unit_m) == ("softplus", 0.05)
+    activation = decoder_of(settings("explicit", "softplus", "seeds.max_scale_m=0.05")).primitive.activation
+    assert (activation.name, activation.unit_m) == ("softplus", 0.05)
 
 
 def test_the_settings_name_the_decoder():

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import pytest
 import torch
 
+from room2dgs.primitives.registry import new_primitive
+from room2dgs.primitives.spawned import Spawned
 from room2dgs.seeds.decoders.registry import new_decoder
-from room2dgs.seeds.spawn import Spawned
 from room2dgs.train.model import Model, adam_state, make_adam, set_rates
 from room2dgs.train.strategies.plain import PlainStrategy
 from room2dgs.train.strategies.screen_gradients import ScreenGradients
@@ -26,7 +27,7 @@ def model_of(scales, opacities, config) -> Model:
         opacities=torch.tensor(opacities)[:, None],
         sh_dc=torch.arange(3.0 * count).reshape(count, 1, 3) / 10,
     )
-    decoder = new_decoder(spawned, config.seeds, 0, 0)
+    decoder = new_decoder(spawned, new_primitive(config), config.seeds, 0, 0)
     model = Model(decoder, make_adam(decoder.parameters()), 10)
     for value in decoder.parameters().values():
         value.grad = torch.ones_like(value)
@@ -57,11 +58,11 @@ def plain(configure):
 def test_small_ones_are_cloned_and_large_ones_split_where_gradients_are_large(plain):
     config = plain()
     model = model_of([SMALL, SMALL, LARGE, LARGE], [0.5, 0.5, 0.5, 0.6], config)
-    old = model.surfels(0)
+    old = model.splats(0)
     moments = adam_state(model.adam)["exp_avg/offsets"].clone()
     adjustment = adjusted(model, [3e-4, 1e-4, 1e-4, 3e-4], config)
     assert adjustment.added == {"cloned": 1, "split": 1} and sum(adjustment.pruned.values()) == 0
-    new = model.surfels(0)
+    new = model.splats(0)
     # survivors 0, 1, 2; the clone of 0; two children of 3
     assert len(new.centers) == 6
     for before, after in zip(old, new, strict=True):
@@ -76,9 +77,9 @@ def test_small_ones_are_cloned_and_large_ones_split_where_gradients_are_large(pl
 def test_children_lie_in_their_parents_plane_spread_like_its_gaussian(plain):
     config = plain()
     model = model_of([LARGE] * 2000, [0.5] * 2000, config)
-    parents = model.surfels(0).centers.repeat_interleave(2, dim=0)
+    parents = model.splats(0).centers.repeat_interleave(2, dim=0)
     adjusted(model, [3e-4] * 2000, config)
-    steps = (model.surfels(0).centers - parents).detach()
+    steps = (model.splats(0).centers - parents).detach()
     assert len(steps) == 4000
     normal, t_u, t_v = torch.tensor([[0.0, -0.96, 0.28], [1.0, 0.0, 0.0], [0.0, 0.28, 0.96]])
     assert (steps @ normal).abs().max() < 1e-5
@@ -100,9 +101,9 @@ def test_faint_ones_go_and_oversized_ones_only_after_a_reset(plain):
 def test_under_a_cap_the_largest_gradients_grow(plain):
     config = plain("strategy.max_surfels=6")
     model = model_of([SMALL] * 4, [0.5] * 4, config)
-    centres = model.surfels(0).centers
+    centres = model.splats(0).centers
     adjusted(model, [3e-4, 5e-4, 4e-4, 2.5e-4], config)
-    assert torch.equal(model.surfels(0).centers[4:], centres[[1, 2]])
+    assert torch.equal(model.splats(0).centers[4:], centres[[1, 2]])
 
 
 def test_if_all_were_to_go_none_does(plain):

@@ -1,7 +1,7 @@
 import pytest
 
 from room2dgs.errors import InputError
-from room2dgs.train.strategies.base import Adjustment, window_of
+from room2dgs.train.strategies.strategy import Adjustment, window_of
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 from torch import Tensor
 
-from room2dgs.config import StrategyConfig
+from room2dgs.captures.scene import Scene
+from room2dgs.config import Config, StrategyConfig
 from room2dgs.train.model import Model
 from room2dgs.train.schedule import at_iteration
 from room2dgs.train.step import Step
@@ -44,8 +45,9 @@ class Strategy:
     """Base of all strategies, called around every iteration; this one leaves the seeds as they are.
 
     A strategy draws nothing that does not follow from (train.seed, iteration), and keeps what it has gathered as
-    named tensors: a run that was killed and resumed gives the same bits. A new one is a file beside this one and a
-    line in `registry.STRATEGIES`.
+    named tensors: a run that was killed and resumed gives the same bits. It changes the model by the functions of
+    `ops`, and what it needs to know of single primitives the model's `primitive` tells. A new one is a file beside
+    this one and an entry in `registries.strategies`.
     """
 
     def before_backward(self, iteration: int) -> bool:
@@ -65,6 +67,11 @@ class Strategy:
 
     def load(self, state: dict[str, Tensor]) -> None:
         """The way back from `state`."""
+
+
+def fixed(config: Config, scene: Scene) -> Strategy:
+    """strategy.name=fixed."""
+    return Strategy()
 
 
 @dataclass(frozen=True)

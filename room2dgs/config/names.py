@@ -1,0 +1,24 @@
+"""Settings whose values are the names of a registry: their types, and what help says of each name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+from room2dgs.registries.decoders import DECODERS
+from room2dgs.registries.meshers import MESHERS
+from room2dgs.registries.primitives import PRIMITIVES
+from room2dgs.registries.strategies import STRATEGIES
+from room2dgs.registry import Registry
+
+if TYPE_CHECKING:
+    DecoderName = MesherName = PrimitiveName = StrategyName = str
+else:
+    DecoderName = Literal[DECODERS.names()]
+    MesherName = Literal[MESHERS.names()]
+    PrimitiveName = Literal[PRIMITIVES.names()]
+    StrategyName = Literal[STRATEGIES.names()]
+
+
+def described(question: str, registry: Registry[Any]) -> str:
+    """The description of a setting: what it decides, then each name with its sentence."""
+    return " ".join([question, *(f"{entry.name}: {entry.description}" for entry in registry.entries())])
