@@ -86,10 +86,11 @@ def test_kernels_that_cannot_be_loaded_say_why_wherever_they_are_asked_for(tmp_p
     program = (
         "import sys, room2dgs\n"
         "room2dgs.__path__.insert(0, sys.argv[1])\n"
-        "from room2dgs import block_code, cuda_state, splat\n"
-        "assert block_code.CUDA is None\n"
+        "from room2dgs import cuda_extension, cuda_state\n"
+        "from room2dgs.kernels import builds\n"
+        "assert builds.CUDA is None\n"
         "print(cuda_state.kernels().text)\n"
-        "print(splat.backends.BACKENDS['cuda'].missing)\n"
+        "print(cuda_extension.cuda_extension().missing)\n"
     )
     ran = subprocess.run([sys.executable, "-c", program, str(tmp_path)], capture_output=True, text=True, check=True)
     doctors, backends = ran.stdout.splitlines()

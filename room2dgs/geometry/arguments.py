@@ -86,9 +86,9 @@ def check_has_values(name: str, tensor: Tensor) -> None:
     Raises:
         ValueError: it has no values.
     """
-    from room2dgs.block_code import BUILDS
+    from room2dgs.kernels.builds import BLOCK_BUILDS
 
-    if tensor.device.type == "meta" and "meta" not in BUILDS:
+    if tensor.device.type == "meta" and "meta" not in BLOCK_BUILDS:
         raise ValueError(f"{name} is on the device meta, where tensors have no values")
 
 

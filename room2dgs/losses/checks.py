@@ -18,7 +18,7 @@ SHORTEST_PX = 1e-3  # of a focal length
 BRIGHTEST = 1e6  # of a grey level: squares of squares are to fit into float32
 
 
-def check_images(channels: int | None = None, **images: Any) -> None:
+def check_images(channels: int | None = None, /, **images: Any) -> None:
     """Images (H, W) or (H, W, channels), not empty.
 
     Raises:
@@ -108,6 +108,25 @@ def check_patch(size: Any) -> int:
     if size > MOST_SAMPLES:
         raise ValueError(f"patch is {size}; it is to be {MOST_SAMPLES} at most")
     return size
+
+
+def check_sizes(rendered: dict[str, Tensor], of_prior: dict[str, Tensor | None], step: int) -> None:
+    """Maps (H, W) or (H, W, C) of one size, and others that have every `step`-th of their rows and columns.
+
+    Args:
+        rendered: the first ones by name; at least one.
+        of_prior: the others, without those that are None.
+
+    Raises:
+        ValueError: names all of them.
+    """
+    others = {name: values for name, values in of_prior.items() if values is not None}
+    size = next(iter(rendered.values())).shape[:2]
+    compared = tuple(-(-pixels // step) for pixels in size)
+    same = all(x.shape[:2] == size for x in rendered.values()) and all(x.shape[:2] == compared for x in others.values())
+    if not same:
+        *names, last = (*rendered, *of_prior)
+        raise ValueError(f"{', '.join(names)} and {last} differ in size")
 
 
 def check_step(step: Any) -> int:

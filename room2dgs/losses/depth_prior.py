@@ -9,15 +9,16 @@ from torch import Tensor
 from torch.nn.functional import hardshrink
 
 from room2dgs import _C
-from room2dgs.block_code import build_for
 from room2dgs.geometry.arguments import number, whole_number
-from room2dgs.geometry.kernel_arguments import plain_map, runs_compiled
-from room2dgs.kernel_calls import call
-from room2dgs.losses import blocks
-from room2dgs.losses.checks import check_images, check_mask, check_step
+from room2dgs.kernels.builds import Build
+from room2dgs.kernels.calls import call
+from room2dgs.kernels.operators import has_kernels, operator
+from room2dgs.losses.block_losses import empty_like, empty_sums, losses_of, plain, plain_or_none
+from room2dgs.losses.checks import check_images, check_mask, check_sizes, check_step
 from room2dgs.losses.known_gradients import with_gradients
+from room2dgs.splat.constants import MIN_COVERED_ALPHA
 
-MIN_ALPHA = 0.5  # pixels less covered have no depth worth comparing
+LEVELS = 4  # of the kernels' differences, at most
 MIN_PIXELS = 64  # fewer say nothing about scale and shift
 MIN_SPREAD = 1e-4  # standard deviation over mean; a flatter map fixes no scale and shift
 ROUNDING = 1e-6  # smaller differences of relative residuals are what float32 left of the maps: they have no sign
@@ -33,7 +34,7 @@ def depth_prior_loss(
     space: str = "depth",
     align: bool = True,
     gradient_weight: float = 0.5,
-    scales: int = 4,
+    scales: int = LEVELS,
     confidence: Tensor | None = None,
     step: int = 1,
 ) -> Tensor:
@@ -47,7 +48,7 @@ def depth_prior_loss(
     r taken at strides 1, 2, 4, ..., each mean over the pairs whose two pixels are compared. Differences below a
     millionth count as none: they are rounding, and the term would push as hard by their signs as by real ones.
 
-    float32 on the CPU takes the compiled kernel, the same bits on any number of threads.
+    float32 takes compiled kernels at up to four scales, the same bits on any number of threads.
 
     w is the prior's confidence; a pair of neighbours has the smaller of its two. Means are over numbers
     of pixels and not over weights: a map that doubts itself everywhere has little to say. s and t are fitted with the
@@ -80,22 +81,32 @@ def depth_prior_loss(
     number("gradient_weight", gradient_weight)
     if space not in ("depth", "disparity"):
         raise ValueError(f"space={space!r} is not known; choose depth or disparity")
-    compared = tuple(-(-pixels // step) for pixels in depth.shape)
-    of_prior = (prior, valid) if confidence is None else (prior, valid, confidence)
-    if alpha.shape != depth.shape or any(other.shape != compared for other in of_prior):
-        raise ValueError("depth, alpha, prior, valid and confidence differ in size")
-    if runs_compiled(depth, alpha, prior) and not build_for(depth) and scales <= blocks.LEVELS:
-        maps = map(plain_map, (depth, alpha, prior, valid, confidence))
-        gradient, levels = torch.empty(depth.shape, dtype=torch.float32), scales if gradient_weight else 0
-        value = call(_C.depth_prior, *maps, space == "disparity", align, gradient_weight, levels, step, gradient)
-        return with_gradients(depth.new_tensor(value), [depth], [gradient])
+    of_prior = {"prior": prior, "valid": valid, "confidence": confidence}
+    check_sizes({"depth": depth, "alpha": alpha}, of_prior, step)
+    if has_kernels(depth, alpha, prior) and scales <= LEVELS:
+        levels = scales if gradient_weight else 0
+        options = (space == "disparity", align, gradient_weight, levels, step)
+        value, gradient = DEPTH_PRIOR(depth, alpha, prior, valid, confidence, *options)
+        return with_gradients(value, [depth], [gradient])
     depth, alpha = depth[::step, ::step], alpha[::step, ::step]
-    if build_for(depth, alpha, prior) and scales <= blocks.LEVELS:
-        return blocks.depth_prior_loss(
-            depth, alpha, prior, valid,
-            space=space, align=align, gradient_weight=gradient_weight, scales=scales, confidence=confidence,
-        )  # fmt: skip
-    compared = valid & (prior > 0) & torch.isfinite(prior) & (alpha.detach() >= MIN_ALPHA) & (depth.detach() > 0)
+    disparity = space == "disparity"
+    return _in_torch(depth, alpha, prior, valid, confidence, disparity, align, gradient_weight, scales)
+
+
+def _in_torch(
+    depth: Tensor,
+    alpha: Tensor,
+    prior: Tensor,
+    valid: Tensor,
+    confidence: Tensor | None,
+    disparity: bool,
+    align: bool,
+    gradient_weight: float,
+    scales: int,
+) -> Tensor:
+    """The same of any floating type and device, with maps of one size."""
+    covered = (alpha.detach() >= MIN_COVERED_ALPHA) & (depth.detach() > 0)
+    compared = valid & (prior > 0) & torch.isfinite(prior) & covered
     count = int(torch.count_nonzero(compared))
     # A depth of 1 in place of the others keeps infinities and NaN out of the gradients.
     rendered = torch.where(compared, depth, 1.0)
@@ -103,7 +114,7 @@ def depth_prior_loss(
     total_weight = float(weight.sum())
     if count < MIN_PIXELS or not total_weight > 0:
         return 0.0 * rendered.sum()
-    if space == "disparity":
+    if disparity:
         rendered = rendered.reciprocal()
     prior = torch.where(compared, prior, 0.0).to(depth.dtype)
     scale, shift = scale_and_shift(prior, rendered, weight) if align else (1.0, 0.0)
@@ -212,3 +223,57 @@ def _penalty(
             push[1:] += sign
             push[:-1] -= sign
     return with_gradients(value, [residual], [gradient], again=True)
+
+
+def _on_cpu(
+    depth: Tensor,
+    alpha: Tensor,
+    prior: Tensor,
+    valid: Tensor,
+    confidence: Tensor | None,
+    disparity: bool,
+    align: bool,
+    gradient_weight: float,
+    levels: int,
+    step: int,
+) -> tuple[Tensor, Tensor]:
+    maps = (*map(plain, (depth, alpha, prior)), *map(plain_or_none, (valid, confidence)))
+    gradient = empty_like(depth)
+    value = call(_C.depth_prior, *maps, disparity, align, gradient_weight, levels, step, gradient)
+    return depth.new_tensor(value), gradient
+
+
+def _by_block_code(
+    build: Build,
+    depth: Tensor,
+    alpha: Tensor,
+    prior: Tensor,
+    valid: Tensor,
+    confidence: Tensor | None,
+    disparity: bool,
+    align: bool,
+    gradient_weight: float,
+    levels: int,
+    step: int,
+) -> tuple[Tensor, Tensor]:
+    losses, queue = losses_of(build, depth)
+    compared = depth[::step, ::step]
+    maps = map(plain, (compared, alpha[::step, ::step], prior))
+    gradient, value = empty_like(compared), empty_sums(depth, 1)
+    call(
+        losses.depth_prior, *maps, plain_or_none(valid), plain_or_none(confidence), disparity, align, gradient_weight,
+        levels, gradient, value, queue,
+    )  # fmt: skip
+    if step > 1:
+        compared = gradient
+        gradient = torch.zeros_like(depth)
+        gradient[::step, ::step] = compared
+    return value[0].to(depth.dtype), gradient
+
+
+DEPTH_PRIOR = operator(
+    "depth_prior(Tensor depth, Tensor alpha, Tensor prior, Tensor valid, Tensor? confidence, bool disparity, "
+    "bool align, float gradient_weight, int levels, int step) -> (Tensor, Tensor)",
+    _by_block_code,
+    _on_cpu,
+)

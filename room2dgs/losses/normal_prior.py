@@ -8,15 +8,15 @@ import torch
 from torch import Tensor
 
 from room2dgs import _C
-from room2dgs.block_code import build_for
 from room2dgs.geometry.arguments import number
-from room2dgs.geometry.kernel_arguments import plain_map, runs_compiled
-from room2dgs.kernel_calls import call
-from room2dgs.losses import blocks
-from room2dgs.losses.checks import check_images, check_mask, check_step
+from room2dgs.kernels.builds import Build
+from room2dgs.kernels.calls import call
+from room2dgs.kernels.operators import has_kernels, operator
+from room2dgs.losses.block_losses import empty_like, empty_sums, losses_of, plain, plain_or_none
+from room2dgs.losses.checks import check_images, check_mask, check_sizes, check_step
 from room2dgs.losses.known_gradients import with_gradients
+from room2dgs.splat.constants import MIN_COVERED_ALPHA
 
-MIN_ALPHA = 0.5  # pixels less covered have no normal worth comparing
 TINY = 1e-3  # normals that cancel along the ray have no direction; their gradient stays below 1 / TINY
 
 
@@ -60,8 +60,8 @@ def normal_prior_loss(
     """L_n = l1 * mean w |n - n_p|_1 + cosine * mean w (1 - n . n_p) (eq. 11-12; l1, cosine from the supplement).
 
     n is the rendered normal made unit, n_p the prior; |.|_1 sums the three axes; w is the prior's confidence.
-    Means are over the number of pixels that are `valid` and have alpha >= 0.5; without one the loss is 0. float32 on
-    the CPU takes the compiled kernel, the same bits on any number of threads.
+    Means are over the number of pixels that are `valid` and have alpha >= 0.5; without one the loss is 0. float32
+    takes compiled kernels, the same bits on any number of threads.
 
     Args:
         normal: (H, W, 3) rendered, alpha-weighted, world frame, facing the camera; not normalised.
@@ -84,22 +84,12 @@ def normal_prior_loss(
     step = check_step(step)
     number("l1", l1)
     number("cosine", cosine)
-    compared = tuple(-(-pixels // step) for pixels in alpha.shape)
-    of_prior = (valid,) if confidence is None else (valid, confidence)
-    sizes = [prior.shape[:2], *(other.shape for other in of_prior)]
-    if normal.shape != (*alpha.shape, 3) or prior.shape[2:] != (3,) or any(size != compared for size in sizes):
-        raise ValueError("normal, alpha, prior, valid and confidence differ in size")
-    if build_for(normal, alpha, prior):
-        return blocks.normal_prior_loss(
-            normal, alpha, prior, valid, l1=l1, cosine=cosine, confidence=confidence, step=step
-        )
-    if runs_compiled(normal, alpha, prior):
-        maps = map(plain_map, (normal, alpha, prior, valid, confidence))
-        gradient = torch.empty(normal.shape, dtype=torch.float32)
-        value = call(_C.normal_prior, *maps, l1, cosine, step, gradient)
-        return with_gradients(normal.new_tensor(value), [normal], [gradient])
+    check_sizes({"normal": normal, "alpha": alpha}, {"prior": prior, "valid": valid, "confidence": confidence}, step)
+    if has_kernels(normal, alpha, prior):
+        value, gradient, share = NORMAL_PRIOR(normal, alpha, prior, valid, confidence, l1, cosine, step)
+        return with_gradients(value, [normal], [gradient], share=share)
     normal, alpha = normal[::step, ::step], alpha[::step, ::step]
-    compared = valid & (alpha.detach() >= MIN_ALPHA)
+    compared = valid & (alpha.detach() >= MIN_COVERED_ALPHA)
     share = compared.to(normal.dtype) / torch.count_nonzero(compared).clamp(min=1)
     if confidence is not None:
         share = share * torch.where(compared, confidence, 0.0)
@@ -110,3 +100,47 @@ def normal_prior_loss(
     distance = (rendered - wanted).abs().sum(0)
     apart = 1 - (rendered * wanted).sum(0)
     return ((l1 * distance + cosine * apart) * share).sum()
+
+
+def _on_cpu(
+    normal: Tensor,
+    alpha: Tensor,
+    prior: Tensor,
+    valid: Tensor,
+    confidence: Tensor | None,
+    l1: float,
+    cosine: float,
+    step: int,
+) -> tuple[Tensor, Tensor, Tensor]:
+    maps = (*map(plain, (normal, alpha, prior)), *map(plain_or_none, (valid, confidence)))
+    gradient = empty_like(normal)
+    value = call(_C.normal_prior, *maps, l1, cosine, step, gradient)
+    return normal.new_tensor(value), gradient, normal.new_tensor(1.0)
+
+
+def _by_block_code(
+    build: Build,
+    normal: Tensor,
+    alpha: Tensor,
+    prior: Tensor,
+    valid: Tensor,
+    confidence: Tensor | None,
+    l1: float,
+    cosine: float,
+    step: int,
+) -> tuple[Tensor, Tensor, Tensor]:
+    """The number of pixels is known when the gradient is there already, which is therefore to be multiplied by it."""
+    losses, queue = losses_of(build, normal)
+    maps = (*map(plain, (normal, alpha, prior)), *map(plain_or_none, (valid, confidence)))
+    gradient, values = empty_like(normal), empty_sums(normal, 2)
+    call(losses.normal_prior, *maps, l1, cosine, step, gradient, values, queue)
+    value, share = values.to(normal.dtype)
+    return value, gradient, share
+
+
+NORMAL_PRIOR = operator(
+    "normal_prior(Tensor normal, Tensor alpha, Tensor prior, Tensor valid, Tensor? confidence, float l1, "
+    "float cosine, int step) -> (Tensor, Tensor, Tensor)",
+    _by_block_code,
+    _on_cpu,
+)

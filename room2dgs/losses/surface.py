@@ -7,11 +7,13 @@ import torch
 from torch import Tensor
 
 from room2dgs import _C
-from room2dgs.block_code import build_for
 from room2dgs.geometry.arguments import check_tensor
-from room2dgs.geometry.kernel_arguments import intrinsics, rotation_of, runs_compiled
-from room2dgs.kernel_calls import call
-from room2dgs.losses import blocks, reference
+from room2dgs.geometry.kernel_arguments import intrinsics, rotation_of
+from room2dgs.kernels.builds import Build
+from room2dgs.kernels.calls import call
+from room2dgs.kernels.operators import has_kernels, operator
+from room2dgs.losses import reference
+from room2dgs.losses.block_losses import camera_on, empty_like, empty_sums, losses_of, plain
 from room2dgs.losses.checks import check_images
 from room2dgs.losses.known_gradients import with_gradients
 from room2dgs.splat.types import Rendering
@@ -38,8 +40,7 @@ def normal_consistency(
     the gradient does not see, so that it is 0 for a perfect surface whatever its coverage. Pixels on the
     border, and those where one of the five depths is 0, count 0.
 
-    float32 on the CPU takes the compiled kernel: value and gradients in one sweep, the same bits on any
-    number of threads.
+    float32 takes compiled kernels: value and gradients in one sweep, the same bits on any number of threads.
 
     Args:
         rendering: of one view, (H, W) maps.
@@ -65,13 +66,16 @@ def normal_consistency(
         raise ValueError("depth, alpha and normal differ in size")
     check_matrix("K", K, (3, 3))
     check_matrix("cam_from_world", cam_from_world, (4, 4))
-    by_blocks = build_for(*maps)
-    if not by_blocks and not runs_compiled(*maps):
+    if not has_kernels(*maps):
         return reference.normal_consistency(*maps, K, cam_from_world)
     pose = cam_from_world if isinstance(cam_from_world, Tensor) else torch.from_numpy(np.asarray(cam_from_world))
-    if by_blocks:
-        return blocks.normal_consistency(*maps, torch.as_tensor(K), pose)
-    return _by_kernel(*maps, intrinsics(K), pose)
+    value, grad_depth, grad_normal, grad_rotation = NORMAL_CONSISTENCY(*maps, torch.as_tensor(K), pose)
+    inputs, gradients = [maps[0], maps[2]], [grad_depth, grad_normal]
+    if pose.requires_grad:
+        grad_pose = pose.new_zeros(4, 4)
+        grad_pose[:3, :3] = grad_rotation
+        inputs, gradients = [*inputs, pose], [*gradients, grad_pose]
+    return with_gradients(value, inputs, gradients)
 
 
 def check_matrix(name: str, matrix: Tensor | np.ndarray, shape: tuple[int, int]) -> None:
@@ -89,11 +93,31 @@ def check_matrix(name: str, matrix: Tensor | np.ndarray, shape: tuple[int, int])
     check_tensor(name, matrix, shape)
 
 
-def _by_kernel(depth: Tensor, alpha: Tensor, normal: Tensor, pinhole: tuple[float, ...], pose: Tensor) -> Tensor:
-    grad_depth, grad_normal = (torch.empty(maps.shape, dtype=torch.float32) for maps in (depth, normal))
-    grad_pose = torch.zeros(4, 4, dtype=torch.float64)
-    grad_rotation = np.empty((3, 3))
-    maps = (x.detach().contiguous() for x in (depth, alpha, normal))
-    value = call(_C.normal_consistency, *maps, *pinhole, rotation_of(pose), grad_depth, grad_normal, grad_rotation)
-    grad_pose[:3, :3] = torch.from_numpy(grad_rotation)
-    return with_gradients(depth.new_tensor(value), [depth, normal, pose], [grad_depth, grad_normal, grad_pose.to(pose)])
+def _on_cpu(
+    depth: Tensor, alpha: Tensor, normal: Tensor, K: Tensor, pose: Tensor
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    grad_depth, grad_normal, grad_rotation = empty_like(depth), empty_like(normal), np.empty((3, 3))
+    maps = map(plain, (depth, alpha, normal))
+    value = call(
+        _C.normal_consistency, *maps, *intrinsics(K), rotation_of(pose), grad_depth, grad_normal, grad_rotation
+    )  # fmt: skip
+    return depth.new_tensor(value), grad_depth, grad_normal, torch.from_numpy(grad_rotation)
+
+
+def _by_block_code(
+    build: Build, depth: Tensor, alpha: Tensor, normal: Tensor, K: Tensor, pose: Tensor
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    losses, queue = losses_of(build, depth)
+    grad_depth, grad_normal, values = empty_like(depth), empty_like(normal), empty_sums(depth, 10)
+    maps = map(plain, (depth, alpha, normal))
+    cameras = camera_on(K, depth), camera_on(pose, depth)
+    call(losses.normal_consistency, *maps, *cameras, grad_depth, grad_normal, values, queue)
+    return values[0].to(depth.dtype), grad_depth, grad_normal, values[1:].reshape(3, 3)
+
+
+NORMAL_CONSISTENCY = operator(
+    "normal_consistency(Tensor depth, Tensor alpha, Tensor normal, Tensor K, Tensor cam_from_world) "
+    "-> (Tensor, Tensor, Tensor, Tensor)",
+    _by_block_code,
+    _on_cpu,
+)

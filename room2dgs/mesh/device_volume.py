@@ -1,4 +1,4 @@
-"""Fusion by block code: `tsdf.integrate` on a GPU, or by a GPU's kernels as plain C++ (`render.device`).
+"""Fusion by the CUDA kernels: `tsdf.integrate` on a GPU (`render.device`).
 
 Voxels, and the table of the blocks that hold them, stay on the device while views come; open3d meshes them on the CPU
 at the end. Blocks are found, and a voxel takes a view in, by the CPU's own functions, so the same views give the same
@@ -14,7 +14,7 @@ import torch
 import trimesh
 from torch import Tensor
 
-from room2dgs.block_code import Build, build_of
+from room2dgs.kernels.builds import Build, build_of
 from room2dgs.config import MeshConfig
 from room2dgs.mesh.marching import extracted
 from room2dgs.mesh.tsdf import STEPS, STRIDE, camera_in_volume, closer, local_from_cam, photo_as_floats, start_of

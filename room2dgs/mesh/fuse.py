@@ -10,6 +10,7 @@ from room2dgs.captures.cache import Cache
 from room2dgs.config import MeshConfig
 from room2dgs.freed_memory import give_back
 from room2dgs.geometry.camera import Camera
+from room2dgs.kernels.builds import CPU, build_of
 from room2dgs.logs import Log
 from room2dgs.mesh.finish import NoSurface, cleaned, finished
 from room2dgs.mesh.tsdf import integrate
@@ -46,7 +47,7 @@ def _raw(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh
 
 
 def _integrated(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:
-    if config.space == "bounded" and device != "cpu":
+    if config.space == "bounded" and build_of(device) is not CPU:
         from room2dgs.mesh.device_volume import integrate_on_device
 
         return integrate_on_device(views, config, device)

@@ -1,13 +1,15 @@
-"""`render`: surfels and a camera to images, by whichever backend fits."""
+"""`render`: surfels and a camera to images, by the kernels of the tensors' device."""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor
 
-from room2dgs.splat.backends import View, backend_for
-from room2dgs.splat.checks import check_shapes
-from room2dgs.splat.constants import OPACITY_FLOOR
+from room2dgs.cuda_extension import cuda_extension
+from room2dgs.kernels.builds import BLOCK_BUILDS
+from room2dgs.splat.checks import check_floor, check_near, check_shapes
+from room2dgs.splat.constants import NEAR_M, OPACITY_FLOOR
+from room2dgs.splat.operators import Rasterize
 from room2dgs.splat.types import Rendering, Surfels
 
 
@@ -19,12 +21,11 @@ def render(
     height: int,
     *,
     background: Tensor | None = None,
-    near_m: float = 0.05,
+    near_m: float = NEAR_M,
     opacity_floor: float = OPACITY_FLOOR,
     center_px: Tensor | None = None,
     with_normal: bool = True,
     with_distortion: bool = True,
-    backend: str | None = None,
 ) -> Rendering:
     """Render one view.
 
@@ -42,24 +43,43 @@ def render(
         opacity_floor: hits fainter than this are skipped, 1/255 to below 1; the higher, the fewer pixels a disc has.
         center_px: (N, 2) zeros that require grad: their gradient is that of the projected centres, in 1/pixel.
         with_normal, with_distortion: leave out an output that is not wanted (it is zeros then).
-        backend: a name in `splat.backends.BACKENDS`; by default the one of the tensors' device.
 
     Returns:
         `Rendering`.
 
     Raises:
         TypeError: lists or arrays where tensors belong.
-        ValueError: shapes, types, sizes or values that do not fit, or no backend for them.
+        ValueError: shapes, types, sizes or values that do not fit, or no kernels for them.
     """
     check_shapes(surfels, K, cam_from_world, width, height, background, center_px)
-    chosen = backend_for(surfels.centers, backend)
+    check_near(near_m)
+    check_floor(opacity_floor)
+    check_kernels(surfels.centers)
     with_normal, with_distortion = _switch("with_normal", with_normal), _switch("with_distortion", with_distortion)
     if background is None:
         background = torch.zeros(3, dtype=torch.float32, device=surfels.centers.device)
-    view = View(
-        K, cam_from_world, width, height, background, near_m, opacity_floor, center_px, with_normal, with_distortion
-    )
-    return chosen.render(surfels, view)
+    *images, _ = Rasterize.apply(
+        *surfels, cam_from_world, K, background, center_px,
+        width, height, near_m, opacity_floor, with_normal, with_distortion,
+    )  # fmt: skip
+    return Rendering(*images)
+
+
+def check_kernels(like: Tensor) -> None:
+    """Kernels for surfels of this type on this device.
+
+    Raises:
+        ValueError: there are none; says what to do.
+    """
+    device = like.device.type
+    if device == "cuda" and (missing := cuda_extension().missing):
+        raise ValueError(missing)
+    if device != "cpu" and device not in BLOCK_BUILDS:
+        raise ValueError(f"no rasterizer for tensors on {device}; move them to the CPU")
+    if like.dtype != torch.float32:
+        raise ValueError(
+            f"the surfels are {like.dtype}; the rasterizer takes torch.float32 (splat.reference.render takes any type)"
+        )
 
 
 def _switch(name: str, value: bool) -> bool:

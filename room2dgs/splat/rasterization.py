@@ -50,8 +50,6 @@ def rasterization_2dgs(
     absgrad: bool = False,
     distloss: bool = False,
     depth_mode: str = "expected",
-    *,
-    backend: str | None = None,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor | None, Tensor, Tensor, dict[str, Any]]:
     """Render surfels into C views, and that for every element of the batch dimensions `...`, one after another.
 
@@ -76,7 +74,6 @@ def rasterization_2dgs(
         distloss: draw the distortion; else it is zeros.
         depth_mode: the depth, "expected" or "median", that `surf_normals` come from.
         radius_clip, eps2d, packed, sparse_grad, absgrad: gsplat's defaults alone.
-        backend: see `room2dgs.splat.render`.
 
     Returns:
         render_colors (..., C, H, W, X), X = D, 1 or D + 1 by the mode; render_alphas (..., C, H, W, 1);
@@ -103,41 +100,19 @@ def rasterization_2dgs(
         raise ValueError(f"tile_size is {tile_size}")
     check_near(near_plane)
     check_far("far_plane", far_plane, near_plane)
-    check_floating(
-        means=means, quats=quats, scales=scales, opacities=opacities, colors=colors,
-        **{} if backgrounds is None else {"backgrounds": backgrounds},
-    )  # fmt: skip
-    check_floating(viewmats=viewmats)
-    check_floating(Ks=Ks)
-    if means.ndim < 2 or scales.ndim < 2 or viewmats.ndim < 3:
-        raise ValueError("means is (..., N, 3), scales (..., N, 2), viewmats (..., C, 4, 4)")
-    batch, N, C = means.shape[:-2], means.shape[-2], viewmats.shape[-3]
-    scales = scales[..., :2] if scales.shape[-1] == 3 else scales
-    colors = _colors_of_cameras(colors, (*batch, C, N), sh_degree)
-    channels = 3 if sh_degree is not None else colors.shape[-1]
-    if backgrounds is None:
-        backgrounds = means.new_zeros(*batch, C, channels)
-    shapes = {
-        "means": (means, N, 3), "quats": (quats, N, 4), "scales": (scales, N, 2), "opacities": (opacities, N),
-        "viewmats": (viewmats, C, 4, 4), "Ks": (Ks, C, 3, 3), "backgrounds": (backgrounds, C, channels),
-    }  # fmt: skip
-    for name, (tensor, *shape) in shapes.items():
-        if tuple(tensor.shape) != (*batch, *shape):
-            raise ValueError(f"{name} has shape {tuple(tensor.shape)}, not {(*batch, *shape)}")
-    if not C or not batch.numel():
-        raise ValueError("there is no camera to draw for")
+    scales = scales[..., :2] if isinstance(scales, Tensor) and scales.ndim and scales.shape[-1] == 3 else scales
+    scene = _checked(means, quats, scales, opacities, colors, viewmats, Ks, backgrounds, sh_degree)
+    batch, C, N = scene.batch, viewmats.shape[-3], means.shape[-2]
 
     gradient_2dgs = means.new_zeros(*batch, C, N, 2).requires_grad_(torch.is_grad_enabled())
+    indices = list(product(*map(range, (*batch, C))))
     drawn: list[_Drawn] = []
-    for index in product(*map(range, (*batch, C))):
+    for index in indices:
         one = index[:-1]  # the element of the batch
         surfels = Surfels(means[one], quats[one], scales[one], opacities[one], means.new_zeros(N, 1, 3))
-        options = {
-            "K": Ks[index], "cam_from_world": viewmats[index], "width": width, "height": height,
-            "near_m": near_plane, "center_px": gradient_2dgs[index], "backend": backend,
-        }  # fmt: skip
-        values = colors[index] if "RGB" in render_mode else None
-        drawn.append(_draw_view(surfels, values, backgrounds[index], sh_degree, distloss, far_plane, options))
+        view = _View(Ks[index], viewmats[index], width, height, near_plane, far_plane, gradient_2dgs[index], distloss)
+        values = scene.colors[index] if "RGB" in render_mode else None
+        drawn.append(_draw_view(surfels, values, scene.backgrounds[index], sh_degree, view))
 
     def stacked(images: list[Tensor]) -> Tensor:
         return torch.stack(images).reshape(*batch, C, *images[0].shape)
@@ -148,12 +123,12 @@ def rasterization_2dgs(
         images.append(stacked([r.depth for r in firsts])[..., None])
     elif render_mode.endswith("D"):
         images.append(stacked([r.depth * r.alpha for r in firsts])[..., None])
-    distort = stacked([r.distortion for r in firsts])[..., None]
     surf_normals = None
     if render_mode in ("RGB+D", "RGB+ED"):
         depths = [r.depth if depth_mode == "expected" else r.median_depth for r in firsts]
-        views = [(Ks[index], viewmats[index]) for index in product(*map(range, (*batch, C)))]
-        surf_normals = stacked([depth_to_normals(d, *view) for d, view in zip(depths, views, strict=True)])
+        pairs = zip(depths, indices, strict=True)
+        surf_normals = stacked([depth_to_normals(depth, Ks[index], viewmats[index]) for depth, index in pairs])
+    distort = stacked([r.distortion for r in firsts])[..., None]
     places = [d.places for d in drawn]
     meta = {
         "camera_ids": None, "gaussian_ids": None,
@@ -174,26 +149,81 @@ def rasterization_2dgs(
     )
 
 
-def _draw_view(
-    surfels: Surfels,
-    values: Tensor | None,
-    background: Tensor,
+class _Scene(NamedTuple):
+    """What fits together: the batch dimensions, colours of each camera, and a background for each."""
+
+    batch: torch.Size
+    colors: Tensor
+    backgrounds: Tensor
+
+
+def _checked(
+    means: Tensor,
+    quats: Tensor,
+    scales: Tensor,
+    opacities: Tensor,
+    colors: Tensor,
+    viewmats: Tensor,
+    Ks: Tensor,
+    backgrounds: Tensor | None,
     sh_degree: int | None,
-    distloss: bool,
-    far_plane: float,
-    options: dict[str, Any],
+) -> _Scene:
+    """Raises TypeError and ValueError as `rasterization_2dgs`."""
+    check_floating(
+        means=means, quats=quats, scales=scales, opacities=opacities, colors=colors,
+        **{} if backgrounds is None else {"backgrounds": backgrounds},
+    )  # fmt: skip
+    check_floating(viewmats=viewmats)
+    check_floating(Ks=Ks)
+    if means.ndim < 2 or scales.ndim < 2 or viewmats.ndim < 3:
+        raise ValueError("means is (..., N, 3), scales (..., N, 2), viewmats (..., C, 4, 4)")
+    batch, N, C = means.shape[:-2], means.shape[-2], viewmats.shape[-3]
+    colors = _colors_of_cameras(colors, (*batch, C, N), sh_degree)
+    channels = 3 if sh_degree is not None else colors.shape[-1]
+    if backgrounds is None:
+        backgrounds = means.new_zeros(*batch, C, channels)
+    shapes: dict[str, tuple[Tensor, tuple[int, ...]]] = {
+        "means": (means, (N, 3)), "quats": (quats, (N, 4)), "scales": (scales, (N, 2)), "opacities": (opacities, (N,)),
+        "viewmats": (viewmats, (C, 4, 4)), "Ks": (Ks, (C, 3, 3)), "backgrounds": (backgrounds, (C, channels)),
+    }  # fmt: skip
+    for name, (tensor, shape) in shapes.items():
+        if tuple(tensor.shape) != (*batch, *shape):
+            raise ValueError(f"{name} has shape {tuple(tensor.shape)}, not {(*batch, *shape)}")
+    if not C or not batch.numel():
+        raise ValueError("there is no camera to draw for")
+    return _Scene(batch, colors, backgrounds)
+
+
+class _View(NamedTuple):
+    """One camera and how it is drawn; see `rasterization_2dgs`."""
+
+    K: Tensor
+    cam_from_world: Tensor
+    width: int
+    height: int
+    near_plane: float
+    far_plane: float
+    center_px: Tensor
+    distloss: bool
+
+
+def _draw_view(
+    surfels: Surfels, values: Tensor | None, background: Tensor, sh_degree: int | None, view: _View
 ) -> _Drawn:
     """One view; `values` (N, D) or coefficients (N, K, 3), or None where no colour is wanted."""
     like = surfels.centers.dtype
-    K, pose, size = options["K"].to(like), options["cam_from_world"].to(like), (options["width"], options["height"])
-    places = footprint(surfels, K, pose, *size, options["near_m"], far_plane)
-    beyond = places.depth > far_plane
+    K, pose = view.K.to(like), view.cam_from_world.to(like)
+    places = footprint(surfels, K, pose, view.width, view.height, view.near_plane, view.far_plane)
+    beyond = places.depth > view.far_plane
     if beyond.any():
         surfels = surfels._replace(opacities=torch.where(beyond, 0.0, surfels.opacities))
 
     def draw(sh: Tensor, behind: Tensor, first: bool) -> Rendering:
-        wanted = {"background": behind, "with_normal": first, "with_distortion": first and distloss}
-        return render(surfels._replace(sh=sh), **options, **wanted)
+        return render(
+            surfels._replace(sh=sh), view.K, view.cam_from_world, view.width, view.height, background=behind,
+            near_m=view.near_plane, center_px=view.center_px, with_normal=first,
+            with_distortion=first and view.distloss,
+        )  # fmt: skip
 
     if values is not None and sh_degree is None:
         return _Drawn(*_draw_values(draw, values, background), places)
@@ -211,7 +241,8 @@ def _draw_values(
     """
     count, channels = values.shape
     lift = (values.detach().amin(0) - 0.5).clamp(max=0.0) if count else values.new_zeros(channels)
-    first, parts = None, []
+    first: Rendering | None = None
+    parts = []
     for begin in range(0, channels, 3):
         used = min(3, channels - begin)
         sh = values.new_zeros(count, 1, 3)
@@ -220,6 +251,7 @@ def _draw_values(
         rendering = draw(sh, behind, first is None)
         first = first or rendering
         parts.append(rendering.color[..., :used] + lift[begin : begin + used] * rendering.alpha[..., None])
+    assert first is not None  # there is a channel: `_colors_of_cameras`
     return first, torch.cat(parts, dim=-1)
 
 

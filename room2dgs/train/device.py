@@ -1,30 +1,29 @@
-"""Where a run trains: on the CPU, on a GPU, or by a GPU's kernels as plain C++ (`render.device`)."""
+"""Where a run trains: on the CPU or on a GPU (`render.device`)."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from room2dgs.block_code import build_of, plain_code
+from room2dgs.kernels.builds import build_of
 
 CPU = torch.device("cpu")
 
 
 @contextmanager
 def on_device(name: str) -> Iterator[torch.device]:
-    """The device that `render.device` names; until the block ends its kernels are there.
+    """The device that `render.device` names, for as long as the block lasts.
 
     Raises:
         InputError: no GPU, or nothing that runs on it.
     """
     build_of(name)
-    with plain_code() if name == "blocks" else nullcontext():
-        yield torch_device(name)
+    yield torch_device(name)
 
 
 def torch_device(name: str) -> torch.device:

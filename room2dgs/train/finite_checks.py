@@ -8,7 +8,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from room2dgs.block_code import stays
+from room2dgs.kernels.builds import is_asynchronous
 from room2dgs.train.objective import Term
 from room2dgs.train.trainer import Hook, Iteration, Trainer
 
@@ -37,7 +37,7 @@ class FiniteCheck(Hook):
 
     def after_backward(self, trainer: Trainer, iteration: Iteration) -> None:
         loss = iteration.step.losses["loss"]
-        if isinstance(loss, Tensor) and stays(loss):
+        if isinstance(loss, Tensor) and is_asynchronous(loss):
             # a largest number that is not finite is NaN once it is multiplied by 0, and stays so
             found = torch.stack([torch.linalg.vector_norm(x, math.inf) for x in (loss, *_gradients(trainer))])
             found = 0 * found.sum()

@@ -17,6 +17,7 @@ from room2dgs.config import Config
 from room2dgs.errors import InputError, first_line
 from room2dgs.files import remove_leftovers
 from room2dgs.kernels.builds import BLOCK_BUILDS
+from room2dgs.kernels.builds import BLOCK_BUILDS
 from room2dgs.logs import Log
 from room2dgs.primitives.primitive import Splats, mapped
 from room2dgs.train import checkpoint

@@ -8,9 +8,12 @@ import pytest
 import torch
 
 from room2dgs import _C
-from room2dgs.block_code import BUILDS, PLAIN, plain_code, set_order
 from room2dgs.geometry.depth_maps import depth_to_normals
-from room2dgs.losses import blocks, reference
+from room2dgs.kernels.builds import BLOCK_BUILDS, PLAIN, set_order
+from room2dgs.kernels.calls import call
+from room2dgs.kernels.emulation import cuda_kernels_on_cpu
+from room2dgs.kernels.operators import BY_BLOCK_CODE
+from room2dgs.losses import reference
 from room2dgs.losses.depth_prior import depth_prior_loss
 from room2dgs.losses.normal_prior import normal_prior_loss
 from room2dgs.losses.photometric import rgb_loss
@@ -32,6 +35,19 @@ def same_in_any_order(compute, found):
     for order in ORDERS[1:]:
         set_order(order)
         assert all(torch.equal(a, b) for a, b in zip(compute(), found, strict=True))
+
+
+def by_blocks(loss):
+    """A loss by block code."""
+
+    def found(*args, **more):
+        with cuda_kernels_on_cpu():
+            return loss(*args, **more)
+
+    return found
+
+
+rgb_by_blocks = by_blocks(rgb_loss)
 
 
 def images(height, width, seed=0, noise=0.05):
@@ -69,20 +85,20 @@ def of_rgb(loss, rendered, target):
 @pytest.mark.parametrize("noise", [1e-3, 1.0])
 def test_rgb_loss(size, noise):
     rendered, target = images(*size, seed=size[0], noise=noise)
-    found = of_rgb(blocks.rgb_loss, rendered, target)
+    found = of_rgb(rgb_by_blocks, rendered, target)
     value, gradient = of_rgb(reference.rgb_loss, rendered.double(), target.double())
     # SSIM is of the order of 1, so the loss of a single pixel has float32's digits of 1, not of itself
     assert abs(found[0] - value) <= 1e-5 * value + 0.2 * 4e-6 / size[0] / size[1]
     assert_near(found[1:], [gradient], 1e-4)
     # the CPU's kernels take the same steps; only their fused multiply-adds differ
     assert_near(found[1:], of_rgb(rgb_loss, rendered, target)[1:], 3e-5)
-    same_in_any_order(lambda: of_rgb(blocks.rgb_loss, rendered, target), found)
+    same_in_any_order(lambda: of_rgb(rgb_by_blocks, rendered, target), found)
 
 
 def test_rgb_loss_without_a_gradient_has_the_same_value():
     rendered, target = images(37, 21)
-    assert blocks.rgb_loss(rendered, target, 0.2) == of_rgb(blocks.rgb_loss, rendered, target)[0]
-    assert blocks.rgb_loss(target, target, 1.0) == 0
+    assert rgb_by_blocks(rendered, target, 0.2) == of_rgb(rgb_by_blocks, rendered, target)[0]
+    assert rgb_by_blocks(target, target, 1.0) == 0
 
 
 def of_normals(loss, depth, alpha, normal, pose):
@@ -94,10 +110,12 @@ def test_normal_consistency(camera, size):
     pose = torch.from_numpy(camera.cam_from_world)
     depth, alpha, normal = maps(*size, seed=size[1])
 
-    def by_blocks(d, a, n, p):
-        return blocks.normal_consistency(d, a, n, torch.from_numpy(camera.K), p)
+    def by_cpu(d, a, n, p):
+        drawn = Rendering(torch.zeros_like(n), a, d, d, n, torch.zeros_like(d))
+        return normal_consistency(drawn, torch.from_numpy(camera.K), p)
 
-    found = of_normals(by_blocks, depth, alpha, normal, pose)
+    on_blocks = by_blocks(by_cpu)
+    found = of_normals(on_blocks, depth, alpha, normal, pose)
     clean = torch.where((depth > 0) & depth.isfinite(), depth, torch.zeros_like(depth))
     doubles = (clean.double(), alpha.double(), normal.double(), pose)
     assert_near(
@@ -106,11 +124,8 @@ def test_normal_consistency(camera, size):
     if min(size) > 2:
         assert all(x.abs().max() > 0 for x in found)
 
-    def by_cpu(d, a, n, p):
-        return normal_consistency(Rendering(torch.zeros_like(n), a, d, d, n, torch.zeros_like(d)), camera.K, p)
-
     assert_near(found, of_normals(by_cpu, depth, alpha, normal, pose), 3e-5)
-    same_in_any_order(lambda: of_normals(by_blocks, depth, alpha, normal, pose), found)
+    same_in_any_order(lambda: of_normals(on_blocks, depth, alpha, normal, pose), found)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -121,7 +136,9 @@ def test_depth_normals(camera, size):
     exact = depth_to_normals(clean.double(), torch.from_numpy(camera.K), pose)
     for order in ORDERS:
         set_order(order)
-        found = blocks.depth_normals(depth, torch.from_numpy(camera.K), pose)
+        found = torch.empty(*size, 3)
+        cameras = (torch.from_numpy(camera.K).float(), pose.float())
+        call(_C.device.BlockLosses().depth_normals, depth, *cameras, found, order)
         assert (found - exact).abs().max() < 1e-5 and torch.equal(found == 0, exact.float() == 0)
 
 
@@ -132,7 +149,7 @@ def test_the_bits_do_not_depend_on_threads():
         found = []
         for count in (1, 3):
             _C.set_threads(count)
-            found.append(of_rgb(blocks.rgb_loss, rendered, target))
+            found.append(of_rgb(rgb_by_blocks, rendered, target))
     finally:
         _C.set_threads(before)
     assert all(torch.equal(a, b) for a, b in zip(*found, strict=True))
@@ -164,9 +181,9 @@ def priors(height, width, seed=0):
     return depth, 0.3 + alpha, prior, torch.rand(height, width, generator=g) > 0.1, confidence
 
 
-def of_depth(depth, alpha, prior, valid, confidence, by_blocks, **options):
+def of_depth(depth, alpha, prior, valid, confidence, with_blocks, **options):
     def loss(d):
-        with plain_code() if by_blocks else nullcontext():
+        with cuda_kernels_on_cpu() if with_blocks else nullcontext():
             return depth_prior_loss(d, alpha, prior, valid, confidence=confidence, **options)
 
     return differentiated(loss, depth)
@@ -207,8 +224,11 @@ def test_depth_prior_of_maps_that_fix_no_scale():
 def test_where_block_code_is_at_work_it_takes_all_fused_losses(monkeypatch, camera):
     """And nothing else does: neither other types nor the CPU by itself."""
     taken = []
-    for name in ("rgb_loss", "normal_consistency", "depth_prior_loss"):
-        monkeypatch.setattr(blocks, name, lambda *x, name=name, **_: taken.append((name, x)))
+    for name in ("rgb_loss", "normal_consistency", "depth_prior", "normal_prior"):
+        kernels = BY_BLOCK_CODE[name]
+        monkeypatch.setitem(
+            BY_BLOCK_CODE, name, lambda *x, name=name, kernels=kernels: (taken.append((name, x)), kernels(*x))[1]
+        )
     rendered, target = images(4, 5)
     depth, alpha, normal = maps(4, 5)
     drawn = Rendering(torch.zeros(4, 5, 3), alpha, depth, depth + 1, normal, depth)
@@ -217,15 +237,19 @@ def test_where_block_code_is_at_work_it_takes_all_fused_losses(monkeypatch, came
         rgb_loss(rendered, target, dssim)
         normal_consistency(drawn, camera.K, camera.cam_from_world, "median")
         depth_prior_loss(depth, alpha, depth, depth > 0)
+        normal_prior_loss(normal, alpha, normal, depth > 0)
 
     ask()
     assert taken == []
-    with plain_code():
+    with cuda_kernels_on_cpu():
         ask()
         rgb_loss(rendered, target, 0.0)  # L1 alone is torch's
         rgb_loss(rendered.double(), target.double(), 0.2)
-    assert [name for name, _ in taken] == ["rgb_loss", "normal_consistency", "depth_prior_loss"]
-    assert taken[1][1][0] is drawn.median_depth and "cpu" not in BUILDS and PLAIN.extension is _C.device
+    assert [name for name, _ in taken] == ["rgb_loss", "normal_consistency", "depth_prior", "normal_prior"]
+    assert torch.equal(taken[1][1][1].nan_to_num(), drawn.median_depth.nan_to_num()) and taken[0][1][0] is PLAIN
+    assert "cpu" not in BLOCK_BUILDS and PLAIN.extension is _C.device
+    ask()  # the CPU's kernels again
+    assert len(taken) == 4
 
 
 def normals(height, width, step, seed=0):
@@ -253,9 +277,9 @@ def test_normal_prior(size, step, weighted):
         with code():
             return differentiated(lambda n: 3 * normal_prior_loss(n, *to[1:4], **options), to[0])
 
-    found = of(torch.float32, plain_code)
+    found = of(torch.float32, cuda_kernels_on_cpu)
     alpha, _, valid = others
     assert found[1].any() == (valid & (alpha[::step, ::step] >= 0.5)).any()
     assert_near(found, of(torch.float64, nullcontext), 1e-4)
     assert_near(found, of(torch.float32, nullcontext), 3e-5)
-    same_in_any_order(lambda: of(torch.float32, plain_code), found)
+    same_in_any_order(lambda: of(torch.float32, cuda_kernels_on_cpu), found)

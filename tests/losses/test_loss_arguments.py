@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from room2dgs.losses import blocks
+from room2dgs.losses.compared_pixels import Neighbour, Photo, multiview_losses
 from room2dgs.losses.depth_prior import depth_prior_loss, edge_band, scale_and_shift
 from room2dgs.losses.multiview import (
     agreement,
@@ -49,9 +49,9 @@ def consistency(depth, alpha, normal, K, cam_from_world):
     return normal_consistency(rendering, K, cam_from_world)
 
 
-def by_blocks(depth, normal, pixels, grey, K, pose, patch, **of_other):
-    other = blocks.Other(step=1, **{name.removeprefix("other_"): value for name, value in of_other.items()})
-    return blocks.multiview(depth, normal, pixels, grey, K, pose, other, patch)
+def compared(depth, normal, pixels, grey, K, pose, patch, other_grey, other_K, other_pose, other_usable, inverse_depth):
+    neighbour = Neighbour(Photo(other_grey, other_K, other_pose), other_usable, inverse_depth, 1)
+    return multiview_losses(depth, normal, pixels, Photo(grey, K, pose), neighbour, patch)
 
 
 DOORS = {
@@ -89,10 +89,10 @@ DOORS = {
     "patches_at": (
         patches_at, {"image": GREY, "column": PIXELS[:, 0].long(), "row": PIXELS[:, 1].long(), "size": 5}
     ),
-    "blocks.multiview": (
-        by_blocks,
+    "multiview_losses": (
+        compared,
         {"depth": DEPTH, "normal": directions(H, W), "pixels": torch.arange(200, 400, dtype=torch.int32), "grey": GREY,
-         "other_grey": some(H, W), "other_inverse_depth": 1 / DEPTH, "K": K, "pose": POSE, "other_K": K,
+         "other_grey": some(H, W), "inverse_depth": 1 / DEPTH, "K": K, "pose": POSE, "other_K": K,
          "other_pose": BESIDE, "patch": 5, "other_usable": VALID},
     ),
 }  # fmt: skip
@@ -189,8 +189,8 @@ def test_patches_that_leave_the_image_and_pixels_that_are_not_there_are_refused(
         with pytest.raises(ValueError, match="leave the image"):
             run("patches_at", column=wrong)
     with pytest.raises(ValueError, match="pixels name 768"):
-        run("blocks.multiview", pixels=torch.tensor([5, H * W], dtype=torch.int32))
-    assert torch.isfinite(run("blocks.multiview", pixels=torch.tensor([-1, H * W - 1], dtype=torch.int32))).all()
+        run("multiview_losses", pixels=torch.tensor([5, H * W], dtype=torch.int32))
+    assert torch.isfinite(run("multiview_losses", pixels=torch.tensor([-1, H * W - 1], dtype=torch.int32))).all()
 
 
 @pytest.mark.parametrize("level", [1e19, 1e30, float("nan"), float("inf")])
@@ -198,7 +198,7 @@ def test_levels_without_room_for_their_squares(level):
     """A finite image gave a value and gradients that were none."""
     for name in ("grey", "other_grey"):
         with pytest.raises(ValueError, match="levels"):
-            run("blocks.multiview", **{name: torch.full((H, W), level)})
+            run("multiview_losses", **{name: torch.full((H, W), level)})
     patches, neighbour = some(M, 25), some(M, 25)
     patches[::3] *= level
     neighbour[::5] *= level

@@ -9,10 +9,11 @@ import pytest
 import torch
 
 from room2dgs import _C
-from room2dgs.block_code import PLAIN, set_order
 from room2dgs.config import MeshConfig, load_config
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from room2dgs.kernels.builds import PLAIN, set_order
+from room2dgs.kernels.emulation import cuda_kernels_on_cpu
 from room2dgs.mesh import device_volume, tsdf
 from room2dgs.mesh.fuse import fuse
 from room2dgs.mesh.views import FusedView
@@ -145,7 +146,8 @@ def test_the_mesh_is_the_cpus_bit_for_bit(monkeypatch):
     assert len(cpu.faces) > 5000
     set_order(3)
     try:
-        found = fuse(iter(made), config, lambda _: None, "blocks")
+        with cuda_kernels_on_cpu():
+            found = fuse(iter(made), config, lambda _: None)
     finally:
         set_order(0)
     as_tensors = [
@@ -154,7 +156,8 @@ def test_the_mesh_is_the_cpus_bit_for_bit(monkeypatch):
         )
         for v in made
     ]
-    again = fuse(iter(as_tensors), config, lambda _: None, "blocks")
+    with cuda_kernels_on_cpu():
+        again = fuse(iter(as_tensors), config, lambda _: None)
     for mesh in (found, again):
         assert np.array_equal(mesh.vertices, cpu.vertices) and np.array_equal(mesh.faces, cpu.faces)
         assert np.array_equal(mesh.visual.vertex_colors, cpu.visual.vertex_colors)
@@ -165,7 +168,8 @@ def test_a_contracted_volume_takes_tensors_too():
     made = views(2)
     tensors = [replace(v, depth=torch.from_numpy(v.depth), color=torch.from_numpy(v.color), normal=None) for v in made]
     made, tensors = ([replace(v, weight=None) for v in both] for both in (made, tensors))
-    expected, found = (fuse(which, config, lambda _: None, "blocks") for which in (made, tensors))
+    with cuda_kernels_on_cpu():
+        expected, found = (fuse(which, config, lambda _: None) for which in (made, tensors))
     assert np.array_equal(found.vertices, expected.vertices)
 
 
@@ -175,7 +179,7 @@ def test_nothing_seen_is_nothing_and_no_gpu_is_one_sentence(without_gpu):
     speck = empty.depth.copy()
     speck[1, 1] = 1.0  # beside the pixels that are followed
     for nothing in (empty, replace(view, depth=speck)):
-        with pytest.raises(InputError, match=r"no (pixel|surface)"):
-            fuse([nothing], make_config(), lambda _: None, "blocks")
+        with cuda_kernels_on_cpu(), pytest.raises(InputError, match=r"no (pixel|surface)"):
+            fuse([nothing], make_config(), lambda _: None)
     with pytest.raises(InputError, match=r"render\.device=cuda lacks"):
         fuse([view], make_config(), lambda _: None, "cuda")

@@ -1,17 +1,23 @@
-"""The CUDA kernels as plain C++ (backend "blocks"): against float64, the CPU's kernels, and another order of theirs."""
+"""The CUDA kernels as plain C++: against float64, the CPU's kernels, and another order of theirs."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
-from functools import partial
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import pytest
 import torch
 
 from room2dgs import splat
+from room2dgs.kernels.builds import CUDA, set_order
+from room2dgs.kernels.emulation import cuda_kernels_on_cpu
+from room2dgs.splat import Surfels
+from room2dgs.splat.api import check_kernels
+from room2dgs.splat.constants import OPACITY_FLOOR
+from room2dgs.splat.operators import rasterize, rasterize_backward
 from room2dgs.tools.numerics.compare import compare, differentiate, image_weights, relative_error
 from room2dgs.tools.numerics.scenes import (
     ILL_CONDITIONED,
@@ -22,12 +28,7 @@ from room2dgs.tools.numerics.scenes import (
     pose,
     random_surfels,
 )
-from room2dgs.kernels.builds import PLAIN, set_order
-from room2dgs.splat import Surfels
-from room2dgs.splat.backends import block_view, cuda
-from room2dgs.splat.constants import OPACITY_FLOOR
 
-RENDER = partial(splat.render, backend="blocks")
 APART = 3e-5  # what sums in another order change, and fused arithmetic on one side
 
 
@@ -51,31 +52,36 @@ def one_thread():
     set_order(0)
 
 
-def both(render, scene: HardScene) -> list[torch.Tensor]:
+def both(scene: HardScene) -> list[torch.Tensor]:
     """Images and gradients."""
     weights = image_weights(scene.width, scene.height, unit=scene.near_m / NEAR_M)
-    images, gradients = differentiate(render, scene, weights, torch.float32)
+    images, gradients = differentiate(splat.render, scene, weights, torch.float32)
     return [*images, *gradients.values()]
 
 
 @pytest.mark.parametrize("name", ALL)
 def test_they_equal_the_cpu_and_themselves_in_any_order(name):
     scene = ALL[name]()
-    expected, actual = both(splat.render, scene), both(RENDER, scene)
+    expected = both(scene)
+    with cuda_kernels_on_cpu():
+        actual = both(scene)
+        again = []
+        for seed in (1, 2):
+            set_order(seed)
+            again.append(both(scene))
     conditioned = 10 if name in ILL_CONDITIONED else 1
     for a, b in zip(actual, expected, strict=True):
         assert relative_error(a, b) < conditioned * APART
-    for seed in (1, 2):
-        set_order(seed)
-        again = both(RENDER, scene)
-        assert all(torch.equal(a, b) for a, b in zip(again, actual, strict=True)), seed
+    for other in again:
+        assert all(torch.equal(a, b) for a, b in zip(other, actual, strict=True))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SCENES if name != "coincident layers"])  # that takes long
 def test_they_equal_the_float64_reference(name):
     set_order(3)
-    found = compare(SCENES[name](), name in ILL_CONDITIONED, RENDER)
+    with cuda_kernels_on_cpu():
+        found = compare(SCENES[name](), name in ILL_CONDITIONED, splat.render)
     assert found.passed, found
 
 
@@ -88,15 +94,20 @@ def test_bits_of_the_cpu_without_fused_arithmetic_and_the_way_to_a_build_of_cuda
         "import sys, torch, room2dgs\n"
         "from room2dgs import _C\n"
         "sys.modules['room2dgs._cuda'] = room2dgs._cuda = _C.device\n"
-        "from tests_of_blocks import ALL, RENDER, SimpleNamespace, cuda, splat\n"
+        "from tests_of_blocks import ALL, SimpleNamespace, cuda_kernels_on_cpu, splat\n"
+        "from room2dgs.kernels import builds\n"
         "like = SimpleNamespace(device=torch.device('cuda'), dtype=torch.float32)\n"
-        "assert splat.backends.backend_for(like) is cuda.BACKEND and cuda.CUDA.extension is _C.device\n"
+        "splat.api.check_kernels(like)\n"
+        "assert builds.CUDA.extension is builds.BLOCK_BUILDS['cuda'].extension is _C.device\n"
         "assert 'CUDA' in torch._C._dispatch_dump('room2dgs::rasterize')\n"
         "assert _C.isa() == 'baseline'\n"
         "for name, make in ALL.items():\n"
         "    s = make()\n"
         "    args = (s.surfels, s.K, s.cam_from_world, s.width, s.height)\n"
-        "    pairs = zip(*(f(*args, near_m=s.near_m, opacity_floor=s.opacity_floor) for f in (splat.render, RENDER)))\n"
+        "    options = {'near_m': s.near_m, 'opacity_floor': s.opacity_floor}\n"
+        "    expected = splat.render(*args, **options)\n"
+        "    with cuda_kernels_on_cpu():\n"
+        "        pairs = zip(expected, splat.render(*args, **options))\n"
         "    assert all(torch.equal(a, b) for a, b in pairs), name\n"
     )
     load = (
@@ -116,10 +127,11 @@ def test_gradients_of_some_images_alone(flows):
     surfels = Surfels(*(x.requires_grad_() for x in random_surfels(80, 3)))
     wanted = {"with_normal": "normal" in flows, "with_distortion": "distortion" in flows}
     found = []
-    for backend in ("cpu", "blocks"):
-        out = splat.render(surfels, intrinsics(), pose(), 37, 29, backend=backend, **wanted)
-        total = sum(getattr(out, name).square().sum() for name in flows)
-        found.append([*out, *torch.autograd.grad(total, surfels)])
+    for kernels in (nullcontext, cuda_kernels_on_cpu):
+        with kernels():
+            out = splat.render(surfels, intrinsics(), pose(), 37, 29, **wanted)
+            total = sum(getattr(out, name).square().sum() for name in flows)
+            found.append([*out, *torch.autograd.grad(total, surfels)])
     for a, b in zip(*found, strict=True):
         assert relative_error(b.detach(), a.detach()) < APART
 
@@ -129,11 +141,11 @@ def test_a_lost_state_is_rendered_again():
     surfels = random_surfels(40, 5)
     inputs = (*surfels, pose(), intrinsics(), torch.zeros(3))
     options = (37, 29, NEAR_M, OPACITY_FLOOR, True, True)
-    forward, backward = (partial(getattr(block_view, name), PLAIN) for name in ("forward", "backward"))
-    color, alpha, depth, *_, state = forward(*inputs, None, *options)
-    flows = (torch.ones_like(color), *[None] * 5)
-    first = backward(*inputs, alpha, depth, state, *flows, *options, True)
-    again = backward(*inputs, alpha, depth, state.clone(), *flows, *options, True)
+    with cuda_kernels_on_cpu():
+        color, alpha, depth, *_, state = rasterize(*inputs, None, *options)
+        flows = (torch.ones_like(color), *[None] * 5)
+        first = rasterize_backward(*inputs, alpha, depth, state, *flows, *options, True)
+        again = rasterize_backward(*inputs, alpha, depth, state.clone(), *flows, *options, True)
     assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))
 
 
@@ -150,18 +162,18 @@ def test_what_the_cpu_refuses_is_refused_in_the_same_words():
     for changed in bad:
         arguments = {"K": K, "cam_from_world": place, "width": 8, "height": 8, **changed}
         said = []
-        for backend in ("cpu", "blocks"):
-            with pytest.raises(ValueError) as error:
-                splat.render(surfels, backend=backend, **arguments)
+        for kernels in (nullcontext, cuda_kernels_on_cpu):
+            with kernels(), pytest.raises(ValueError) as error:
+                splat.render(surfels, **arguments)
             said.append(str(error.value))
         assert said[0] == said[1], changed
-    RENDER(surfels, K, place, 8, 8)
+    with cuda_kernels_on_cpu():
+        splat.render(surfels, K, place, 8, 8)
 
 
 def test_without_cuda_one_sentence_says_how_to_get_it():
-    if cuda.BACKEND.missing is None:
+    if CUDA is not None:
         pytest.skip("this build has CUDA")
     like = SimpleNamespace(device=torch.device("cuda"), dtype=torch.float32)
-    for name in (None, "cuda"):
-        with pytest.raises(ValueError, match=r"built without CUDA.*ROOM2DGS_CUDA=on.*docs/cuda.md"):
-            splat.backends.backend_for(like, name)
+    with pytest.raises(ValueError, match=r"built without CUDA.*ROOM2DGS_CUDA=on.*docs/cuda.md"):
+        check_kernels(like)

@@ -8,8 +8,7 @@ import pytest
 import torch
 
 from room2dgs import splat
-from room2dgs.splat import Surfels
-from room2dgs.splat.backends import frames, operators
+from room2dgs.splat import Surfels, frames, operators
 from room2dgs.splat.constants import OPACITY_FLOOR
 
 

@@ -12,11 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from room2dgs import _C, splat
+from room2dgs.splat import Rendering, Surfels, operators, reference
+from room2dgs.splat.constants import OPACITY_FLOOR
 from room2dgs.tools.numerics.pairs import pairs_of, smooth
 from room2dgs.tools.numerics.scenes import HardScene
-from room2dgs.splat import Rendering, Surfels, reference
-from room2dgs.splat.backends import operators
-from room2dgs.splat.constants import OPACITY_FLOOR
 
 BACKGROUND = torch.tensor([0.1, 0.4, 0.7])
 

@@ -8,7 +8,7 @@ import torch
 from room2dgs import splat
 from room2dgs.geometry.depth_maps import depth_to_normals
 from room2dgs.geometry.spherical_harmonics import sh_color
-from room2dgs.splat import Surfels, rasterization_2dgs
+from room2dgs.splat import Surfels, rasterization_2dgs, reference
 
 SIZE = (53, 40)
 
@@ -80,14 +80,14 @@ def test_values_of_any_number_of_channels(make_surfels, views, per_camera):
     # the image is linear in the values, so one-hot values of each surfel give the weights to expect
     for k, (K, pose) in enumerate(zip(*views, strict=True)):
         exact = Surfels(*(x.double() for x in surfels))
-        out = splat.render(exact, K, pose, *SIZE, backend="reference", with_normal=False, with_distortion=False)
+        out = reference.render(exact, K, pose, *SIZE)
         base = (1 - out.alpha)[..., None] * backgrounds[k]
         total = torch.zeros(40, 53, 5, dtype=torch.float64)
         for channel in range(5):
             v = values[k if per_camera else 0, :, channel].double()
             lift = -v.min() + 1
             sh = ((v + lift - 0.5) / 0.28209479177387814)[:, None, None].expand(80, 1, 3)
-            c = splat.render(exact._replace(sh=sh), K, pose, *SIZE, backend="reference").color[..., 0]
+            c = reference.render(exact._replace(sh=sh), K, pose, *SIZE).color[..., 0]
             total[..., channel] = c - lift * out.alpha
         wrong = ((image[k] - (total + base)).abs() > 2e-5).any(-1)
         assert wrong.sum() <= 2  # pixels beside a jump

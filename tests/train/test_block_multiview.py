@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from room2dgs.block_code import set_order
+from room2dgs.kernels.builds import set_order
 from room2dgs.splat.types import Rendering
 from room2dgs.train.grey import GreyPhoto
 from room2dgs.train.neighbour_views import Pair

@@ -1,14 +1,14 @@
 """Training with everything on a device: the CPU's result, the same bits again, and nothing that is waited for.
 
-No GPU is needed; where there is one, it is taken. With `render.device=blocks` the loop is the GPU's and its kernels are
-plain C++. And torch's device "meta", which has no numbers at all, refuses whatever a GPU would have to be waited for,
-and tensors of two devices.
+No GPU is needed; where there is one, it is taken. Without one the loop is the GPU's and its kernels are plain C++
+(`cuda_kernels_on_cpu`). And torch's device "meta", which has no numbers at all, refuses whatever a GPU would have to be
+waited for, and tensors of two devices.
 """
 
 from __future__ import annotations
 
 import importlib
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,9 +17,10 @@ import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from room2dgs import cuda_state
-from room2dgs.block_code import BUILDS, Build, set_order
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.errors import InputError
+from room2dgs.kernels.builds import Build, set_order
+from room2dgs.kernels.emulation import block_code_on, cuda_kernels_on_cpu
 from room2dgs.mesh.views import fused_view
 from room2dgs.train import load_surfels, run, train
 from room2dgs.train.corrections import PoseCorrections
@@ -34,7 +35,14 @@ ALL_TERMS = [
     "seeds.opacity=0.1",  # with opaque discs the signs of tiny gradients tell two runs apart within ten iterations
 ]  # fmt: skip
 GROWING = ["strategy=seeds", "strategy.start=4", "strategy.every=4", "strategy.stop=12", "train.iterations=14"]
-BLOCKS = f"render.device={'blocks' if cuda_state.missing() else 'cuda'}"  # where there is a GPU, it is taken
+EMULATED = bool(cuda_state.missing())
+DEVICE = f"render.device={'cpu' if EMULATED else 'cuda'}"
+
+
+def trained_on_device(capture, config, out, log):
+    """By block code: on the GPU where there is one."""
+    with cuda_kernels_on_cpu() if EMULATED else nullcontext():
+        return trained(capture, config, out, log)
 
 
 def priors(scene) -> dict[str, ViewMaps]:
@@ -58,11 +66,11 @@ SHARED = [*FIXED, "seeds.decoder=shared", "train.refine_poses=true", "train.expo
 def test_the_cpus_result_and_the_same_bits_again(capture, configure, log, tmp_path, more):
     settings = [*ALL_TERMS, *more, "train.test_every=7"]
     cpu, expected = trained(capture, configure(*settings), tmp_path / "cpu", log)
-    found, surfels = trained(capture, configure(*settings, BLOCKS), tmp_path / "blocks", log)
+    found, surfels = trained_on_device(capture, configure(*settings, DEVICE), tmp_path / "device", log)
     assert found.losses.keys() == cpu.losses.keys()
     # where seeds are added, a gradient beside the threshold may fall to either side of it
     relative = 2e-2 if more is GROWING else 2e-3
-    slack = 1 if BLOCKS.endswith("blocks") else 2  # a GPU's exp and sigmoid are others than the CPU's
+    slack = 1 if EMULATED else 2  # a GPU's exp and sigmoid are others than the CPU's
     assert found.seeds == pytest.approx(cpu.seeds, rel=relative)
     for name, value in cpu.losses.items():
         assert found.losses[name] == pytest.approx(value, rel=relative, abs=slack * 5e-5), name
@@ -74,10 +82,10 @@ def test_the_cpus_result_and_the_same_bits_again(capture, configure, log, tmp_pa
         assert more is GROWING or (a - b).abs().mean() < share * b.abs().max(), name
     set_order(5)
     try:
-        trained(capture, configure(*settings, BLOCKS), tmp_path / "again", log)
+        trained_on_device(capture, configure(*settings, DEVICE), tmp_path / "again", log)
     finally:
         set_order(0)
-    first, again = ((tmp_path / name / "surfels.safetensors").read_bytes() for name in ("blocks", "again"))
+    first, again = ((tmp_path / name / "surfels.safetensors").read_bytes() for name in ("device", "again"))
     assert first == again
 
 
@@ -85,17 +93,18 @@ def test_a_killed_run_resumes_to_the_same_bits_but_not_on_another_device(capture
     settings = [
         *ALL_TERMS,
         *GROWING,
-        BLOCKS,
+        DEVICE,
         "train.exposure=true",
         "train.refine_poses=true",
         "train.checkpoint_every=3",
     ]
-    whole, _ = trained(capture, configure(*settings), tmp_path / "whole", log)
+    other = "render.device=cuda" if EMULATED else "render.device=cpu"
+    whole, _ = trained_on_device(capture, configure(*settings), tmp_path / "whole", log)
     with dies_after(9):
-        trained(capture, configure(*settings), tmp_path / "cut", log)
+        trained_on_device(capture, configure(*settings), tmp_path / "cut", log)
     with pytest.raises(InputError, match=r"render\.device"):
-        trained(capture, configure(*settings, "render.device=cpu", "resume=true"), tmp_path / "cut", log)
-    resumed, _ = trained(capture, configure(*settings, "resume=true"), tmp_path / "cut", log)
+        trained(capture, configure(*settings, other, "resume=true"), tmp_path / "cut", log)
+    resumed, _ = trained_on_device(capture, configure(*settings, "resume=true"), tmp_path / "cut", log)
     assert resumed.surfels_path.read_bytes() == whole.surfels_path.read_bytes()
 
 
@@ -150,13 +159,13 @@ def without_numbers(capture, monkeypatch):
     def on_device(name):
         yield torch.device("meta")
 
-    monkeypatch.setitem(BUILDS, "meta", Build(kernels, lambda like: 0))
     monkeypatch.setattr(run, "on_device", on_device)
     monkeypatch.setattr(PoseCorrections, "on_end", lambda self, trainer: None)  # after the last iteration it may read
     name = "_get_fused_kernels_supported_devices"  # torch's Adam asks for them
     for module in ("torch.optim.adam", "torch.optim.optimizer", "torch.utils._foreach_utils"):
         monkeypatch.setattr(importlib.import_module(module), name, lambda: ["cpu", "meta"], raising=False)
-    return kernels
+    with block_code_on("meta", Build(kernels, lambda like: 0)):
+        yield kernels
 
 
 class Ends(Exception):
@@ -187,7 +196,7 @@ def test_an_iteration_waits_for_nothing_but_the_frames_own_counts(
     settings = [*ALL_TERMS, *more, "train.iterations=100", "train.log_every=50", "train.checkpoint_every=50"]
     settings += ["strategy.start=30"] if "strategy=seeds" in more or "strategy=plain" in more else []
     with pytest.raises(Ends), NothingWaits() as mode:
-        trained(capture, configure(*settings, "render.device=blocks"), tmp_path, log, [Watch()])
+        trained(capture, configure(*settings), tmp_path, log, [Watch()])
     assert {"forward", "backward", "rgb_loss", "normal_consistency", "depth_prior", "normal_prior", "multiview"} <= set(
         without_numbers.calls
     )
@@ -202,7 +211,7 @@ def test_the_watch_finds_what_waits(capture, configure, log, tmp_path, without_n
             float(iteration.step.losses["loss"])
 
     with pytest.raises(RuntimeError, match="cannot be called on meta"), NothingWaits():
-        trained(capture, configure("render.device=blocks"), tmp_path, log, [Asks()])
+        trained(capture, configure(), tmp_path, log, [Asks()])
 
 
 def test_a_view_of_the_mesh_stays_on_the_device(capture, configure):

@@ -3,33 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import torch
 from torch import Tensor
 
 from room2dgs import splat
 from room2dgs.errors import InputError
-from room2dgs.splat.backends import BACKENDS
 from room2dgs.splat.types import Rendering, Surfels
+
+DEVICES = ("cpu", "cuda")
 
 
 def device_of(backend: str) -> str:
-    """The device type that a backend renders on.
+    """The device type that a backend renders on: they have the devices' names.
 
     Raises:
         InputError: no such backend, or torch does not reach its device.
     """
-    if backend not in BACKENDS:
-        raise InputError(
-            f"no rasterizer is called {backend!r}; choose from {', '.join(BACKENDS)} (see room2dgs doctor)"
-        )
-    device = (BACKENDS[backend].devices or ("cpu",))[0]
-    if device == "cuda" and not torch.cuda.is_available():
+    if backend not in DEVICES:
+        raise InputError(f"no rasterizer is called {backend!r}; choose from {', '.join(DEVICES)} (see room2dgs doctor)")
+    if backend == "cuda" and not torch.cuda.is_available():
         raise InputError(
             f"the rasterizer {backend!r} needs a GPU that torch reaches: room2dgs doctor says what is missing"
         )
-    return device
+    return backend
 
 
 def renderer(backend: str) -> Callable[..., Rendering]:
@@ -39,9 +36,7 @@ def renderer(backend: str) -> Callable[..., Rendering]:
     def render(surfels: Surfels, K: Tensor, cam_from_world: Tensor, width: int, height: int, **options) -> Rendering:
         moved = Surfels(*(x.to(device) for x in surfels))
         options = {name: x.to(device) if isinstance(x, Tensor) else x for name, x in options.items()}
-        images = splat.render(
-            moved, K.to(device), cam_from_world.to(device), width, height, backend=backend, **options
-        )  # fmt: skip
+        images = splat.render(moved, K.to(device), cam_from_world.to(device), width, height, **options)
         return Rendering(*(x.cpu() for x in images))
 
-    return partial(splat.render, backend=backend) if device == "cpu" else render
+    return splat.render if device == "cpu" else render

@@ -25,7 +25,7 @@ def speed_row(backend: str, width: int, height: int, count: int, repeats: int = 
     device = device_of(backend)
 
     def ours(surfels: Surfels, K: Tensor, pose: Tensor, w: int, h: int) -> tuple[Tensor, Tensor, Tensor]:
-        out = splat.render(surfels, K, pose, w, h, near_m=NEAR_M, with_distortion=False, backend=backend)
+        out = splat.render(surfels, K, pose, w, h, near_m=NEAR_M, with_distortion=False)
         return out.color, out.depth, out.normal
 
     row: Row = {"width": width, "height": height, "surfels": count, "gsplat": None}

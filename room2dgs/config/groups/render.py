@@ -20,7 +20,5 @@ class RenderConfig:
     background: Annotated[list[Annotated[Float, Field(ge=0, le=1)]], Wants("three numbers from 0 to 1")] = Field(
         min_length=3, max_length=3, description="RGB in 0..1"
     )
-    device: Literal["cpu", "cuda", "blocks"] = Field(
-        description="what trains, meshes, does stereo: cpu | cuda (an NVIDIA GPU) | blocks (its kernels as plain C++)"
-    )
+    device: Literal["cpu", "cuda"] = Field(description="what trains, meshes and does stereo: cpu | cuda (an NVIDIA GPU)")
     threads: Int | None = Field(ge=1, le=1024, description="null: all cores that this process may use")

@@ -8,11 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from room2dgs.block_code import build_for
 from room2dgs.config import MultiviewConfig
 from room2dgs.geometry.homography import relative_pose
-from room2dgs.geometry.kernel_arguments import runs_compiled
-from room2dgs.losses import blocks
+from room2dgs.kernels.operators import has_kernels
+from room2dgs.losses.compared_pixels import Neighbour, Photo, multiview_losses
 from room2dgs.losses.multiview import (
     agreement,
     multiview_geometric,
@@ -21,8 +20,9 @@ from room2dgs.losses.multiview import (
     round_trip_error,
 )
 from room2dgs.losses.sampling import patches_at
+from room2dgs.splat.constants import MIN_COVERED_ALPHA
 from room2dgs.splat.types import Rendering
-from room2dgs.train.depth_cache import MIN_ALPHA, STEP
+from room2dgs.train.depth_cache import STEP
 from room2dgs.train.device import upload
 from room2dgs.train.neighbour_views import Pair
 from room2dgs.train.terms.term import LossTerm, TermContext
@@ -43,8 +43,8 @@ def multiview_terms(
     stop. The neighbour's depth is that of its last rendering and gets no gradient. float32 takes the kernels that are
     written for a GPU; as plain C++ they are faster than torch's operators on the CPU, too.
     """
-    if build_for(rendering.depth) or runs_compiled(rendering.depth):
-        return _by_blocks(rendering, view, pair, config, names)
+    if has_kernels(rendering.depth):
+        return _by_kernels(rendering, view, pair, config, names)
     column, row = drawn_pixels(rendering, pair, config.samples)
     reference = patches_at(pair.photo.grey, column, row, config.patch)
     pixels = torch.stack([column, row], dim=-1) + 0.5
@@ -75,19 +75,25 @@ def multiview_terms(
     return dict(zip(names, results, strict=True))
 
 
-def _by_blocks(
+def _by_kernels(
     rendering: Rendering, view: View, pair: Pair, config: MultiviewConfig, names: list[str]
 ) -> dict[str, Tensor]:
-    """The same by block code, which on a GPU may not wait for the number of pixels."""
+    """The same by kernels, which on a GPU may not wait for the number of pixels."""
     neighbour = pair.neighbour
-    other = blocks.Other(
-        pair.neighbour_photo.grey, neighbour.mask, pair.inverse_depth, STEP, neighbour.K, neighbour.cam_from_world
-    )
     normal = rendering.normal if PHOTOMETRIC in names else None
-    pixels = drawn_slots(rendering, pair, config.samples)
-    values = blocks.multiview(
-        rendering.depth, normal, pixels, pair.photo.grey, view.K, view.cam_from_world, other, config.patch
-    )  # fmt: skip
+    values = multiview_losses(
+        rendering.depth,
+        normal,
+        drawn_slots(rendering, pair, config.samples),
+        Photo(pair.photo.grey, view.K, view.cam_from_world),
+        Neighbour(
+            Photo(pair.neighbour_photo.grey, neighbour.K, neighbour.cam_from_world),
+            neighbour.mask,
+            pair.inverse_depth,
+            STEP,
+        ),
+        config.patch,
+    )
     return {name: value for name, value in zip((GEOMETRIC, PHOTOMETRIC), values, strict=True) if name in names}
 
 
@@ -137,7 +143,7 @@ def drawn_pixels(rendering: Rendering, pair: Pair, count: int) -> tuple[Tensor, 
     drawn = _tries(height * width, pair, count)
     drawn = drawn[pair.photo.textured.flatten()[drawn]]
     alpha, depth = (values.detach().flatten()[drawn] for values in (rendering.alpha, rendering.depth))
-    drawn = drawn[(alpha >= MIN_ALPHA) & (depth > 0)][:count]
+    drawn = drawn[(alpha >= MIN_COVERED_ALPHA) & (depth > 0)][:count]
     return drawn % width, drawn // width
 
 
@@ -146,7 +152,7 @@ def drawn_slots(rendering: Rendering, pair: Pair, count: int) -> Tensor:
     height, width = rendering.depth.shape
     drawn = upload(_tries(height * width, pair, count).int(), rendering.depth.device)
     alpha, depth = (values.detach().flatten()[drawn] for values in (rendering.alpha, rendering.depth))
-    fits = pair.photo.textured.flatten()[drawn] & (alpha >= MIN_ALPHA) & (depth > 0)
+    fits = pair.photo.textured.flatten()[drawn] & (alpha >= MIN_COVERED_ALPHA) & (depth > 0)
     slot = torch.where(fits, fits.cumsum(0) - 1, count).clamp(max=count)  # the last one takes all that is left over
     return drawn.new_full((count + 1,), -1).scatter_(0, slot, drawn)[:count]
 

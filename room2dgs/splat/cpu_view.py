@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import torch
 from torch import Tensor
 
 from room2dgs import _C
-from room2dgs.kernel_calls import call
-from room2dgs.splat.backends import frames
+from room2dgs.kernels.calls import call
+from room2dgs.splat import frames
 from room2dgs.splat.checks import check_center_px, check_values
 
 CPU = frames.Kind(_C.RasterFrame, torch.device("cpu"))
@@ -67,9 +65,10 @@ def backward(
 ):  # fmt: skip
     """Gradients of the surfels' five tensors, the pose, K, the background (if wanted) and the projected centres."""
     parameters = [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)]
-    frame, number = frames.find(state) or (None, 0)
-    lost = frame is None
-    if lost:
+    known = frames.find(state)
+    if known is not None:
+        frame, number = known
+    else:  # the state is a copy
         frame = frames.take(CPU)
         number = _draw(
             frame, parameters, cam_from_world, K, background, empty_images(centers, width, height),
@@ -90,7 +89,7 @@ def backward(
         frame.backward, number, *parameters, alpha.contiguous(), depth.contiguous(), *flowing, *to, to_pose, to_K,
         to_background if with_background and to_color is not None else None,
     )  # fmt: skip
-    if lost:
+    if known is None:
         frames.give(CPU, frame)
     *to, to_center_px = to
     return (
@@ -103,19 +102,3 @@ def backward(
 def empty_gradients(centers: Tensor, *others: Tensor) -> list[Tensor]:
     to = [x.new_empty(x.shape) for x in (centers, *others)]
     return [*to, centers.new_empty(centers.shape[0], 2)]
-
-
-def keep_for_backward(ctx, inputs, output) -> None:
-    centers, rotations, scales, opacities, sh, cam_from_world, K, background, _, *options = inputs
-    _, alpha, depth, _, _, _, state = output
-    ctx.save_for_backward(centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state)
-    ctx.options = options
-    ctx.set_materialize_grads(False)
-
-
-def gradients(ctx, to_outputs: tuple[Tensor | None, ...], kernel: Callable) -> tuple[Tensor | None, ...]:
-    """The gradient of every input of `forward`; `kernel` is `backward` or the operator of it."""
-    *to_images, _ = to_outputs
-    with_background, with_center_px = ctx.needs_input_grad[7:9]
-    *to, to_center_px = kernel(*ctx.saved_tensors, *to_images, *ctx.options, with_background)
-    return *to, to_center_px if with_center_px else None, *[None] * len(ctx.options)

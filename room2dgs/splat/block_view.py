@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import torch
 
-from room2dgs.block_code import Build
-from room2dgs.kernel_calls import call
-from room2dgs.splat.backends import cpu_view, frames
+from room2dgs.kernels.builds import Build
+from room2dgs.kernels.calls import call
+from room2dgs.splat import cpu_view, frames
 from room2dgs.splat.checks import check_floor, check_near, check_values
 
 
@@ -67,9 +67,10 @@ def backward(
     """Gradients of the surfels' five tensors, the pose, K, the background (if wanted) and the projected centres."""
     parameters = [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)]
     kind = frames.Kind(build.extension.BlockFrame, centers.device)
-    frame, number = frames.find(state) or (None, 0)
-    lost = frame is None
-    if lost:
+    known = frames.find(state)
+    if known is not None:
+        frame, number = known
+    else:  # the state is a copy
         frame = frames.take(kind)
         number = _draw(
             build, frame, parameters, cam_from_world, K, background, None,
@@ -86,25 +87,9 @@ def backward(
         frame.backward, number, *parameters, alpha.contiguous(), depth.contiguous(), *flowing, *to, to_pose, to_K,
         to_background if with_background and to_color is not None else None, queue=build.queue(centers),
     )  # fmt: skip
-    if lost:
+    if known is None:
         frames.give(kind, frame)
     *to, to_center_px = to
     cameras = ((to_pose, cam_from_world), (to_K, K), (to_background, background))
     # an operator's outputs may not share memory
     return *to, *(x.to(y.dtype, copy=True) for x, y in cameras), to_center_px
-
-
-class Rasterize(torch.autograd.Function):
-    """`forward` and `backward` of the build that comes last among the inputs."""
-
-    @staticmethod
-    def forward(ctx, *inputs):
-        *inputs, ctx.build = inputs
-        output = forward(ctx.build, *inputs)
-        cpu_view.keep_for_backward(ctx, inputs, output)
-        return output
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, *to_outputs):
-        return *cpu_view.gradients(ctx, to_outputs, lambda *inputs: backward(ctx.build, *inputs)), None

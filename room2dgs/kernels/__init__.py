@@ -1,0 +1,1 @@
+"""How compiled kernels are reached: builds of them, operators of torch that dispatch to them by device, and calls."""
