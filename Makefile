@@ -1,6 +1,8 @@
 # make demo    a room, its mesh, scores and pictures, in demo/; from photos alone, the room's exact depth is not used
 # make test    the tests; those marked slow: make test-slow, both: make test-all
-# make lint    style
+# make coverage   make test, and which branches of the code it takes
+# make lint    style and types
+# make docs    the documentation as a site, in site/
 # make sanitize    the bindings and threads under AddressSanitizer, UndefinedBehaviorSanitizer and ThreadSanitizer
 # make bench   how fast the rasterizer is on this machine
 # make gpu-check   with an NVIDIA GPU: builds the CUDA kernels, checks them against the reference, times them (8 minutes)
@@ -24,7 +26,7 @@ GPU_TESTS ?= $(wildcard tests/bindings/test_block_*.py) $(addprefix tests/,splat
 	mesh/test_device_volume.py commands/test_mesh_on_device.py)
 TEST_OPTIONS ?= -n 2 --dist loadfile --durations=20 --durations-min=8
 
-.PHONY: install demo test test-slow test-all lint sanitize bench gpu-check gpu-sanitize clean
+.PHONY: install demo test test-slow test-all coverage lint docs sanitize bench gpu-check gpu-sanitize clean
 .DELETE_ON_ERROR:
 
 install: $(READY)
@@ -51,9 +53,23 @@ test-slow: $(READY)
 
 test-all: test-slow test
 
+# `make test`, slower by half: each line is noted as it runs.
+coverage: $(READY)
+	@rm -rf build/coverage && mkdir -p build/coverage
+	COVERAGE_FILE=$(CURDIR)/build/coverage/data \
+		$(BIN)/python -m pytest $(TEST_OPTIONS) -m "not slow" --cov --cov-config=pyproject.toml --cov-report=
+	$(BIN)/python -m room2dgs.tools.branch_coverage build/coverage/data
+
+# Types are checked in the package as it is installed, with the top-level folders inside.
 lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	@rm -rf build/typing && mkdir -p build/typing/room2dgs
+	@ln -s $(CURDIR)/room2dgs/* $(CURDIR)/eval $(CURDIR)/tools build/typing/room2dgs
+	cd build/typing && $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml --cache-dir ../mypy -p room2dgs
+
+docs: $(READY)
+	$(BIN)/mkdocs build --strict
 
 sanitize: $(READY)
 	$(BIN)/python tests/bindings/sanitize.py
@@ -77,4 +93,4 @@ gpu-sanitize:
 		$(BIN)/python -m pytest -p tests.device.on_gpu $(wildcard tests/bindings/test_block_*.py) || exit 1; done
 
 clean:
-	rm -rf $(VENV) build demo .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build demo site .pytest_cache .ruff_cache .hypothesis
