@@ -144,19 +144,17 @@ def by_surfaces(
     Raises:
         InputError: they do not meet.
     """
-    surfaces = [*_samples(pred, seed), *_samples(truth, seed + 1)]
-    found = _brought_together(*surfaces, np.eye(4) if start is None else start, with_scale, ROUNDS)
+    surfaces = _Surfaces(*_samples(pred, seed), *_samples(truth, seed + 1))
+    found = _brought_together(surfaces, np.eye(4) if start is None else start, with_scale, ROUNDS)
     searched = start is None and found.met < WELL_MET
     if searched:
-        few = [values[:: SAMPLES // FEW] for values in surfaces]
-        tried = [
-            _brought_together(*few, guess, with_scale, FEW_ROUNDS)
-            for guess in (found.matrix, *guesses(*few, with_scale))
-        ]
+        few = _Surfaces(*(values[:: SAMPLES // FEW] for values in surfaces))
+        starts = (found.matrix, *guesses(few.points, few.normals, few.truth_points, few.truth_normals, with_scale))
+        tried = [_brought_together(few, guess, with_scale, FEW_ROUNDS) for guess in starts]
         best = min(range(len(tried)), key=lambda index: tried[index].apart_m)
         searched = best > 0
         if searched:
-            found = _brought_together(*surfaces, tried[best].matrix, with_scale, ROUNDS)
+            found = _brought_together(surfaces, tried[best].matrix, with_scale, ROUNDS)
     if found.met < LEAST_MET:
         mend = (
             "give eval.align_scene=DIR, the capture with the true poses of the same photos, to start from"
@@ -166,6 +164,15 @@ def by_surfaces(
         raise InputError(f"eval.align=icp brings only {found.met:.0%} of the mesh to the ground truth; {mend}")
     rms_m = float(np.sqrt(np.mean(np.minimum(np.abs(found.error), REACH_M[1]) ** 2)))
     return Alignment("icp", found.matrix, rms_m, len(found.error), searched)
+
+
+class _Surfaces(NamedTuple):
+    """(N, 3) points and unit normals of the prediction, (M, 3) of the truth."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    truth_points: np.ndarray
+    truth_normals: np.ndarray
 
 
 class _Together(NamedTuple):
@@ -184,15 +191,8 @@ class _Together(NamedTuple):
     error: np.ndarray
 
 
-def _brought_together(
-    points: np.ndarray,
-    normals: np.ndarray,
-    truth_points: np.ndarray,
-    truth_normals: np.ndarray,
-    matrix: np.ndarray,
-    with_scale: bool,
-    rounds: int,
-) -> _Together:
+def _brought_together(surfaces: _Surfaces, matrix: np.ndarray, with_scale: bool, rounds: int) -> _Together:
+    points, _, truth_points, truth_normals = surfaces
     truth_tree = cKDTree(truth_points)
     met, error, distances = 0.0, np.zeros(0), [np.full(1, np.inf)]
     for step in range(rounds):

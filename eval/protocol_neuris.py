@@ -71,8 +71,8 @@ def _fine(pred: MeshFile) -> trimesh.Trimesh:
             f"neuris would make more than {MOST_PIECES // 10**6} million faces of 2 cm; is it in millimetres? Scale it "
             "to metres, or leave neuris out of eval.protocols"
         )
-    fine = trimesh.remesh.subdivide_to_size(vertices, faces, DOWNSAMPLE_M, max_iter=MOST_HALVINGS)
-    return trimesh.Trimesh(*fine, process=False)
+    pieces = trimesh.remesh.subdivide_to_size(vertices, faces, DOWNSAMPLE_M, max_iter=MOST_HALVINGS)
+    return trimesh.Trimesh(pieces[0], pieces[1], process=False)
 
 
 def too_many_pieces(vertices: np.ndarray, faces: np.ndarray, longest: np.ndarray, most: int = MOST_PIECES) -> bool:

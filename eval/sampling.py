@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -10,7 +10,8 @@ import trimesh
 from room2dgs.mesh.checks import check_mesh
 
 
-class Samples(NamedTuple):
+@dataclass(frozen=True)
+class Samples:
     """Points on a surface.
 
     Attributes:
@@ -21,7 +22,7 @@ class Samples(NamedTuple):
     points: np.ndarray
     triangle: np.ndarray
 
-    def __getitem__(self, keep) -> Samples:  # an index array or a mask selects samples, not fields
+    def __getitem__(self, keep: np.ndarray) -> Samples:  # an index array or a mask selects samples, not fields
         return Samples(self.points[keep], self.triangle[keep])
 
 

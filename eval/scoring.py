@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import trimesh
 
@@ -23,7 +23,7 @@ HEADLINE = ("f_score", "precision", "recall")
 MOST_SAMPLES = 100_000_000
 COARSE_EDGE_M = 0.04  # protocols that compare vertices need a ground truth about as dense as its 2 cm cells
 
-Mesh = str | Path | trimesh.Trimesh | MeshFile
+Mesh: TypeAlias = str | Path | trimesh.Trimesh | MeshFile
 
 
 @dataclass(frozen=True)

@@ -52,9 +52,10 @@ def error_color(distance: np.ndarray, full_m: float) -> np.ndarray:
 def mesh_color(mesh: trimesh.Trimesh, hits: Hits) -> np.ndarray:
     """(M, 3) the mesh's vertex colours (grey clay without) where rays hit it."""
     found = hits.triangle >= 0
-    if mesh.visual.kind != "vertex":
+    visual = mesh.visual
+    if not isinstance(visual, trimesh.visual.ColorVisuals) or visual.kind != "vertex":
         return np.broadcast_to(CLAY, (int(found.sum()), 3))
-    corners = np.asarray(mesh.visual.vertex_colors)[np.asarray(mesh.faces)[hits.triangle[found]], :3] / 255
+    corners = np.asarray(visual.vertex_colors)[np.asarray(mesh.faces)[hits.triangle[found]], :3] / 255
     u, v = hits.uv[found, :1], hits.uv[found, 1:]
     return (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
 

@@ -50,8 +50,8 @@ class Surface:
         self._scene = o3d.t.geometry.RaycastingScene()
         if len(self.faces):
             self._scene.add_triangles(
-                o3c.Tensor((vertices - self.middle).astype(np.float32)),
-                o3c.Tensor(self.faces.astype(np.uint32)),
+                o3c.Tensor.from_numpy((vertices - self.middle).astype(np.float32)),
+                o3c.Tensor.from_numpy(self.faces.astype(np.uint32)),
             )
 
     def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -65,7 +65,7 @@ class Surface:
             return distance, triangle
         for part in _batches(len(points)):
             local = (points[part] - self.middle).astype(np.float32)
-            answer = self._scene.compute_closest_points(o3c.Tensor(local))
+            answer = self._scene.compute_closest_points(o3c.Tensor.from_numpy(local))
             distance[part] = np.linalg.norm((answer["points"].numpy() - local).astype(np.float64), axis=1)
             triangle[part] = answer["primitive_ids"].numpy()
         return distance, triangle
@@ -79,7 +79,7 @@ class Surface:
         origins = np.broadcast_to(origins, directions.shape)
         for part in _batches(count):
             rays = np.concatenate([origins[part] - self.middle, directions[part]], axis=1)
-            answer = self._scene.cast_rays(o3c.Tensor(rays.astype(np.float32)))
+            answer = self._scene.cast_rays(o3c.Tensor.from_numpy(rays.astype(np.float32)))
             hits.t[part] = answer["t_hit"].numpy()
             hits.triangle[part] = np.where(
                 np.isfinite(hits.t[part]), answer["primitive_ids"].numpy().astype(np.int64), -1

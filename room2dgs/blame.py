@@ -133,7 +133,8 @@ def _lack_of(error: BaseException) -> Lack | None:
 def _chain(error: BaseException) -> Iterator[BaseException]:
     """The error and those that it came of, as Python shows them."""
     seen: set[int] = set()
-    while error is not None and id(error) not in seen:
-        seen.add(id(error))
-        yield error
-        error = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
+    one: BaseException | None = error
+    while one is not None and id(one) not in seen:
+        seen.add(id(one))
+        yield one
+        one = one.__cause__ or (None if one.__suppress_context__ else one.__context__)

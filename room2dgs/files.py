@@ -200,7 +200,7 @@ def _put_away(path: Path) -> None:
     """Without a leftover; a folder that was being replaced is itself again where nothing has taken its place."""
     found = TEMPORARY.fullmatch(path.name)
     target = path.with_name(found["name"]) if found and found["name"] else None
-    if target and found["kind"] == "earlier-" and path.exists() and not target.exists():
+    if found and target and found["kind"] == "earlier-" and path.exists() and not target.exists():
         os.replace(path, target)
     elif path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)

@@ -107,9 +107,9 @@ def not_regular(mode: int) -> str | None:
 def refusal(path: Path, error: OSError | ValueError, mend: str = COPY_AGAIN) -> InputError:
     """The sentence for a file that cannot be opened."""
     path = Path(path)
-    code = getattr(error, "errno", None)
-    if code is None:  # a zero byte in the name
+    if not isinstance(error, OSError) or error.errno is None:  # a zero byte in the name
         return InputError(f"{path} cannot be the name of a file; {mend}")
+    code = error.errno
     if code == errno.ELOOP:
         return InputError(f"{path} is a link that leads back to itself; copy the file itself")
     if code not in (errno.ENOENT, errno.ENOTDIR):

@@ -26,6 +26,7 @@ from room2dgs import cuda_state
 from room2dgs.config import Config, PointsConfig, load_config
 from room2dgs.eval.protocol import MeshFile, Options
 from room2dgs.geometry.camera import Camera
+from room2dgs.logs import LOGGER
 
 # CI must not turn red by the luck of the draw; at home hypothesis goes on searching
 settings.register_profile("ci", derandomize=True)
@@ -58,6 +59,14 @@ def installed(tmp_path, monkeypatch):
         monkeypatch.syspath_prepend(str(site))
 
     return install
+
+
+@pytest.fixture
+def logged_warnings(monkeypatch, caplog):
+    """What modules warn of, whatever runs were logged before in this process."""
+    monkeypatch.setattr(LOGGER, "handlers", [caplog.handler])
+    monkeypatch.setattr(LOGGER, "propagate", False)
+    return caplog
 
 
 @pytest.fixture(scope="session")

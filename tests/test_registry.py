@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import subprocess
 import sys
 
@@ -68,13 +67,12 @@ def test_a_broken_entry_point_is_one_sentence_that_names_the_package(colours, in
         colours.load("pink")
 
 
-def test_a_taken_name_stays_ours_and_the_other_is_told(colours, installed, caplog):
+def test_a_taken_name_stays_ours_and_the_other_is_told(colours, installed, logged_warnings):
     installed("crimson", "Red = 1", f"[{GROUP}]\nred = crimson:Red\n")
-    with caplog.at_level(logging.WARNING, "room2dgs"):
-        assert colours.get("red").package is None
-        assert colours.names() == ("red", "blue")
-    told = [record.getMessage() for record in caplog.records]
-    assert told == ["warning: colour red of the package crimson is left out: room2dgs has one of this name"]
+    assert colours.get("red").package is None
+    assert colours.names() == ("red", "blue")
+    said = ["warning: colour red of the package crimson is left out: room2dgs has one of this name"]
+    assert logged_warnings.messages == said
 
 
 def test_a_registry_without_a_group_has_its_own_entries_alone(installed):

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from room2dgs.captures.cache import Cache
+from room2dgs.captures.capture import C2W_OPENCV, Poses
 from room2dgs.captures.depth_maps import DepthMap, depth_file
 from room2dgs.captures.image_files import resized, whole_at
 from room2dgs.captures.lens import Lens, pinhole_of
@@ -56,7 +57,7 @@ class Frame:
     lens: Lens | None = None
     mask_photo: Photo | None = None
     depth_map: DepthMap | None = None
-    poses: str = "camera_to_world_opencv"
+    poses: Poses = C2W_OPENCV
     masks: Masks | None = field(default=None, repr=False, compare=False)
     transparent: bool = False
     shares_stem: bool = False

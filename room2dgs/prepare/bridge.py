@@ -47,7 +47,7 @@ def bridged(base: pycolmap.Reconstruction, other: pycolmap.Reconstruction, datab
     options.max_error = _tolerance(base, common)
     options.min_inlier_ratio = LEAST_SHARE / 2  # what is less is refused: it ends the search
     robust = pycolmap.estimate_sim3d_robust(common.other, common.base, options)
-    found = robust and robust["tgt_from_src"]
+    found = robust and robust["tgt_from_src"]  # type: ignore[index]  # a dict, unlike what the stubs say
     for _ in range(ROUNDS):
         if found is None:
             return None
@@ -99,8 +99,14 @@ def _add(
 def _tolerance(base: pycolmap.Reconstruction, common: Common) -> float:
     """`MAX_ERROR_PX` at the common points' distance, in the base's unit; depths are surer than that by no more."""
     centres = np.array([base.image(int(i)).projection_center() for i in common.base_image])
-    focal = base.image(int(common.base_image[0])).camera.mean_focal_length()
-    return 2.0 * MAX_ERROR_PX / focal * float(np.median(np.linalg.norm(common.base - centres, axis=1)))
+    camera = base.image(int(common.base_image[0])).camera
+    assert camera is not None  # as of all images of a reconstruction
+    return (
+        2.0
+        * MAX_ERROR_PX
+        / camera.mean_focal_length()
+        * float(np.median(np.linalg.norm(common.base - centres, axis=1)))
+    )
 
 
 def _agree(
@@ -121,6 +127,7 @@ def _errors(model: pycolmap.Reconstruction, images: np.ndarray, xyz: np.ndarray,
     for image_id in np.unique(images):
         image, which = model.image(int(image_id)), images == image_id
         in_cam = image.cam_from_world() * xyz[which]
+        assert image.camera is not None
         seen = image.camera.img_from_cam(in_cam)
         off = np.linalg.norm(seen - pixel[which], axis=1)
         errors[which] = np.where((in_cam[:, 2] > 0) & np.isfinite(off), off, np.inf)

@@ -50,10 +50,12 @@ def _sampson(one: pycolmap.Image, other: pycolmap.Image, matches: np.ndarray) ->
     for image, features in ((one, matches[:, 0]), (other, matches[:, 1])):
         points = image.points2D
         pixel = np.array([points[int(index)].xy for index in features])
+        assert image.camera is not None  # as of all images of a reconstruction
         rays.append(np.c_[image.camera.cam_from_img(pixel), np.ones(len(pixel))])
     other_from_one = (other.cam_from_world() * one.cam_from_world().inverse()).matrix()
     x, y, z = other_from_one[:, 3]
     essential = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ other_from_one[:, :3]
+    assert one.camera is not None
     line, back = rays[0] @ essential.T, rays[1] @ essential
     size = np.sqrt((line[:, :2] ** 2).sum(axis=1) + (back[:, :2] ** 2).sum(axis=1))
     return np.abs((rays[1] * line).sum(axis=1)) / np.maximum(size, 1e-12) * one.camera.mean_focal_length()

@@ -58,7 +58,8 @@ def _camera(
 ) -> pycolmap.Camera:
     width, height = photo.size
     if intrinsics is not None:
-        lens = pinhole_lens(*intrinsics, photo.size, "scene.intrinsics", half)
+        fx, fy, cx, cy = intrinsics
+        lens = pinhole_lens(fx, fy, cx, cy, photo.size, "scene.intrinsics", half)
         check_principal_point(lens)  # of a video whose frames were made smaller they are not
         camera = pycolmap.Camera(model="PINHOLE", width=width, height=height, params=list(lens.params))
         camera.has_prior_focal_length = True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 
@@ -34,15 +36,21 @@ class Motion:
         corners = cv2.goodFeaturesToTrack(last, CORNERS, 0.01, 6)
         if corners is None or len(corners) < FEW:
             return float("nan")
-        followed = {"winSize": (25, 25), "maxLevel": 4}
-        there, found, _ = cv2.calcOpticalFlowPyrLK(last, small, corners, None, **followed)
-        back, found_back, _ = cv2.calcOpticalFlowPyrLK(small, last, there, None, **followed)
+        there, found = _followed(last, small, corners)
+        back, found_back = _followed(small, last, there)
         good = (found & found_back).ravel().astype(bool)
         good &= np.linalg.norm((back - corners).reshape(-1, 2), axis=1) < MAX_BACK_PX
         if good.mean() < MIN_FOLLOWED:
             return JUMP
         moved = np.linalg.norm((there - corners).reshape(-1, 2)[good], axis=1)
         return float(np.quantile(moved, MOST_OF)) / WIDTH
+
+
+def _followed(one: np.ndarray, other: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where corners (N, 1, 2) of a picture are in another one, and (N, 1) uint8 whether they were found."""
+    nowhere: Any = None  # no first guess, which the stubs do not know of
+    there, found, _ = cv2.calcOpticalFlowPyrLK(one, other, corners, nowhere, winSize=(25, 25), maxLevel=4)
+    return there, found
 
 
 def filled(steps: np.ndarray) -> np.ndarray:

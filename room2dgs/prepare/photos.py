@@ -83,6 +83,7 @@ def taken_photos(config: PrepareConfig, folder: Path, stages: Stages, log: Log) 
         check_regular(path, "give video=FILE")
         key = key_of("video", str(path), path.stat().st_size, path.stat().st_mtime_ns, *chosen_by)
     else:
+        assert config.images is not None  # the settings have one of the two
         path = _photo_folder(Path(config.images))
         unread = unread_photos(path)
         if unread:
@@ -241,11 +242,11 @@ def _from_folder(path: Path, config: PrepareConfig, folder: Path, log: Log) -> l
         raise InputError(f"{path} has {len(names)} photos, at least {LEAST_PHOTOS} are needed; take more of the room")
     _check_sizes(path, names)
     progress = Progress(log, "looking at photos", len(names), "photos")
-    sharp = []
+    values: list[float] = []
     for name in names:
-        sharp.append(sharpness(cv2.cvtColor(read_photo(path / name, None), cv2.COLOR_RGB2GRAY)))
-        progress.at(len(sharp))
-    sharp = np.array(sharp)
+        values.append(sharpness(cv2.cvtColor(read_photo(path / name, None), cv2.COLOR_RGB2GRAY)))
+        progress.at(len(values))
+    sharp = np.array(values)
     chosen = chosen_frames(sharp, np.ones(len(names)), 1.0, config.max_photos)
     _check_blur(path, sharp[chosen])
     log(f"photos: {len(chosen)} of {len(names)} (sharpness {np.median(sharp[chosen]):.2f})")

@@ -61,7 +61,7 @@ def draw_path(
 def _shade(places: np.ndarray) -> np.ndarray:
     """(SIDE, SIDE) uint8: white, the darker the more points lie there."""
     places = places[((places >= 0) & (places < SIDE)).all(axis=1)]
-    dark = np.zeros((SIDE, SIDE), np.float32)
+    dark: np.ndarray = np.zeros((SIDE, SIDE), np.float32)
     np.add.at(dark, (places[:, 1], places[:, 0]), 1.0)
     dark = cv2.GaussianBlur(dark, (0, 0), 1.0)
     most = float(np.quantile(dark[dark > 0], 0.95)) if len(places) else 1.0

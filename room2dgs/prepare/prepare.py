@@ -231,6 +231,7 @@ def _scale(
     log: Log,
 ) -> Scale | None:
     settings = config.prepare
+    assert scene.given_points is not None  # of the model that was just made
     if settings.length is not None:
         centres = {frame.color_path.name: frame.camera.centre for frame in scene.train}
         seconds = {photo.name: photo.seconds for photo in photos if photo.seconds is not None}

@@ -41,11 +41,11 @@ def depth_files(folder: Path, photos: Sequence[TakenPhoto]) -> dict[str, Path]:
             by_number.setdefault(int(parts[-1]), path)
     found = {}
     for photo in photos:
-        path = names.get(Path(photo.name).stem)
-        if path is None and photo.seconds is not None:
-            path = by_number.get(photo.index)
-        if path is not None:
-            found[photo.name] = path
+        of_photo = names.get(Path(photo.name).stem)
+        if of_photo is None and photo.seconds is not None:
+            of_photo = by_number.get(photo.index)
+        if of_photo is not None:
+            found[photo.name] = of_photo
     for photo in photos:
         if photo.name in found:
             _check_upright(found[photo.name], photo)

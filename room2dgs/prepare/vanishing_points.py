@@ -108,7 +108,7 @@ def _heading(normals: np.ndarray, weights: np.ndarray, up: np.ndarray) -> tuple[
     angle, weight = angle[good], weights[good]
     counts = np.bincount((angle / (np.pi / 2) * BINS).astype(np.int64) % BINS, weight, BINS)
     half = round(WINDOW_DEG / 90 * BINS)
-    smooth = sum(np.roll(counts, shift) for shift in range(-half, half + 1))
+    smooth = sum((np.roll(counts, shift) for shift in range(-half, half + 1)), start=np.zeros(BINS))
     mode = (smooth.argmax() + 0.5) / BINS * np.pi / 2
     off = (angle - mode + np.pi / 4) % (np.pi / 2) - np.pi / 4
     near = np.abs(off) < np.radians(WINDOW_DEG)

@@ -198,12 +198,12 @@ def _add(
         rebuilt.add_rig(rig)
     frame = pycolmap.Frame(frame_id=index + 1, rig_id=number)
     frame.rig_from_world = pycolmap.Rigid3d(camera.cam_from_world[:3])
-    for one in (image, held):
-        one.frame_id = frame.frame_id
-        frame.add_data_id(one.data_id)
+    for seen in (image, held):
+        seen.frame_id = frame.frame_id
+        frame.add_data_id(seen.data_id)
     rebuilt.add_frame(frame)
-    for one in (image, held):
-        rebuilt.add_image(one)
+    for seen in (image, held):
+        rebuilt.add_image(seen)
     rebuilt.register_frame(frame.frame_id)
 
 
@@ -216,7 +216,7 @@ def aligned(cameras: Sequence[Camera], given: Sequence[Camera], which: np.ndarra
     Args:
         which: (V,) bool, the cameras that belong together and are moved; the others stay.
     """
-    index = np.flatnonzero(which)
+    index = np.flatnonzero(which).tolist()
     to, have = (np.stack([some[i].centre for i in index]) for some in (given, cameras))
     turned = np.stack([given[i].rotation.T @ cameras[i].rotation for i in index])
     weight = np.ones(len(index))

@@ -33,6 +33,7 @@ def capture_points(scene: Scene, config: PointsConfig, log: Log) -> PointCloud |
     Raises:
         InputError: poses and points do not belong together.
     """
+    assert scene.given_points is not None, "the capture brings no points"
     points = scene.given_points()
     if points.tracks is None:
         log(f"points: the capture's {len(points)} have no tracks, so photos are matched")
@@ -75,7 +76,7 @@ def reprojected(points: PointCloud, frames: Sequence[Frame]) -> tuple[np.ndarray
         (O,) bool: in front of the camera and within `MAX_ERROR`, at least a pixel; (O,) float64 distance in pixels.
     """
     cameras = {frame.name: frame.camera for frame in frames}
-    tracks = points.tracks
+    tracks = points.known_tracks
     error = np.full(len(tracks), np.inf)
     limit = np.zeros(len(tracks))
     for index, name in enumerate(tracks.frames):

@@ -100,10 +100,13 @@ def of_photos(matches: Matches, pairs: IndexPairs, kept: Sequence[int]) -> tuple
         return (new[pair[0]], new[pair[1]]) if pair[0] in new and pair[1] in new else None
 
     found = {two: matches.of_pair[pair] for pair in matches.of_pair if (two := numbered(pair))}
-    frames, image_ids, keypoints = (
-        tuple(some[index] for index in kept) for some in (matches.frames, matches.image_ids, matches.keypoints)
+    fewer = replace(
+        matches,
+        frames=tuple(matches.frames[index] for index in kept),
+        image_ids=tuple(matches.image_ids[index] for index in kept),
+        keypoints=tuple(matches.keypoints[index] for index in kept),
+        of_pair=found,
     )
-    fewer = replace(matches, frames=frames, image_ids=image_ids, keypoints=keypoints, of_pair=found)
     return fewer, [two for pair in pairs if (two := numbered(pair))]
 
 

@@ -58,7 +58,7 @@ def propagated(cameras: Sequence[Camera], given: Sequence[Camera], known: np.nda
         nearness = np.array([1 / abs(end - view) for end in ends])
         between = nearness @ corrections[ends] / nearness.sum()
         if share.any():
-            found[view] = _corrected(given[view], share * between)
+            found[view] = _corrected(given[int(view)], share * between)
     return Propagated(found, remaining)
 
 

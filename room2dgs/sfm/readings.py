@@ -18,7 +18,7 @@ ASKED_PAIRS = 12
 LEAST_SHARE = 0.5  # of the matches; true poses reach 0.7
 COARSE, FINE = 1.1, 1.015  # steps of the focal length
 FACTORS = COARSE ** np.arange(-10, 11)  # 0.39 to 2.6
-WORDS = {
+WORDS: dict[Poses, str] = {
     "camera_to_world_opencv": "camera-to-world with OpenCV axes (x right, y down, z forward)",
     "camera_to_world_opengl": "camera-to-world with OpenGL axes (x right, y up, z back)",
     "world_to_camera_opencv": "world-to-camera with OpenCV axes (x right, y down, z forward)",

@@ -205,7 +205,7 @@ def _may_have_a_lens(scene: Scene) -> bool:
 def _as_report(found: LensFound) -> dict[str, Any]:
     lens = found.lens
     evidence = {name: getattr(found, name) for name in ("focal", "before_px", "after_px", "moved_px")}
-    return {"model": lens.model, "params": list(lens.params), "size": list(lens.size), **evidence}
+    return {"model": lens.model, "params": list(lens.params), "size": list(lens.known_size), **evidence}
 
 
 def carried_over(given: Scene, refined: Scene, left: Collection[str]) -> tuple[dict[str, Camera], dict[str, float]]:
@@ -256,7 +256,7 @@ def judged(
     cameras = [old if stays else new for new, old, stays in zip(cameras, given, left, strict=True)]
     after = float(np.median(track_errors(cameras, judges)))
     agree_before, agree_after = (agreement(matches, one, pairs, MAX_EPIPOLAR_PX) for one in (given, cameras))
-    figures = {
+    figures: dict[str, Any] = {
         "before_px": before if np.isfinite(before) else None,
         "after_px": after if np.isfinite(after) else None,
         "agree_before": agree_before,
@@ -282,7 +282,8 @@ def _placed(
         camera = resected(photo, frame.camera, matches, joined, xyz, cameras, max(found.moved_m or 0, 0.001))
         if camera is not None:
             (metres,), (degrees,) = moves([camera], [frame.camera])
-            far = metres > max(JUMP_M, JUMP * found.moved_m) or degrees > max(JUMP_DEG, JUMP * found.turned_deg)
+            usual_m, usual_deg = found.moved_m or 0.0, found.turned_deg or 0.0
+            far = metres > max(JUMP_M, JUMP * usual_m) or degrees > max(JUMP_DEG, JUMP * usual_deg)
             if not far:
                 placed[frame.name] = camera
                 continue
@@ -314,6 +315,7 @@ def _lines(found: PoseReport) -> list[str]:
         return [*lines, f"poses kept: {found.why}"]
     if not found.refined:
         return [*lines, f"poses kept: reprojection error {found.before_px:.2f} px, {found.after_px:.2f} px if refined"]
+    assert found.moved_m is not None
     lines.append(
         f"poses refined: reprojection error {found.before_px:.2f} -> {found.after_px:.2f} px, "
         f"{found.agree_before:.0%} -> {found.agree_after:.0%} of the matches agree, cameras moved "

@@ -74,14 +74,14 @@ def sparse_points(
         log(f"points: {len(points)} from {config.file}")
         return points
     if config.source == "auto" and scene.given_points is not None:
-        points = capture_points(scene, config, log)
-        if points is not None:
-            return points
+        given = capture_points(scene, config, log)
+        if given is not None:
+            return given
     path = _path(scene, config, cache)
-    points = load_points(path)
-    if points is not None:
-        log(f"points: {len(points)} from {path.name}")
-        return points
+    kept = load_points(path)
+    if kept is not None:
+        log(f"points: {len(kept)} from {path.name}")
+        return kept
     from room2dgs.sfm.triangulation import triangulate
 
     remove_leftovers(cache)

@@ -36,7 +36,7 @@ def intrinsics_off(points: PointCloud, frames: Sequence[Frame], limit_px: float)
         limit_px: how far from its place an observation may be, in a photo of the first frame's size.
     """
     cameras = {frame.name: frame.camera for frame in frames}
-    tracks = points.tracks
+    tracks = points.known_tracks
     rays, seen = [], []
     for index, name in enumerate(tracks.frames):
         camera = cameras[name]
@@ -48,7 +48,7 @@ def intrinsics_off(points: PointCloud, frames: Sequence[Frame], limit_px: float)
         rays.append(at[front, :2] / at[front, 2:] * focal)
         seen.append(tracks.pixel[rows][front] / side - middle)
     ray, pixel = np.concatenate(rays), np.concatenate(seen)
-    size = np.array(cameras[tracks.frames[0]].size)
+    size: np.ndarray = np.array(cameras[tracks.frames[0]].size)
     finite = np.isfinite(ray).all(axis=1) & np.isfinite(pixel).all(axis=1)
     ray, pixel = ray[finite], pixel[finite]
     if len(ray) < ENOUGH:
