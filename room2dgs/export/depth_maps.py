@@ -20,7 +20,6 @@ if TYPE_CHECKING:  # `room2dgs render` shares what is here, and its help should 
     from room2dgs.export.source import Source
     from room2dgs.splat.types import Rendering
 
-MIN_ALPHA = 0.5  # less covered pixels hold nothing
 MILLIMETRES = 1000.0
 FARTHEST_MM = 65535  # that a 16-bit picture holds
 
@@ -77,11 +76,6 @@ def camera_entry(camera: Camera) -> dict[str, object]:
     }
 
 
-def covered_depth(rendering: Rendering) -> np.ndarray:
-    """(H, W) float32 median z-depth, metres, 0 = nothing known."""
-    return np.where(rendering.alpha.numpy() >= MIN_ALPHA, rendering.median_depth.numpy(), 0).astype(np.float32)
-
-
 def in_millimetres(depth: np.ndarray, far: TooFar) -> np.ndarray:
     """(H, W) uint16 of metres, 0 = nothing known or farther than 65.535 m; counts the latter."""
     millimetres = np.round(depth * MILLIMETRES)
@@ -92,12 +86,12 @@ def in_millimetres(depth: np.ndarray, far: TooFar) -> np.ndarray:
 
 def depth_png(rendering: Rendering, far: TooFar) -> bytes:
     """Median z-depth in millimetres (`in_millimetres`)."""
-    return _png(in_millimetres(covered_depth(rendering), far))
+    return _png(in_millimetres(rendering.covered_depth().numpy(), far))
 
 
 def depth_npy(rendering: Rendering, _: TooFar) -> bytes:
-    """Median z-depth in metres (`covered_depth`)."""
-    return as_npy(covered_depth(rendering))
+    """Median z-depth in metres (`Rendering.covered_depth`)."""
+    return as_npy(rendering.covered_depth().numpy())
 
 
 def normal_png(rendering: Rendering, _: TooFar) -> bytes:
@@ -122,7 +116,7 @@ def as_npy(values: np.ndarray) -> bytes:
 def _normal(rendering: Rendering) -> np.ndarray:
     normal = rendering.normal.numpy().astype(np.float32)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    known = (rendering.alpha.numpy() >= MIN_ALPHA)[..., None] & (length > 0)
+    known = rendering.covered.numpy()[..., None] & (length > 0)
     return np.where(known, normal / np.maximum(length, 1e-12), 0).astype(np.float32)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import Config
 from room2dgs.errors import InputError
-from room2dgs.export.depth_maps import MIN_ALPHA, TooFar, as_npy, covered_depth, in_millimetres
+from room2dgs.export.depth_maps import TooFar, as_npy, in_millimetres
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
 from room2dgs.pipeline.run_folder import RunFolder
@@ -114,7 +114,7 @@ def _sized(camera: Camera, width: int | None) -> Camera:
 
 
 def _write(folder: Path, frame: Frame, view: Rendering, color: np.ndarray, save: tuple[str, ...], far: TooFar) -> None:
-    depth = covered_depth(view)
+    depth = view.covered_depth().numpy()
     if "color" in save:
         write_png(folder / f"{frame.name}.png", color)
     if "depth" in save:
@@ -123,8 +123,8 @@ def _write(folder: Path, frame: Frame, view: Rendering, color: np.ndarray, save:
         with whole_file(folder / f"{frame.name}.depth.npy") as temporary:
             temporary.write_bytes(as_npy(depth))
     if "normals" in save:
-        covered = (view.alpha >= MIN_ALPHA).numpy()
-        write_png(folder / f"{frame.name}.normals.png", normal_picture(view.normal.numpy(), frame.camera, covered))
+        picture = normal_picture(view.normal.numpy(), frame.camera, view.covered.numpy())
+        write_png(folder / f"{frame.name}.normals.png", picture)
 
 
 @contextmanager

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from room2dgs.splat.types import Rendering, Surfels
 
 VIEWS = ("test", "train", "all")
-MIN_ALPHA = 0.5  # less covered pixels are drawn black in depth and normals
 
 
 def write_renders(scene: Scene, surfels: Surfels, config: Config, run: RunFolder, views: str = "test") -> None:
@@ -41,7 +40,7 @@ def write_renders(scene: Scene, surfels: Surfels, config: Config, run: RunFolder
 
 def comparison_picture(frame: Frame, rendering: Rendering) -> np.ndarray:
     """(H, 4 W, 3) uint8 RGB: photo, rendered colour, median depth, normals."""
-    covered = (rendering.alpha >= MIN_ALPHA).numpy()
+    covered = rendering.covered.numpy()
     color = np.round(rendering.color.clamp(0, 1).numpy() * 255).astype(np.uint8)
     depth = depth_picture(rendering.median_depth.numpy(), covered)
     normal = normal_picture(rendering.normal.numpy(), frame.camera, covered)

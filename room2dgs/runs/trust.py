@@ -13,9 +13,9 @@ from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE, whole_file
+from room2dgs.geometry.low_res import low_res_width
 from room2dgs.regular_files import open_regular
 
-COLUMNS = 160
 LARGEST = 1 << 20  # bytes of a map, which has 160 columns, and of a name
 
 
@@ -53,7 +53,7 @@ def write_trust(
         confidence = (found.depth > 0).astype(np.float32)
         if found.depth_confidence is not None:
             confidence = np.clip(found.depth_confidence, 0, 1).astype(np.float32)
-        small = frame.camera.resized_to_width(min(COLUMNS, frame.camera.width)).size
+        small = frame.camera.resized_to_width(low_res_width(frame.camera.width)).size
         confidence = cv2.resize(confidence, small, interpolation=cv2.INTER_AREA)
         num_consistent = np.zeros(confidence.shape, np.uint8)
         if frame.name in stereo:

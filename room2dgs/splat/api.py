@@ -6,9 +6,10 @@ import torch
 from torch import Tensor
 
 from room2dgs.cuda_extension import cuda_extension
+from room2dgs.geometry.camera import NEAR_M
 from room2dgs.kernels.builds import BLOCK_BUILDS
 from room2dgs.splat.checks import check_floor, check_near, check_shapes
-from room2dgs.splat.constants import NEAR_M, OPACITY_FLOOR
+from room2dgs.splat.constants import OPACITY_FLOOR
 from room2dgs.splat.operators import Rasterize
 from room2dgs.splat.types import Rendering, Surfels
 

@@ -5,7 +5,6 @@ surfel.h and pixel.h have the same ones, frame_arguments.h the floor, which is t
 
 from __future__ import annotations
 
-NEAR_M = 0.05  # what is nearer to the camera's plane is not drawn, unless a caller says otherwise
 OPACITY_FLOOR = 1.0 / 255.0  # fainter hits are skipped, unless a caller says otherwise
 MIN_COVERED_ALPHA = 0.5  # of a rendering: a pixel covered less has no depth or normal worth using
 ALPHA_MAX = 0.99  # opaque hits are clamped; no gradient through the clamp

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from room2dgs.geometry.camera import NEAR_M
 from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.geometry.spherical_harmonics import sh_color
 from room2dgs.splat.checks import check_floating, check_shapes, check_values
@@ -19,7 +20,6 @@ from room2dgs.splat.constants import (
     DISTORTION_NEAR_M,
     EDGE_ON,
     FILTER_INVERSE_VARIANCE,
-    NEAR_M,
     OPACITY_FLOOR,
     QUATERNION_MIN,
     TRANSMITTANCE_MIN,

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import torch
 from torch import Tensor
+
+from room2dgs.splat.constants import MIN_COVERED_ALPHA
 
 
 class Surfels(NamedTuple):
@@ -48,3 +51,12 @@ class Rendering(NamedTuple):
     median_depth: Tensor
     normal: Tensor
     distortion: Tensor
+
+    @property
+    def covered(self) -> Tensor:
+        """(H, W) bool: the pixels whose depth and normal are worth using."""
+        return self.alpha >= MIN_COVERED_ALPHA
+
+    def covered_depth(self) -> Tensor:
+        """(H, W) median z-depth, metres; 0 where a pixel is not covered."""
+        return torch.where(self.covered, self.median_depth, 0.0)

@@ -13,10 +13,9 @@ from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import probably_seen
 from room2dgs.captures.uncertainty import stereo_weight
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.low_res import low_res_step
 from room2dgs.stereo.passes import FirstPass, StereoInput, StereoMaps, first_of_two, second_of_two, single_pass
 from room2dgs.stereo.thinned import thinned
-
-COLUMNS = 160  # of the pixels that become samples: as many as the joint optimisation uses
 
 
 class DepthSamples(NamedTuple):
@@ -74,7 +73,7 @@ def with_depth_samples(
     xyz, frame_of, pixels, weights = [], [], [], []
     for frame, camera in zip(frames, cameras, strict=True):
         depth, num_consistent = maps[frame.name]
-        some = thinned(depth, num_consistent, max(1, camera.width // COLUMNS))
+        some = thinned(depth, num_consistent, low_res_step(camera.width))
         xyz.append(camera.unproject(some.pixel, some.depth))
         pixels.append(some.pixel * (np.array(frame.camera.size) / camera.size))
         frame_of.append(np.full(len(some.pixel), number[frame.name], np.int32))

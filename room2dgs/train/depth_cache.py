@@ -8,10 +8,10 @@ from torch import Tensor
 
 from room2dgs.captures.cache import Cache
 from room2dgs.captures.packed_maps import pack_depth, unpack_depth
+from room2dgs.splat.constants import MIN_COVERED_ALPHA
 
 STEP = 2  # every other row and column is kept
 FRACTION = "fraction"  # of the photos' size, in a checkpoint
-MIN_ALPHA = 0.5  # pixels less covered have no depth
 
 
 class DepthCache:
@@ -37,8 +37,8 @@ class DepthCache:
         """
         if fraction != self._fraction:
             self._forget(fraction)
-        depth, alpha = (values.detach()[::STEP, ::STEP].numpy() for values in (depth, alpha))
-        self._put(index, pack_depth(np.where(alpha >= MIN_ALPHA, depth, np.float32(0))))
+        kept, share = (values.detach()[::STEP, ::STEP].numpy() for values in (depth, alpha))
+        self._put(index, pack_depth(np.where(share >= MIN_COVERED_ALPHA, kept, np.float32(0))))
 
     def has(self, index: int, fraction: float) -> bool:
         """Whether a depth of this view is kept at this size."""
@@ -64,7 +64,9 @@ class DepthCache:
             self._put(index, codes.numpy().view(np.uint16))
 
     def _codes(self, index: int) -> np.ndarray:
-        return self._cache.get((self._mine, index))[0]
+        kept = self._cache.get((self._mine, index))
+        assert kept is not None, f"view {index} is known, so its depth is kept"
+        return kept[0]
 
     def _put(self, index: int, codes: np.ndarray) -> None:
         self._cache.put((self._mine, index), (codes,))
@@ -88,7 +90,7 @@ class DeviceDepthCache:
         if fraction != self._fraction:
             self._fraction, self._kept = fraction, {}
         depth, alpha = (values.detach()[::STEP, ::STEP] for values in (depth, alpha))
-        self._kept[index] = torch.where((alpha >= MIN_ALPHA) & (depth > 0), depth.reciprocal(), 0.0)
+        self._kept[index] = torch.where((alpha >= MIN_COVERED_ALPHA) & (depth > 0), depth.reciprocal(), 0.0)
 
     def has(self, index: int, fraction: float) -> bool:
         """See `DepthCache`."""

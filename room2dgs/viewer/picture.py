@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import torch
 
-from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.camera import NEAR_M, Camera
 from room2dgs.geometry.camera_tensors import view_matrices
 from room2dgs.geometry.poses import inverse_pose, rigid_pose
 from room2dgs.runs.pictures import depth_picture, normal_picture
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from room2dgs.runs.page.mesh_views import DrawnMesh
 
 KINDS = ("colour", "depth", "normals")
-MIN_ALPHA = 0.5  # less covered pixels have no depth
 BACKGROUND = (0.1, 0.1, 0.1)
 PROBE = 9  # pixels across the small picture that a click is looked up in
 PROBE_HALF = 0.004  # tangent of half its opening
@@ -36,7 +35,7 @@ class Picture(NamedTuple):
     depth: np.ndarray
 
 
-def picture(shown: Surfels | DrawnMesh, camera: Camera, kind: str, near_m: float = 0.05) -> Picture:
+def picture(shown: Surfels | DrawnMesh, camera: Camera, kind: str, near_m: float = NEAR_M) -> Picture:
     """Draw colour, depth or normals.
 
     Raises:
@@ -46,8 +45,7 @@ def picture(shown: Surfels | DrawnMesh, camera: Camera, kind: str, near_m: float
         raise ValueError(f"{kind!r} is none of {', '.join(KINDS)}")
     of_surfels = isinstance(shown, Surfels)
     view = _surfels_seen(shown, camera, kind, near_m) if of_surfels else shown.rendering(camera, BACKGROUND)
-    covered = (view.alpha >= MIN_ALPHA).numpy()
-    depth = np.where(covered, view.median_depth.numpy(), 0).astype(np.float32)
+    covered, depth = view.covered.numpy(), view.covered_depth().numpy()
     if kind == "depth":
         pixels = depth_picture(depth, covered)
     elif kind == "normals":
@@ -82,7 +80,7 @@ def camera_at(wxyz: np.ndarray, position: np.ndarray, fov: float, size: tuple[in
 
 
 def hit(
-    shown: Surfels | DrawnMesh, origin: np.ndarray, direction: np.ndarray, near_m: float = 0.05
+    shown: Surfels | DrawnMesh, origin: np.ndarray, direction: np.ndarray, near_m: float = NEAR_M
 ) -> np.ndarray | None:
     """(3,) metres: the surface along a ray, from a tiny picture around it; None: nothing is there."""
     forward = np.asarray(direction, np.float64) / np.linalg.norm(direction)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from room2dgs.errors import InputError, first_line
-from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.camera import NEAR_M, Camera
 from room2dgs.geometry.rotations import quaternions_from
 from room2dgs.logs import Log
 from room2dgs.splat.types import Surfels
@@ -78,7 +78,7 @@ class Viewer:
         host: str = LOOPBACK,
         port: int = 8080,
         fps: float = 15.0,
-        near_m: float = 0.05,
+        near_m: float = NEAR_M,
     ) -> None:
         viser = found_viser()
         self._shown, self._number, self._fps, self._near_m = shown, 0, fps, near_m

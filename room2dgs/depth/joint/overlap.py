@@ -15,12 +15,12 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import likely_points
 from room2dgs.geometry.camera_tensors import CameraTensors, camera_tensors
+from room2dgs.geometry.low_res import low_res_step
 from room2dgs.sfm.pairs import shared_view
 
 MAX_GRADIENT = 4.0  # of a textureless region: grey levels of 255 from one sample to the next
 MIN_REGION_SHARE = 0.02  # of the image; a smaller textureless region may have any shape
 SMOOTH = 7  # samples
-COLUMNS = 160  # of the subsampled maps
 NEIGHBOURS = 8
 AT_ONCE = 2**17  # points whose depth is looked up
 MIN_SHARED = 0.05
@@ -111,7 +111,7 @@ def overlap(
         depth_confidences, normal_confidences: frame name -> (H, W) in 0..1; 1 for frames without, and without a depth.
     """
     cameras = [frame.camera for frame in frames]
-    step = max(1, max(camera.width for camera in cameras) // COLUMNS)
+    step = low_res_step(max(camera.width for camera in cameras))
     sampled = [_finite(_subsampled(depths[frame.name], step)) for frame in frames]
     height, width = (max(2, *(part.shape[axis] for part in sampled)) for axis in (0, 1))
     depth = np.zeros((len(frames), height, width), dtype=np.float32)

@@ -12,6 +12,7 @@ from room2dgs.depth.joint import draws as rows_of
 from room2dgs.depth.joint import log_scale_grid
 from room2dgs.depth.joint.energy import Weights
 from room2dgs.depth.joint.overlap import Overlap
+from room2dgs.geometry.camera import NEAR_M
 from room2dgs.geometry.camera_tensors import CameraTensors
 
 # The kernel's own limits, see priors/csrc.
@@ -87,7 +88,7 @@ def view_residuals(views: Overlap, grid: Tensor, draws: Tensor) -> tuple[Tensor,
         return grid.new_zeros(0), grid.new_zeros(0)
     (view, other), row, column = views.pairs[draws[0]].T, *draws[1:]
     there, z = views.cameras.seen_by(other, view, optimised_points(views, grid, view, row, column))
-    inside = (views.depth[view, row, column] > 0) & (z > 0.05) & views.cameras.inside(other, there)
+    inside = (views.depth[view, row, column] > 0) & (z > NEAR_M) & views.cameras.inside(other, there)
     confidence = views.depth_confidence[view[inside], row[inside], column[inside]]
     other, there, z = other[inside], there[inside], z[inside]
     known, good = views.depth_at(other, there)

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 from room2dgs.captures.scene import Frame
-from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.camera import NEAR_M, Camera
 from room2dgs.mesh.open3d import o3c, o3d
 
 WIDEST_PX = 2048  # photos are used at their own size up to this
@@ -71,7 +71,7 @@ def seen(frame: Frame, occluder: Occluder, points: np.ndarray, normals: np.ndarr
     """
     camera = frame.camera
     pixel, z = camera.project(points)
-    inside = camera.inside(pixel) & (z > 0.05)
+    inside = camera.inside(pixel) & (z > NEAR_M)
     index = np.flatnonzero(inside)
     pixel, z = pixel[index], z[index]
     depth = occluder.depth(camera)

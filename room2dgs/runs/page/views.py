@@ -29,7 +29,6 @@ KINDS = (
     ("trust", "where depth was trusted"),
 )
 LONGEST = 480  # pixels of a picture
-MIN_ALPHA = 0.5  # less covered pixels are drawn black in depth and normals
 FULL = 0.25  # of the brightest: a difference from here on is red
 Rendered = Callable[[Iterable[Frame]], Iterator[tuple[Frame, "Rendering"]]]
 
@@ -51,7 +50,7 @@ def view_pictures(scene: Scene, rendered: Rendered, trust: Mapping[str, Trust], 
 
 def _view(frame: Frame, view: Rendering, sort: str, trusted: Trust | None) -> dict[str, Any]:
     photo, color = frame.color(), view.color.clamp(0, 1).numpy()
-    covered = (view.alpha >= MIN_ALPHA).numpy()
+    covered = view.covered.numpy()
     difference = np.abs(photo.astype(np.float32) / 255 - color).mean(axis=-1)
     pictures = {
         "photo": photo / 255,
