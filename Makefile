@@ -69,7 +69,7 @@ lint: $(READY)
 	cd build/typing && $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml --cache-dir ../mypy -p room2dgs
 
 docs: $(READY)
-	$(BIN)/mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict -q
 
 sanitize: $(READY)
 	$(BIN)/python tests/bindings/sanitize.py
