@@ -80,43 +80,42 @@ def test_only_one_top_level_package(names):
     assert {name for name in top if not name.endswith(".dist-info")} == {"room2dgs"}
 
 
-def test_configuration_scores_network_kernels_and_types_travel_inside(names):
+def test_the_wheel_is_the_package_its_settings_and_its_scores_and_nothing_else(names):
+    expected = {"room2dgs/commit.txt"}
     for folder, inside in (("conf", "room2dgs/conf"), ("eval", "room2dgs/eval"), ("room2dgs", "room2dgs")):
         for file in (CHECKOUT / folder).rglob("*"):
             built = {"csrc", "__pycache__"} & set(file.parts) or file.suffix == ".so"
             if file.is_file() and not built:
-                assert f"{inside}/{file.relative_to(CHECKOUT / folder).as_posix()}" in names
+                expected.add(f"{inside}/{file.relative_to(CHECKOUT / folder).as_posix()}")
+    packed = {name for name in names if name.startswith("room2dgs/") and not name.endswith("/")}
+    (kernels,) = packed - expected
+    assert kernels.startswith("room2dgs/_C.") and kernels.endswith(".so")
+    assert expected <= packed
+    assert {"room2dgs/py.typed", "room2dgs/_C/__init__.pyi", "room2dgs/_C/bench.pyi"} <= packed
     assert {
         f"room2dgs/depth/network/{name}" for name in ("room_prior.onnx", "depth_correction.onnx", "README.md")
-    } <= names
-    assert any(name.startswith("room2dgs/_C.") and name.endswith(".so") for name in names)
-    assert {"room2dgs/py.typed", "room2dgs/_C/__init__.pyi", "room2dgs/_C/bench.pyi"} <= names
-    assert not any(name.endswith((".cpp", ".h", ".cu")) for name in names)
+    } <= packed
     assert any(name.endswith("licenses/LICENSE") for name in names)
 
 
-def test_of_the_tools_only_the_demo_room_and_simulated_priors(names):
-    tools = {name.removeprefix("room2dgs/tools/").partition("/")[0] for name in names if "/tools/" in name}
-    assert tools == {
-        "__init__.py",
-        "capture_files.py",
-        "command_line.py",
-        "demo_room",
-        "make_room.py",
-        "pose_errors.py",
-        "prior_errors.py",
-        "shake_poses.py",
-        "simulate_priors.py",
-    }
-
-
-def test_nothing_in_the_wheel_imports_a_tool_that_is_not_there(wheel, names):
+def test_nothing_in_the_wheel_needs_a_checkout(wheel, names):
     archive = zipfile.ZipFile(wheel)
     for name in names:
         if name.endswith(".py"):
-            for module in re.findall(r"(?:from|import) (room2dgs\.tools(?:\.\w+)*)", archive.read(name).decode()):
-                path = module.replace(".", "/")
-                assert {f"{path}.py", f"{path}/__init__.py"} & names, f"{name} imports {module}"
+            found = re.findall(
+                r"^\s*(?:from|import) (room2dgs\.tools|tests)\b", archive.read(name).decode(), re.MULTILINE
+            )
+            assert not found, f"{name} imports {found}"
+
+
+def test_the_wheel_knows_the_commit_that_the_sdist_was_made_of(wheel, sdist):
+    with tarfile.open(sdist) as archive:
+        (member,) = (name for name in archive.getnames() if name.count("/") == 1 and name.endswith("/commit.txt"))
+        noted = archive.extractfile(member).read()
+    assert zipfile.ZipFile(wheel).read("room2dgs/commit.txt") == noted
+    head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=CHECKOUT, capture_output=True, text=True, check=False)
+    if head.returncode == 0:
+        assert noted.decode().strip().rstrip("+") == head.stdout.strip()
 
 
 def test_console_command(wheel, names):
@@ -130,9 +129,9 @@ def test_import_and_configuration_elsewhere(installed):
         installed,
         """
 import importlib.util
-import room2dgs, room2dgs._C, room2dgs.eval.scoring, room2dgs.tools
+import room2dgs, room2dgs._C, room2dgs.eval.scoring
 from room2dgs.config import conf_dir, load_config
-for module in (room2dgs, room2dgs._C, room2dgs.eval.scoring, room2dgs.tools):
+for module in (room2dgs, room2dgs._C, room2dgs.eval.scoring):
     print(module.__file__)
 print(conf_dir())
 assert load_config(["scene.path=a", "out=b"]).train.iterations > 0
@@ -151,9 +150,9 @@ def test_doctor_elsewhere(installed):
 
 
 def test_the_demo_room_is_made_elsewhere(installed, tmp_path):
-    code = "from room2dgs.demo_room.make import main; sys.exit(main(sys.argv[1:]))"
+    code = "from room2dgs.cli import main; sys.exit(main(sys.argv[1:]))"
     size = ["--frames", "2", "--width", "32", "--height", "24"]
-    done = python_away_from_the_checkout(installed, code, str(tmp_path / "room"), *size)
+    done = python_away_from_the_checkout(installed, code, "demo", str(tmp_path / "room"), *size)
     assert done.returncode == 0, done.stderr
     assert {path.name for path in (tmp_path / "room" / "color").iterdir()} == {"0.jpg", "1.jpg"}
 
