@@ -11,9 +11,9 @@ from latex2mathml.converter import convert
 EQUATION = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 
 
-def on_page_content(page: str, **_: Any) -> str:
+def on_page_content(content: str, **_: Any) -> str:
     """The page's HTML with each equation of pymdownx.arithmatex as MathML."""
-    return EQUATION.sub(_mathml, page)
+    return EQUATION.sub(_mathml, content)
 
 
 def _mathml(found: re.Match[str]) -> str:
