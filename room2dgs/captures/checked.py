@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,6 +13,7 @@ from room2dgs.captures.left_out import left_out
 from room2dgs.captures.mask_images import MaskFacts, MaskImage, alpha_of, facts_of
 from room2dgs.captures.scene import Dropped, Frame, Scene
 from room2dgs.errors import InputError
+from room2dgs.parallel_map import parallel_map
 
 
 class _Look(NamedTuple):
@@ -30,8 +30,7 @@ def checked(scene: Scene) -> Scene:
         InputError: there are too many of these, or masks hide everything.
     """
     frames = scene.frames
-    with ThreadPoolExecutor() as pool:
-        looks = dict(zip((frame.name for frame in frames), pool.map(_look, frames), strict=True))
+    looks = dict(zip((frame.name for frame in frames), parallel_map(_look, frames), strict=True))
     masks = next((frame.masks for frame in frames if frame.masks is not None), None)
     for frame in frames if masks is not None else ():
         facts = masks.facts().get(frame.mask_photo) if masks and frame.mask_photo is not None else None

@@ -1,6 +1,9 @@
 """COLMAP's sparse models, text or binary, read with a look at the file's length before any memory is asked for.
 
 Formats: COLMAP's documentation (format.html) and its binary layout: little endian, counts before their items.
+
+pycolmap.Reconstruction does not read captures: it asks for as much memory as a damaged count announces, and takes a
+camera file that was cut short for a whole one. It also refuses a model without points, and a whole model for one item.
 """
 
 from __future__ import annotations

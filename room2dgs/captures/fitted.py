@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -22,6 +21,7 @@ from room2dgs.captures.shapes import check_shape, same_shape
 from room2dgs.captures.turned_photo import ON_ITS_SIDE, TurnedPhoto, turned_size
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
+from room2dgs.parallel_map import parallel_map
 
 RESIZED = 0.02  # relative difference of the factors by which width and height were resized
 NOT_TURNED = "(EXIF of the photo says that it is to be turned, which was not done)"
@@ -80,8 +80,7 @@ def fitted(
         InputError: too many photos or masks that cannot be read, no intrinsics, sizes that contradict the intrinsics, a
             map of another shape than its photo.
     """
-    with ThreadPoolExecutor() as pool:
-        headers = list(pool.map(_headers, (entry.shot for entry in entries)))
+    headers = list(parallel_map(_headers, (entry.shot for entry in entries)))
     bad = {
         entry.shot.name: str(found)
         for entry, found in zip(entries, headers, strict=True)
@@ -211,8 +210,7 @@ def _check_depths(entries: Sequence[Entry], not_turned: set[str]) -> None:
         not_turned: names of photos with an EXIF orientation that is not applied.
     """
     present = [(entry, entry.shot.depth) for entry in entries if entry.shot.depth is not None]
-    with ThreadPoolExecutor() as pool:
-        sizes = list(pool.map(_depth_size, (depth for _, depth in present)))
+    sizes = list(parallel_map(_depth_size, (depth for _, depth in present)))
     for (entry, depth), size in zip(present, sizes, strict=True):
         if size is not None:
             label = depth if isinstance(depth, Path) else depth.label

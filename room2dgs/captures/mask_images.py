@@ -7,7 +7,6 @@ whatever the largest number of its own mask.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
@@ -21,6 +20,7 @@ from room2dgs.captures.photo_header import opened
 from room2dgs.captures.photos import Photo
 from room2dgs.captures.turned_photo import TurnedPhoto, turned
 from room2dgs.errors import InputError
+from room2dgs.parallel_map import parallel_map
 
 HALF = {8: 127, 16: 32767}  # brighter may be used
 OPAQUE = 127  # of 255; an alpha above may be used
@@ -91,8 +91,7 @@ class Masks:
         """Of each mask, which are all decoded the first time; an error of one that cannot be."""
         with self._lock:
             if self._facts is None:
-                with ThreadPoolExecutor() as pool:
-                    self._facts = dict(zip(self._photos, pool.map(_facts, self._photos), strict=True))
+                self._facts = dict(zip(self._photos, parallel_map(_facts, self._photos), strict=True))
             return self._facts
 
     @cached_property

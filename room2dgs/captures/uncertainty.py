@@ -56,7 +56,7 @@ def aligned_weight(residual: float) -> np.float32:
     return np.float32(1 / (1 + (residual / ALIGNED_HALF) ** 2))
 
 
-def misfit_share(misfit: float) -> np.float32:
+def misfit_divisor(misfit: float) -> np.float32:
     """By what the prior's weight is divided in completion where it does badly at the points.
 
     Args:

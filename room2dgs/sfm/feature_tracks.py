@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +13,7 @@ from room2dgs.captures.point_cloud import Tracks
 from room2dgs.colmap import pycolmap
 from room2dgs.cores import available_cores
 from room2dgs.geometry.camera import Camera
+from room2dgs.parallel_map import parallel_map
 from room2dgs.sfm.matching import IndexPairs, Matches, epipolar_error, essential_inliers
 
 RANSAC_PX = 2.0
@@ -49,8 +49,11 @@ def feature_tracks(matches: Matches, cameras: Sequence[Camera], pairs: IndexPair
     """
     counts = [len(keypoints) for keypoints in matches.keypoints[: len(cameras)]]
     first = np.concatenate([[0], np.cumsum(counts)])
-    with ThreadPoolExecutor(available_cores()) as pool:
-        found = list(pool.map(lambda pair: pair_inliers(matches, pair, *(cameras[i] for i in pair)), pairs))
+
+    def inliers_of(pair: tuple[int, int]) -> np.ndarray:
+        return pair_inliers(matches, pair, cameras[pair[0]], cameras[pair[1]])
+
+    found = list(parallel_map(inliers_of, pairs, available_cores()))
     links = [first[list(pair)] + inliers for pair, inliers in zip(pairs, found, strict=True)]
     link = np.concatenate(links) if links else np.zeros((0, 2), np.int64)
     graph = coo_array((np.ones(len(link), np.int8), (link[:, 0], link[:, 1])), shape=(first[-1], first[-1]))
