@@ -53,18 +53,15 @@ def check_shapes(
             raise ValueError(
                 f"surfels.{name} is {tensor.dtype} on {tensor.device}, but surfels.centers {dtype} on {device}"
             )
-    _check_shape("K", K, (3, 3))
-    _check_shape("cam_from_world", cam_from_world, (4, 4))
-    others = {"K": K, "cam_from_world": cam_from_world}
-    if background is not None:
-        _check_shape("background", background, (3,))
-        others["background"] = background
-    if center_px is not None:
-        _check_shape("center_px", center_px, (count, 2))
-        others["center_px"] = center_px
-    for name, tensor in others.items():
-        if not tensor.dtype.is_floating_point or tensor.device != device:
-            raise ValueError(f"{name} is {tensor.dtype} on {tensor.device}, not floating point on {device}")
+    others = {
+        "K": (K, (3, 3)), "cam_from_world": (cam_from_world, (4, 4)), "background": (background, (3,)),
+        "center_px": (center_px, (count, 2)),
+    }  # fmt: skip
+    for name, (given, shape) in others.items():
+        if given is not None:
+            _check_shape(name, given, shape)
+            if not given.dtype.is_floating_point or given.device != device:
+                raise ValueError(f"{name} is {given.dtype} on {given.device}, not floating point on {device}")
     check_side("width", width)
     check_side("height", height)
     if not (1 <= width <= MAX_SIDE_PX and 1 <= height <= MAX_SIDE_PX):
@@ -128,6 +125,13 @@ def check_values(K: Tensor, cam_from_world: Tensor, background: Tensor, near_m: 
     """
     check_near(near_m)
     check_floor(opacity_floor)
+    _check_intrinsics(K)
+    _check_rigid(cam_from_world)
+    if not all(map(math.isfinite, background.tolist())):
+        raise ValueError("background has an entry that is not finite")
+
+
+def _check_intrinsics(K: Tensor) -> None:
     (fx, skew, cx), (other_skew, fy, cy), last = K.tolist()
     if not all(map(math.isfinite, (fx, skew, cx, other_skew, fy, cy, *last))):
         raise ValueError("K has an entry that is not finite")
@@ -137,6 +141,9 @@ def check_values(K: Tensor, cam_from_world: Tensor, background: Tensor, near_m: 
         raise ValueError(f"K is skewed (K[0,1] = {skew}, K[1,0] = {other_skew}); undistort to images without skew")
     if not _is_last_row(last):
         raise ValueError(f"K's last row is {last}, not 0 0 1")
+
+
+def _check_rigid(cam_from_world: Tensor) -> None:
     *rows, last = cam_from_world.tolist()
     if not all(math.isfinite(x) for row in (*rows, last) for x in row):
         raise ValueError("cam_from_world has an entry that is not finite")
@@ -147,8 +154,6 @@ def check_values(K: Tensor, cam_from_world: Tensor, background: Tensor, near_m: 
             product = sum(a * b for a, b in zip(rows[i][:3], rows[j][:3], strict=True))
             if abs(product - (i == j)) > RIGID_TOLERANCE:
                 raise ValueError("cam_from_world is not rigid: its 3 x 3 block is no rotation")
-    if not all(map(math.isfinite, background.tolist())):
-        raise ValueError("background has an entry that is not finite")
 
 
 def check_near(near_m: float) -> None:
