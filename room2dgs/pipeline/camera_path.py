@@ -23,7 +23,8 @@ from room2dgs.runs.folder import RENDERS
 from room2dgs.runs.pictures import normal_picture, write_png
 
 if TYPE_CHECKING:
-    from room2dgs.splat.types import Rendering, Surfels
+    from room2dgs.primitives.primitive import Splats
+    from room2dgs.splat.types import Rendering
 
 SAVED = ("color", "depth", "depth_npy", "normals", "video")
 SMOOTH, VIDEO = "smooth", "video.mp4"
@@ -50,7 +51,7 @@ class PathOptions(NamedTuple):
     width: int | None = None
 
 
-def render_path(options: PathOptions, scene: Scene, surfels: Surfels, config: Config, run: RunFolder) -> Path:
+def render_path(options: PathOptions, scene: Scene, surfels: Splats, config: Config, run: RunFolder) -> Path:
     """Writes NAME.png, NAME.depth.png, NAME.depth.npy, NAME.normals.png and video.mp4, as `options.save` says.
 
     Returns:

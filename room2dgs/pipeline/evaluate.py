@@ -23,10 +23,10 @@ from room2dgs.runs.metrics import MESH_SCORES, cleared, read_metrics
 if TYPE_CHECKING:
     from room2dgs.eval.alignment import Alignment
     from room2dgs.eval.protocol import MeshFile
-    from room2dgs.splat.types import Surfels
+    from room2dgs.primitives.primitive import Splats
 
 
-def evaluate_run(scene: Scene, surfels: Surfels | None, config: Config, run: RunFolder) -> None:
+def evaluate_run(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder) -> None:
     """Held-out views against their photos, if there are surfels, and the mesh against the truth, if there is one.
 
     Raises:
@@ -170,7 +170,7 @@ def _in_truth_frame(
     return (pred, meshes[1]), moved
 
 
-def _image_scores(scene: Scene, surfels: Surfels, config: Config, log: Log) -> dict[str, Any]:
+def _image_scores(scene: Scene, surfels: Splats, config: Config, log: Log) -> dict[str, Any]:
     from room2dgs.eval import image_scores
 
     if not scene.test:

@@ -16,13 +16,14 @@ from room2dgs.pipeline.points import points_cache, points_may_lack
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.scene import scene_of_run
 from room2dgs.pipeline.surfels import load_run_surfels, render_frames, surfels_path, use_threads
+from room2dgs.registries.exporters import EXPORTERS, Write, needs_of, place_of
+from room2dgs.registry import Entry
 from room2dgs.runs.folder import EXPORTS, MESH, at_work_beside, required
 from room2dgs.runs.metrics import origin_of_run
 
 if TYPE_CHECKING:
-    from room2dgs.export.registry import Format
     from room2dgs.export.source import Source
-    from room2dgs.splat.types import Surfels
+    from room2dgs.primitives.primitive import Splats
 
 NEEDS: dict[str, Callable[[Path], Path]] = {
     "surfels": surfels_path,
@@ -34,7 +35,7 @@ def export_run(config: Config, names: Sequence[str], out: Path | None = None, lo
     """Writes the run in config.out in the formats of these names.
 
     Args:
-        names: of `FORMATS`, or "all".
+        names: of `EXPORTERS`, or "all".
         out: the folder for them; None: the run's own folder of exports.
 
     Returns:
@@ -52,7 +53,7 @@ def export_run(config: Config, names: Sequence[str], out: Path | None = None, lo
         return write_formats(source_of(config, log), formats, out, log)
 
 
-def export_after_run(scene: Scene, surfels: Surfels, config: Config, run: RunFolder) -> None:
+def export_after_run(scene: Scene, surfels: Splats, config: Config, run: RunFolder) -> None:
     """What export.after_run asks for, into the run's folder.
 
     Raises:
@@ -67,26 +68,24 @@ def export_after_run(scene: Scene, surfels: Surfels, config: Config, run: RunFol
     run.record()
 
 
-def chosen_formats(names: Sequence[str]) -> list[Format]:
+def chosen_formats(names: Sequence[str]) -> list[Entry[Write]]:
     """The formats of these names, each once; "all" alone stands for all of them.
 
     Raises:
         InputError: no name, or one that no format has.
     """
-    from room2dgs.export.registry import FORMATS
-
-    known = ", ".join(FORMATS)
+    known = ", ".join(EXPORTERS)
     if not names:
         raise InputError(f"to is not given; choose one or more from {known}, all")
     if list(names) == ["all"]:
-        return list(FORMATS.values())
-    unknown = next((name for name in names if name not in FORMATS), None)
+        return list(EXPORTERS.entries())
+    unknown = next((name for name in names if name not in EXPORTERS), None)
     if unknown is not None:
         raise InputError(f"to={','.join(names)} is not known: {unknown!r}; choose one or more from {known}, all")
-    return [FORMATS[name] for name in dict.fromkeys(names)]
+    return [EXPORTERS.get(name) for name in dict.fromkeys(names)]
 
 
-def write_formats(source: Source, formats: Iterable[Format], out: Path, log: Log) -> list[Path]:
+def write_formats(source: Source, formats: Iterable[Entry[Write]], out: Path, log: Log) -> list[Path]:
     """Each format to its place in `out`, with a line of its size and time.
 
     Returns:
@@ -98,15 +97,16 @@ def write_formats(source: Source, formats: Iterable[Format], out: Path, log: Log
     written: list[Path] = []
     for one in formats:
         start, worked = time.perf_counter(), time.process_time()
+        write, place = one.load(), out / place_of(one)
         try:
-            files = one.write(source, out / one.place)
+            files = write(source, place)
         except OSError as error:
             raise InputError(f"{out} cannot be written ({error.strerror}); choose another out=DIR") from error
         written += files
         size = sum(path.stat().st_size for path in files) / 1e6
         many = f", {len(files)} files" if len(files) > 1 else ""
         seconds, worked = time.perf_counter() - start, time.process_time() - worked
-        log(f"{one.name:<12} {out / one.place}  {size:.2f} MB{many}, {seconds:.1f} s (processor {worked:.1f} s)")
+        log(f"{one.name:<12} {place}  {size:.2f} MB{many}, {seconds:.1f} s (processor {worked:.1f} s)")
     return written
 
 
@@ -132,23 +132,23 @@ def source_of(config: Config, log: Log) -> Source:
     )
 
 
-def _check_needs(run: Path, formats: Sequence[Format]) -> None:
+def _check_needs(run: Path, formats: Sequence[Entry[Write]]) -> None:
     """Reported before anything is written."""
     for one in formats:
-        for need in one.needs:
+        for need in needs_of(one):
             if need in NEEDS:
                 NEEDS[need](run)
             elif importlib.util.find_spec(need) is None:
                 raise InputError(f"to={one.name} needs {need}; install it with pip install 'room2dgs[export]'")
 
 
-def _check_place(out: Path, formats: Iterable[Format], config: Config) -> None:
+def _check_place(out: Path, formats: Iterable[Entry[Write]], config: Config) -> None:
     """Refuse to write over the run's own files or the capture's."""
     run, scene = Path(config.out).absolute(), Path(config.scene.path).absolute()
     if out == run:
         raise InputError(
             f"out={out} is the run's own folder, whose files would be lost; leave out= away, or name another"
         )
-    for target in (out, *(out / one.place for one in formats)):
+    for target in (out, *(out / place_of(one) for one in formats)):
         if target == scene or (target != out and target in scene.parents):
             raise InputError(f"{target} has the capture, whose files would be lost; choose another out=DIR")

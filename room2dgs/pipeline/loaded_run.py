@@ -15,11 +15,11 @@ from room2dgs.pipeline.surfels import load_run_surfels
 from room2dgs.runs.folder import at_work
 
 if TYPE_CHECKING:
-    from room2dgs.splat.types import Surfels
+    from room2dgs.primitives.primitive import Splats
 
 
 @contextmanager
-def loaded_run(config: Config, show: Log | None = None) -> Iterator[tuple[Scene, Surfels | None, RunFolder]]:
+def loaded_run(config: Config, show: Log | None = None) -> Iterator[tuple[Scene, Splats | None, RunFolder]]:
     """The run in config.out: its capture with the run's poses, its surfels (None if it trains nothing), its folder.
 
     No other process writes to the folder while the block runs.
@@ -36,7 +36,7 @@ def loaded_run(config: Config, show: Log | None = None) -> Iterator[tuple[Scene,
 
 
 @contextmanager
-def loaded_surfels(config: Config, show: Log | None = None) -> Iterator[tuple[Scene, Surfels, RunFolder]]:
+def loaded_surfels(config: Config, show: Log | None = None) -> Iterator[tuple[Scene, Splats, RunFolder]]:
     """As `loaded_run`, for steps that nothing but surfels will do.
 
     Raises:

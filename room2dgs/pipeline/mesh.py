@@ -14,10 +14,10 @@ from room2dgs.runs.folder import MESH
 from room2dgs.runs.metrics import MESH_SCORES, cleared
 
 if TYPE_CHECKING:
-    from room2dgs.splat.types import Surfels
+    from room2dgs.primitives.primitive import Splats
 
 
-def make_mesh(scene: Scene, surfels: Surfels | None, config: Config, run: RunFolder) -> None:
+def make_mesh(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder) -> None:
     """mesh.ply by the mesher that mesh.source names; its figures go to metrics.json.
 
     A run that goes on keeps the mesh that it has if that was made of the same surfels with the same settings.

@@ -14,12 +14,13 @@ from room2dgs.runs.folder import RENDERS
 from room2dgs.runs.pictures import depth_picture, normal_picture, write_png
 
 if TYPE_CHECKING:
-    from room2dgs.splat.types import Rendering, Surfels
+    from room2dgs.primitives.primitive import Splats
+    from room2dgs.splat.types import Rendering
 
 VIEWS = ("test", "train", "all")
 
 
-def write_renders(scene: Scene, surfels: Surfels, config: Config, run: RunFolder, views: str = "test") -> None:
+def write_renders(scene: Scene, surfels: Splats, config: Config, run: RunFolder, views: str = "test") -> None:
     """renders/<test|train>/<view>.png: photo, colour, depth and normals of each view.
 
     Args:

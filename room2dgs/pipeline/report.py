@@ -13,13 +13,13 @@ from room2dgs.pipeline.surfels import render_frames, use_threads
 from room2dgs.runs.folder import MESH, required
 
 if TYPE_CHECKING:
+    from room2dgs.primitives.primitive import Splats
     from room2dgs.runs.page.views import Rendered
-    from room2dgs.splat.types import Surfels
 
 LARGE_MB = 15
 
 
-def write_run_report(scene: Scene, surfels: Surfels | None, config: Config, run: RunFolder) -> Path:
+def write_run_report(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder) -> Path:
     """report.html of what the run's folder holds so far; it opens without a network.
 
     Args:
@@ -53,4 +53,5 @@ def _renders_of_mesh(scene: Scene, config: Config, out: Path) -> Rendered:
     from room2dgs.runs.page.mesh_views import mesh_rendered
 
     mesh = read_in_scene(required(out / MESH, "mesh"), scene.origin_m)
-    return partial(mesh_rendered, mesh, background=tuple(config.render.background))
+    red, green, blue = config.render.background
+    return partial(mesh_rendered, mesh, background=(red, green, blue))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # torch takes seconds to import
 
     from room2dgs.captures.scene import Scene
     from room2dgs.geometry.camera import Camera
-    from room2dgs.splat.types import Surfels
+    from room2dgs.primitives.primitive import Splats
 
 PathLike = str | os.PathLike[str]
 FILES = {
@@ -152,7 +152,7 @@ class Run:
         return read_in_scene(required(self.path / MESH, "mesh"), self.origin_m)
 
     @cached_property
-    def surfels(self) -> Surfels:
+    def surfels(self) -> Splats:
         """What was trained, as plain tensors.
 
         Raises:

@@ -45,8 +45,9 @@ def same_depth_figures(scene: Scene, gt: Path, config: Config, depth_source: str
 
 
 def _used_own_depth(frames: Sequence[Frame], config: Config, depth_source: str) -> bool:
-    if depth_source == "files" and config.prior.depth.path:
-        return Path(config.prior.depth.path).resolve() == frames[0].depth_path.resolve().parent
+    own = frames[0].depth_path
+    if depth_source == "files" and config.prior.depth.path and own:
+        return Path(config.prior.depth.path).resolve() == own.resolve().parent
     return depth_source == "sensor"
 
 

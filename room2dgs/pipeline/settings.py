@@ -1,4 +1,4 @@
-"""Settings as keyword arguments: `scene__image_width=320`, `loss={"rgb": {"weight": 1.0}}`, `prior="room_prior"`."""
+"""Settings as keyword arguments: `scene__image_width=320`, `mesh={"voxel_m": 0.02}`, `prior="room_prior"`."""
 
 from __future__ import annotations
 

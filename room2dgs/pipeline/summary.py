@@ -16,9 +16,9 @@ def summary(out: Path) -> list[str]:
     """
     metrics = read_metrics(out)
     lines = []
-    scores = [metrics.get(f"{name}_5cm") for name in ("f_score", "precision", "recall")]
-    if None not in scores:
-        lines.append("F-score @ 5 cm {:.3f} (precision {:.3f}, recall {:.3f})".format(*scores))
+    f_score, precision, recall = (metrics.get(f"{name}_5cm") for name in ("f_score", "precision", "recall"))
+    if f_score is not None and precision is not None and recall is not None:
+        lines.append(f"F-score @ 5 cm {f_score:.3f} (precision {precision:.3f}, recall {recall:.3f})")
     seconds = metrics["seconds"]
     stages = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
     surfels = f"{metrics['primitives']:,} surfels; " if metrics.get("primitives") is not None else ""

@@ -12,10 +12,11 @@ from room2dgs.errors import InputError
 from room2dgs.runs.folder import CONFIG, SURFELS, required, saved_settings
 
 if TYPE_CHECKING:  # torch takes seconds to import
-    from room2dgs.splat.types import Rendering, Surfels
+    from room2dgs.primitives.primitive import Splats
+    from room2dgs.splat.types import Rendering
 
 
-def load_run_surfels(out: Path) -> Surfels:
+def load_run_surfels(out: Path) -> Splats:
     """The surfels of a run, in the scene's frame.
 
     Raises:
@@ -26,7 +27,7 @@ def load_run_surfels(out: Path) -> Surfels:
     return load_surfels(surfels_path(out))
 
 
-def surfels_if_trained(config: Config) -> Surfels | None:
+def surfels_if_trained(config: Config) -> Splats | None:
     """The surfels of the run in config.out; None: its mesh is made without training.
 
     Raises:
@@ -59,7 +60,7 @@ def use_threads(config: Config) -> None:
 
 
 def render_frames(
-    surfels: Surfels, frames: Iterable[Frame], config: Config, device: str = "cpu"
+    surfels: Splats, frames: Iterable[Frame], config: Config, device: str = "cpu"
 ) -> Iterator[tuple[Frame, Rendering]]:
     """Each view's rendering, one at a time, at the size that the run works at.
 
@@ -72,7 +73,7 @@ def render_frames(
     import torch
 
     from room2dgs.geometry.camera_tensors import view_matrices
-    from room2dgs.splat import render
+    from room2dgs.primitives.registry import render
     from room2dgs.train.device import moved, on_device
 
     with on_device(device) as where:
@@ -80,7 +81,15 @@ def render_frames(
         background = moved(torch.tensor(config.render.background, dtype=torch.float32), where)
     for frame in frames:
         camera = frame.camera
-        matrices = (moved(matrix, where) for matrix in view_matrices(camera))
+        K, cam_from_world = (moved(matrix, where) for matrix in view_matrices(camera))
         with on_device(device), torch.no_grad():  # around the call alone: a generator would leave it on in its caller
-            view = render(there, *matrices, *camera.size, background=background, near_m=config.render.near_m)
+            view = render(
+                there,
+                K,
+                cam_from_world,
+                camera.width,
+                camera.height,
+                background=background,
+                near_m=config.render.near_m,
+            )
         yield frame, view

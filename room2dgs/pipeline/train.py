@@ -12,11 +12,11 @@ from room2dgs.pipeline.surfels import load_run_surfels, use_threads
 from room2dgs.runs.metrics import IMAGE_SCORES, cleared
 
 if TYPE_CHECKING:
-    from room2dgs.splat.types import Surfels
+    from room2dgs.primitives.primitive import Splats
     from room2dgs.train import Hook
 
 
-def train_surfels(scene: Scene, config: Config, run: RunFolder) -> Surfels:
+def train_surfels(scene: Scene, config: Config, run: RunFolder) -> Splats:
     """Points, priors and training; checkpoints and surfels go to the run's folder, figures to its metrics.json.
 
     Raises:

@@ -8,16 +8,15 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from room2dgs.config.fields import GROUP, Float, Int
+from room2dgs.config.names import MesherName, described
+from room2dgs.registries.meshers import MESHERS
 
 
 @dataclass(config=GROUP)
 class MeshConfig:
     """Depth to mesh."""
 
-    source: Literal["surfels", "depth", "stereo", "points"] = Field(
-        description="surfels: rendered depth | without any training, depth: stereo's, the network's or the sensor's | "
-        "stereo: stereo's alone, without priors | points: the sparse points alone, by screened Poisson reconstruction"
-    )
+    source: MesherName = Field(description=described("What the mesh is made of.", MESHERS))
     voxel_m: Float | None = Field(
         ge=1e-3, le=1, description="side of a voxel (null: two pixels of the photos at 2.5 m, 1 to 2 cm)"
     )
@@ -55,9 +54,9 @@ class MeshConfig:
     @property
     def of_surfels(self) -> bool:
         """Whether a run has surfels, which are trained; the other sources need no training."""
-        return self.source == "surfels"
+        return bool(MESHERS.get(self.source).facts["trains"])
 
     @property
     def with_priors(self) -> bool:
-        """Whether a run reads priors, whatever `prior` says; the mesh of stereo or of sparse points knows of none."""
-        return self.source in ("surfels", "depth")
+        """Whether a run reads priors; some sources know of none, whatever `prior` says."""
+        return bool(MESHERS.get(self.source).facts["reads_priors"])

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
     from room2dgs.depth import Priors
     from room2dgs.mesh.views import FusedView
-    from room2dgs.splat.types import Surfels
+    from room2dgs.primitives.primitive import Splats
 
 
-def surface(scene: Scene, surfels: Surfels | None, config: Config, run: RunFolder) -> MakeMesh:
+def surface(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder) -> MakeMesh:
     """Fuses the prior depth of the training views; see `Mesher`."""
     from room2dgs.mesh.fuse import fuse
 

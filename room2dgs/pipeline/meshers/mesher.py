@@ -12,7 +12,7 @@ from room2dgs.pipeline.run_folder import RunFolder
 if TYPE_CHECKING:
     import trimesh
 
-    from room2dgs.splat.types import Surfels
+    from room2dgs.primitives.primitive import Splats
 
 MakeMesh = Callable[[MeshConfig], "trimesh.Trimesh"]
 
@@ -20,7 +20,7 @@ MakeMesh = Callable[[MeshConfig], "trimesh.Trimesh"]
 class Mesher(Protocol):
     """Makes ready what a mesh is made of, and returns what makes the mesh."""
 
-    def __call__(self, scene: Scene, surfels: Surfels | None, config: Config, run: RunFolder) -> MakeMesh:
+    def __call__(self, scene: Scene, surfels: Splats | None, config: Config, run: RunFolder) -> MakeMesh:
         """Make ready.
 
         Args:

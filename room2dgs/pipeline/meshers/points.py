@@ -13,10 +13,10 @@ from room2dgs.pipeline.run_folder import RunFolder
 if TYPE_CHECKING:
     import trimesh
 
-    from room2dgs.splat.types import Surfels
+    from room2dgs.primitives.primitive import Splats
 
 
-def surface(scene: Scene, surfels: Surfels | None, config: Config, run: RunFolder) -> MakeMesh:
+def surface(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder) -> MakeMesh:
     """Reconstructs the surface of the sparse points (`surface_of_points`); see `Mesher`."""
     from room2dgs.mesh.sparse_surface import surface_of_points
 

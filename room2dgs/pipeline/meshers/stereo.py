@@ -16,10 +16,10 @@ from room2dgs.runs.folder import TRUST
 if TYPE_CHECKING:
     import trimesh
 
-    from room2dgs.splat.types import Surfels
+    from room2dgs.primitives.primitive import Splats
 
 
-def surface(scene: Scene, surfels: Surfels | None, config: Config, run: RunFolder) -> MakeMesh:
+def surface(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder) -> MakeMesh:
     """Fuses the training views' stereo, as `room2dgs depth` makes it; see `Mesher`."""
     from room2dgs.mesh.fuse import fuse
     from room2dgs.runs.trust import write_trust

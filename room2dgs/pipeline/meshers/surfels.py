@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     import trimesh
 
     from room2dgs.mesh.views import FusedView
+    from room2dgs.primitives.primitive import Splats
     from room2dgs.runs.trust import Trust
-    from room2dgs.splat.types import Surfels
 
 
-def surface(scene: Scene, surfels: Surfels | None, config: Config, run: RunFolder) -> MakeMesh:
+def surface(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder) -> MakeMesh:
     """Fuses the renderings of the training views; see `Mesher`."""
     from room2dgs.mesh.fuse import fuse
 
@@ -55,7 +55,7 @@ class _RenderedViews:
     """The training views, rendered each time they are gone through."""
 
     scene: Scene
-    surfels: Surfels
+    surfels: Splats
     config: Config
     trust: Mapping[str, Trust]
 

@@ -10,15 +10,11 @@ from room2dgs.captures.scene import Scene
 from room2dgs.config import Config, load_config
 from room2dgs.config.keys import leaf_keys
 from room2dgs.config.sentences import shown
+from room2dgs.registries.meshers import MESHERS
 from room2dgs.report.table import NOTHING, Table, table
 from room2dgs.runs.schema import is_number
 
 POOR_PSNR_DB, FEW_PHOTOS, POOR_F_SCORE = 20.0, 15, 0.7
-MADE_OF = {
-    "depth": "its depth maps were fused as they are",
-    "stereo": "the depth that stereo found was fused as it is, without priors",
-    "points": "its sparse points were made a surface (screened Poisson reconstruction)",
-}
 OWN = ("out", "resume", "scene.path")  # settings that every run gives
 SCORES = (
     ("f_score_", "F-score"),
@@ -36,7 +32,8 @@ def opening(config: Config, metrics: dict[str, Any]) -> str:
     version = part(metrics, "versions").get("room2dgs", "")
     said = f"Capture {config.scene.path}, reconstructed by room2dgs {version} in {config.out}."
     if not config.mesh.of_surfels:
-        said += f" A first look: {MADE_OF[config.mesh.source]}, nothing was trained; renderings are of the mesh."
+        how = MESHERS.get(config.mesh.source).facts["on_page"]
+        said += f" A first look: {how}, nothing was trained; renderings are of the mesh."
     return said
 
 
