@@ -45,7 +45,7 @@ def write_trust(
         stereo: frame name -> depth, metres, and how many consistent views it counts as; may be empty.
     """
     arrays: dict[str, np.ndarray] = {}
-    names = []
+    names: list[str] = []
     for frame in frames:
         found = maps.get(frame.name)
         if found is None or found.depth is None:
@@ -67,7 +67,7 @@ def write_trust(
     path.unlink(missing_ok=True)
     if names:
         with whole_file(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, names=np.array(names), **arrays)
+            np.savez_compressed(file, **{"names": np.array(names), **arrays})  # type: ignore[arg-type]
 
 
 def read_trust(path: Path) -> dict[str, Trust]:
@@ -85,6 +85,7 @@ def read_trust(path: Path) -> dict[str, Trust]:
 
 def _is_small(file: np.lib.npyio.NpzFile) -> bool:
     """Whether each map, unpacked, has no more bytes than a small map can: what is packed may be of any size."""
+    assert file.zip is not None  # it is open
     sizes = {info.filename: info.file_size for info in file.zip.infolist()}
     names = sizes.pop("names.npy", 0)
     return names <= LARGEST * (1 + len(sizes)) and all(size <= LARGEST for size in sizes.values())
