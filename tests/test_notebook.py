@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import cv2
@@ -10,10 +9,11 @@ import numpy as np
 import pytest
 
 NOTEBOOK = Path(__file__).resolve().parents[1] / "notebooks/video_to_mesh.ipynb"
-QUICK = [
-    "prepare.features=700", "prepare.length=[height,1.3]", "prior=none", "stereo.enabled=false", "seeds.voxel_m=0.1",
-    "train.iterations=20", "train.tensorboard=false", "mesh.voxel_m=0.05", "report.faces=1000", "report.discs=1000",
-]  # fmt: skip
+QUICK = {
+    "prepare": {"features": 700, "length": ["height", 1.3]}, "prior": "none", "stereo__enabled": False,
+    "seeds__voxel_m": 0.1, "train": {"iterations": 20, "tensorboard": False}, "mesh__voxel_m": 0.05,
+    "report": {"faces": 1000, "discs": 1000},
+}  # fmt: skip
 
 
 @pytest.mark.slow
@@ -32,9 +32,12 @@ def test_the_notebook_makes_a_mesh_of_a_video(corner_walk, tmp_path):
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     assert not any(cell.get("outputs") for cell in notebook.cells)  # stored without results
     (place,) = (i for i, cell in enumerate(notebook.cells) if "parameters" in cell.metadata.get("tags", ()))
-    ours = f"VIDEO, OUT, SETTINGS = {str(tmp_path / 'walk.avi')!r}, {str(tmp_path / 'run')!r}, {json.dumps(QUICK)}"
+    ours = f"VIDEO, OUT, SETTINGS = {str(tmp_path / 'walk.avi')!r}, {str(tmp_path / 'run')!r}, {QUICK!r}"
     notebook.cells.insert(place + 1, nbformat.v4.new_code_cell(ours))
     client(notebook, timeout=300, kernel_name="python3").execute()
-    said = "".join(output.get("text", "") for cell in notebook.cells for output in cell.get("outputs", ()))
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    said = "".join(output.get("text", "") for output in outputs)
+    shown = "".join(output.get("data", {}).get("text/html", "") for output in outputs)
     assert "12 photos placed, 0 left out" in said and " triangles, " in said
+    assert "data:image/jpeg;base64," in shown
     assert (tmp_path / "run/mesh.ply").is_file() and (tmp_path / "run/export/mesh.glb").is_file()
