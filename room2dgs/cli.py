@@ -37,7 +37,7 @@ def main(argv: list[str] | None = None) -> int:
     one_arena()
     with signals_raise():
         try:
-            code = _answered(sys.argv[1:] if argv is None else list(argv))
+            code = _run_command(sys.argv[1:] if argv is None else list(argv))
         except BrokenPipeError:
             if not reader_is_gone():
                 raise
@@ -45,37 +45,37 @@ def main(argv: list[str] | None = None) -> int:
     return UNREAD if unread() else code
 
 
-def _answered(argv: list[str]) -> int:
+def _run_command(argv: list[str]) -> int:
     if not argv or argv[0] in ("-h", "--help", "help"):
         print(overview())
         return DONE if argv else BAD_INPUT
     if argv[0] == "--version":
         print(f"room2dgs {__version__}")
         return DONE
-    return _dispatched(argv[0], argv[1:])
+    return _run_verb(argv[0], argv[1:])
 
 
-def _dispatched(verb: str, rest: list[str]) -> int:
+def _run_verb(verb: str, rest: list[str]) -> int:
     try:
         if verb not in VERBS:
             raise InputError(f"{verb!r} is no command; choose from {', '.join(VERBS)}")
         check_threads()
         command = importlib.import_module(f"room2dgs.commands.{verb}").main
-        return _helped(command, verb, rest) if {"-h", "--help"} & set(rest) else command(rest)
+        return _with_examples(command, verb, rest) if {"-h", "--help"} & set(rest) else command(rest)
     except KeyboardInterrupt as stop:
-        again = _again(verb, rest)
+        again = _command_to_go_on(verb, rest)
         on = f", go on with: {again}" if again else ""
         print(f"\nroom2dgs: interrupted; what was finished is kept{on}", file=sys.stderr)
         return TERMINATED if isinstance(stop, Terminated) else INTERRUPTED
     except Exception as error:
         if isinstance(error, BrokenPipeError) and reader_is_gone():
             return UNREAD
-        said, code = _told(error, _again(verb, rest))
-        print(said, file=sys.stderr)
+        sentence, code = _sentence(error, _command_to_go_on(verb, rest))
+        print(sentence, file=sys.stderr)
         return code
 
 
-def _helped(command: Callable[[list[str]], int], verb: str, rest: list[str]) -> int:
+def _with_examples(command: Callable[[list[str]], int], verb: str, rest: list[str]) -> int:
     """The command's own help, and examples behind it."""
     try:
         return command(rest)
@@ -84,15 +84,15 @@ def _helped(command: Callable[[list[str]], int], verb: str, rest: list[str]) -> 
             print(text)
 
 
-def _told(error: Exception, again: str) -> tuple[str, int]:
+def _sentence(error: Exception, again: str) -> tuple[str, int]:
     """What is said of an error, and the exit code."""
     if isinstance(error, RunFailed):
         return f"room2dgs: a run failed: {error}", error.code
-    said = NOBODY if isinstance(error, RuntimeError) and NO_HOME in str(error) else told(error, again)
-    return (_our_fault(error), OUR_FAULT) if said is None else (f"room2dgs: {shown(said)}", BAD_INPUT)
+    cause = NOBODY if isinstance(error, RuntimeError) and NO_HOME in str(error) else told(error, again)
+    return (_our_fault(error), OUR_FAULT) if cause is None else (f"room2dgs: {shown(cause)}", BAD_INPUT)
 
 
-def _again(verb: str, rest: list[str]) -> str:
+def _command_to_go_on(verb: str, rest: list[str]) -> str:
     """The command that goes on with the run that was begun; empty where there is none."""
     from room2dgs.runs.folder import CONFIG, last_value
 

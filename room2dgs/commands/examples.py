@@ -75,6 +75,6 @@ def examples(verb: str, rest: Sequence[str]) -> str:
     if not lines:
         return ""
     width = min(max(map(len, lines)), 78)
-    said = (words for _, words in EXAMPLES[inner])
-    told = (f"{line:<{width}}  {words}".rstrip() for line, words in zip(lines, said, strict=True))
-    return "\n".join(["", "Examples:", *told])
+    comments = (comment for _, comment in EXAMPLES[inner])
+    commented = (f"{line:<{width}}  {comment}".rstrip() for line, comment in zip(lines, comments, strict=True))
+    return "\n".join(["", "Examples:", *commented])
