@@ -10,10 +10,10 @@ import numpy as np
 
 from room2dgs import _C
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.view_selection import neighbours_by_points
 from room2dgs.kernels.builds import build_of
 from room2dgs.parallel_map import parallel_map
 from room2dgs.stereo.geometric_consistency import geometric_consistency
-from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, Packed, Search, packed
 from room2dgs.stereo.planes import plane_normals, resized_planes
 from room2dgs.stereo.start import depth_range, planes_from_points
@@ -131,7 +131,7 @@ def near_and_ranges(
 ) -> tuple[list[np.ndarray], list[tuple[float, float]]]:
     """Each view's neighbours, best first, and the nearest and farthest depth to look at, metres."""
     count = max(options.num_source_views, options.consistency_views)
-    near_views = choose_neighbours(cameras, [sight.points for sight in sights], xyz, count)
+    near_views = neighbours_by_points(cameras, [sight.points for sight in sights], xyz, count)
     everywhere = np.concatenate([sight.depth for sight in sights])
     if not len(everywhere):
         everywhere = np.array([0.5, 5.0])  # a room, if no point says otherwise

@@ -17,10 +17,10 @@ from room2dgs.captures.seen_points import seen_points
 from room2dgs.config import StereoConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.view_selection import neighbours_by_points
 from room2dgs.kernels.builds import build_of
 from room2dgs.logs import Log
 from room2dgs.stereo.dense import COARSEST_WIDTH, DenseView, Options, Sight, dense_views
-from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked
 from room2dgs.stereo.second_pass import second_pass
 
@@ -131,7 +131,7 @@ def scene_neighbours(
 ) -> list[np.ndarray]:
     """Indices of each frame's neighbours, best first, so many at most; cameras as of stereo's image size."""
     seen = [_sight(frame, camera, points).points for frame, camera in zip(frames, cameras, strict=True)]
-    return choose_neighbours(cameras, seen, points.xyz, count)
+    return neighbours_by_points(cameras, seen, points.xyz, count)
 
 
 def coverage(views: Sequence[DenseView]) -> np.ndarray:

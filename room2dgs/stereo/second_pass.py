@@ -8,10 +8,10 @@ import numpy as np
 
 from room2dgs import _C
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.view_selection import neighbours_by_points
 from room2dgs.parallel_map import parallel_map
 from room2dgs.stereo.dense import Options, Progress, Sight, least_consistent, near_and_ranges
 from room2dgs.stereo.geometric_consistency import geometric_consistency
-from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, Packed, Search
 from room2dgs.stereo.planes import planes_of_depth, resized_planes
 from room2dgs.stereo.start import wider_range
@@ -81,7 +81,7 @@ def second_pass(
         progress(f"stereo at {view.camera.width} pixels, from the completed depth", index + 1, len(start))
     if len(start) < len(cameras):  # the others have no depth that could agree
         with_depth = cameras[: len(start)], [sight.points for sight in sights[: len(start)]]
-        near_views = choose_neighbours(*with_depth, xyz, options.consistency_views)
+        near_views = neighbours_by_points(*with_depth, xyz, options.consistency_views)
 
     def filtered(index: int) -> tuple[np.ndarray, np.ndarray]:
         near = near_views[index][: options.consistency_views]

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from room2dgs.captures.cache import Arrays
 from room2dgs.config import Config
+from room2dgs.geometry.view_selection import neighbours_by_pose
 from room2dgs.train.depth_cache import DepthCache, DeviceDepthCache
 from room2dgs.train.grey import GreyPhoto, grey_photo
-from room2dgs.train.neighbours import neighbours
 from room2dgs.train.schedule import image_fraction, multiview_acts
 from room2dgs.train.views import View, Views
 
@@ -66,11 +66,13 @@ class NeighbourViews:
             return None
         random = np.random.default_rng([self._config.train.seed % 2**63, iteration, DRAW])
         other = kept[random.integers(len(kept))]
+        inverse_depth = self._depths.get(other, fraction)
+        assert inverse_depth is not None  # the ones kept
         return Pair(
             self._photo(index, fraction),
             self.views.at(other, fraction, priors=False),
             self._photo(other, fraction),
-            self._depths.get(other, fraction),
+            inverse_depth,
             int(random.integers(2**62)),
         )
 
@@ -91,7 +93,14 @@ class NeighbourViews:
     def _neighbours(self, index: int) -> np.ndarray:
         if self._lists is None:
             cameras = [frame.camera for frame in self.views.frames]
-            self._lists = neighbours(cameras, self._config.loss.multiview)
+            settings = self._config.loss.multiview
+            self._lists = neighbours_by_pose(
+                cameras,
+                settings.neighbours,
+                settings.min_baseline_m,
+                settings.max_baseline_m,
+                settings.max_angle_deg,
+            )
         return self._lists[index]
 
     def _photo(self, index: int, fraction: float) -> GreyPhoto:

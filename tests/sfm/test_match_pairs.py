@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from room2dgs.geometry.camera import Camera
-from room2dgs.sfm.pairs import match_pairs, shared_view
+from room2dgs.geometry.view_selection import shared_view
+from room2dgs.sfm.pairs import match_pairs
 
 K = np.array([[260.0, 0, 160], [0, 260.0, 120], [0, 0, 1]])
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from room2dgs.errors import InputError
+from room2dgs.geometry.view_selection import neighbours_by_points
 from room2dgs.kernels.emulation import cuda_kernels_on_cpu
 from room2dgs.splat import set_threads
 from room2dgs.stereo.dense import Options, Sight, dense_views
 from room2dgs.stereo.geometric_consistency import geometric_consistency
-from room2dgs.stereo.neighbours import choose_neighbours
 from room2dgs.stereo.patchmatch import Matching, PackedWhenAsked, packed
 from room2dgs.stereo.second_pass import second_pass
 
@@ -141,7 +141,7 @@ def test_a_second_look_asks_the_views_that_have_depth(corner):
     xyz, sights = sparse([corner[view] for view in order])
     known = [partial(np.copy, corner[view][2]) for view in order[:3]]
     options = Options(rounds=1, refinements=1, consistency_views=2)
-    assert {4, 3} & set(choose_neighbours(cameras, [sight.points for sight in sights], xyz, 2)[0])
+    assert {4, 3} & set(neighbours_by_points(cameras, [sight.points for sight in sights], xyz, 2)[0])
     views = PackedWhenAsked(photos, cameras)
     depth, num_consistent = next(second_pass(views, cameras, sights, xyz, known, options, Matching()))
     assert (depth > 0).mean() > 0.5 and num_consistent.max() == 2
@@ -173,7 +173,7 @@ def test_a_camera_that_only_turned_is_no_neighbour_and_its_view_has_no_depth(cor
     camera = corner[0][0]
     alone = [corner[0]] * 3
     xyz, sights = sparse(alone)
-    near = choose_neighbours([camera] * 3, [sight.points for sight in sights], xyz, 4)
+    near = neighbours_by_points([camera] * 3, [sight.points for sight in sights], xyz, 4)
     assert all(len(views) == 0 for views in near)
     for view in run(alone):
         assert not view.depth.any() and not view.normal.any()
@@ -197,7 +197,7 @@ def test_neighbours_stand_on_different_sides(corner):
     cameras[2] = type(cameras[1])(cameras[1].K, 96, 72, nudged)
     xyz, sights = sparse([corner[0]])
     seen = [sights[0].points] * 4
-    near = choose_neighbours(cameras, seen, xyz, 2)[0]
+    near = neighbours_by_points(cameras, seen, xyz, 2)[0]
     assert set(near) in ({1, 3}, {2, 3})
 
 

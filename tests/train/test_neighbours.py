@@ -7,14 +7,21 @@ import torch
 from room2dgs.config import MultiviewConfig
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.view_selection import neighbours_by_pose
 from room2dgs.train.depth_cache import DepthCache
 from room2dgs.train.grey import grey_photo
-from room2dgs.train.neighbours import neighbours
 
 K = np.array([[100.0, 0, 80], [0, 100.0, 60], [0, 0, 1]])
 CONFIG = MultiviewConfig(
     neighbours=8, max_angle_deg=30.0, min_baseline_m=0.05, max_baseline_m=1.0, samples=64, patch=7, min_std=0.01
 )
+
+
+def neighbours(cameras, **changes):
+    """By the settings of `CONFIG`."""
+    given = vars(CONFIG) | changes
+    limits = (given[name] for name in ("neighbours", "min_baseline_m", "max_baseline_m", "max_angle_deg"))
+    return neighbours_by_pose(cameras, *limits)
 
 
 def camera(x: float, degrees: float = 0.0) -> Camera:
@@ -27,12 +34,12 @@ def camera(x: float, degrees: float = 0.0) -> Camera:
 
 
 def of_first(*cameras: Camera, **changes) -> list[int]:
-    return neighbours(cameras, MultiviewConfig(**(vars(CONFIG) | changes)))[0].tolist()
+    return neighbours(cameras, **changes)[0].tolist()
 
 
 def test_cameras_that_only_turn_have_no_neighbour():
-    assert [len(n) for n in neighbours([camera(0, a) for a in (0, 5, 10)], CONFIG)] == [0, 0, 0]
-    assert [len(n) for n in neighbours([camera(0)], CONFIG)] == [0]
+    assert [len(n) for n in neighbours([camera(0, a) for a in (0, 5, 10)])] == [0, 0, 0]
+    assert [len(n) for n in neighbours([camera(0)])] == [0]
 
 
 def test_neighbours_are_apart_but_not_far_and_look_the_same_way():
@@ -46,7 +53,7 @@ def test_the_best_come_first_and_no_more_than_wanted():
     line = [camera(x) for x in (0, 0.9, 0.06, 0.15, 0.5)]
     assert of_first(*line) == [3, 2, 4, 1]
     assert of_first(*line, neighbours=2) == [3, 2]
-    lists = neighbours([camera(0.1 * i) for i in range(12)], CONFIG)
+    lists = neighbours([camera(0.1 * i) for i in range(12)])
     assert all(len(n) == 8 and len(set(n.tolist())) == 8 and i not in n for i, n in enumerate(lists))
 
 

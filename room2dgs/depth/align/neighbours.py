@@ -13,8 +13,8 @@ from room2dgs.captures.seen_points import likely_points, probably_seen
 from room2dgs.config import DepthPriorConfig
 from room2dgs.depth.align.one_view import METRIC_SHIFT_M, RawMaps, add_aligned, pairs_at_points, shift_sigma
 from room2dgs.depth.align.scale_shift import MIN_POINTS, Fit, fit_scale_shift
+from room2dgs.geometry.view_selection import shared_view
 from room2dgs.logs import Log
-from room2dgs.sfm.pairs import shared_view
 
 # With fewer points of its own a view is aligned to its neighbours too: so few can fit by chance.
 FEW_POINTS = 30

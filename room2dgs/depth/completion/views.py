@@ -34,7 +34,7 @@ from room2dgs.freed_memory import give_back
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.parallel_map import parallel_map
-from room2dgs.stereo.neighbours import choose_neighbours
+from room2dgs.geometry.view_selection import neighbours_by_points
 from room2dgs.torch_threads import one_torch_thread
 
 AT_ONCE = 16  # images, whose systems are in memory
@@ -163,7 +163,7 @@ def _seen_planes(maps: SmallMaps, part: Completed, planes: Sequence[Plane]) -> S
 def _near_views(frames: Sequence[Frame], points: PointCloud) -> list[list[int]]:
     tracked = points if points.tracks is None else points.chosen(points.track_length > 1)
     seen = [seen_points(tracked, frame).index for frame in frames]
-    return choose_neighbours([frame.camera for frame in frames], seen, tracked.xyz, max(CONSISTENCY_VIEWS, LENDING))
+    return neighbours_by_points([frame.camera for frame in frames], seen, tracked.xyz, max(CONSISTENCY_VIEWS, LENDING))
 
 
 def _samples(

@@ -16,7 +16,7 @@ from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import likely_points
 from room2dgs.geometry.camera_tensors import CameraTensors, camera_tensors
 from room2dgs.geometry.low_res import low_res_step
-from room2dgs.sfm.pairs import shared_view
+from room2dgs.geometry.view_selection import shared_view
 
 MAX_GRADIENT = 4.0  # of a textureless region: grey levels of 255 from one sample to the next
 MIN_REGION_SHARE = 0.02  # of the image; a smaller textureless region may have any shape
