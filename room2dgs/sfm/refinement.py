@@ -25,6 +25,7 @@ from room2dgs.sfm.capture_points import capture_points
 from room2dgs.sfm.feature_tracks import FeatureTracks, feature_tracks, judges_and_used
 from room2dgs.sfm.lens import LensFound, found_lens
 from room2dgs.sfm.matching import IndexPairs, Matches, agreement, match, of_photos
+from room2dgs.geometry.view_selection import seen_by_others, shared_view
 from room2dgs.sfm.pairs import match_pairs
 from room2dgs.sfm.propagated import propagated
 from room2dgs.sfm.resection import known_points, resected
