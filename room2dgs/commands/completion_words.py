@@ -9,7 +9,7 @@ from room2dgs.commands.verbs import VERBS
 from room2dgs.config import conf_dir
 from room2dgs.config.keys import leaf_keys
 from room2dgs.config.overrides import group_choices
-from room2dgs.export.registry import FORMATS
+from room2dgs.registries.exporters import EXPORTERS
 
 UPS = ("auto", "keep", "x", "y", "z", "-x", "-y", "-z")
 LAUNCHERS = ("basic", "joblib", "submitit_local", "submitit_slurm", "ray")
@@ -66,7 +66,7 @@ def found_words() -> Words:
     values = {("", key.name): key.choices for key in leaf_keys() if key.choices}
     values |= {("", name): choices for name, choices in groups.items()}
     values |= {(verb, key): choices for verb, own in OWN.items() for key, choices in own.items() if choices}
-    values[("export", "to")] = (*FORMATS, "all")
+    values[("export", "to")] = (*EXPORTERS, "all")
     return Words(
         verbs=VERBS,
         second={"bench": tuple(BENCHES), "completion": tuple(SCRIPTS)},

@@ -9,6 +9,7 @@ from room2dgs.commands.settings_help import asked_for_help, settings
 from room2dgs.commands.short_keys import written_out
 from room2dgs.errors import InputError
 from room2dgs.pipeline.export import export_run
+from room2dgs.registries.exporters import EXPORTERS, place_of
 from room2dgs.runs.folder import earlier_run, last_value
 
 USAGE = "room2dgs export run=DIR to=FORMAT[,FORMAT...] [out=DIR] [up=auto] [faces=N] [max_error_m=0.01] [KEY=VALUE ...]"
@@ -35,10 +36,8 @@ def main(argv: list[str]) -> int:
 
 
 def _help() -> int:
-    from room2dgs.export.registry import FORMATS
-
     print(f"{USAGE}\n\n{main.__doc__}\n")
-    for one in FORMATS.values():
-        print(f"  {one.name:<12} {one.place:<16} {one.words}")
+    for one in EXPORTERS.entries():
+        print(f"  {one.name:<12} {place_of(one):<16} {one.description}")
     print("\n".join(settings(("export",))))
     return 0

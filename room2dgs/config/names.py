@@ -5,17 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal
 
 from room2dgs.registries.decoders import DECODERS
+from room2dgs.registries.exporters import EXPORTERS
 from room2dgs.registries.meshers import MESHERS
 from room2dgs.registries.primitives import PRIMITIVES
 from room2dgs.registries.strategies import STRATEGIES
 from room2dgs.registry import Registry
 
 if TYPE_CHECKING:
-    DecoderName = MesherName = PrimitiveName = StrategyName = str
+    DecoderName = MesherName = PrimitiveName = QuickFormatName = StrategyName = str
 else:
     DecoderName = Literal[DECODERS.names()]
     MesherName = Literal[MESHERS.names()]
     PrimitiveName = Literal[PRIMITIVES.names()]
+    QuickFormatName = Literal[tuple(one.name for one in EXPORTERS.entries() if one.facts.get("after_run"))]
     StrategyName = Literal[STRATEGIES.names()]
 
 

@@ -11,7 +11,7 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.rotations import quaternions_from
 from room2dgs.geometry.spherical_harmonics import sh_basis
 from room2dgs.geometry.up_axis import up_axis
-from room2dgs.splat.types import Surfels
+from room2dgs.primitives.primitive import S
 
 SNAP_DEG = 1.5  # a world that is this upright is taken as quite upright: its numbers stay, their order changes
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
@@ -57,23 +57,23 @@ def y_down_from(up: np.ndarray | None) -> np.ndarray:
     return np.eye(3) if up is None else np.diag([1.0, -1.0, -1.0]) @ y_up_from(up)
 
 
-def turned(surfels: Surfels, rotation: np.ndarray) -> Surfels:
-    """The surfels in another frame, with their colours from every side.
+def turned(splats: S, rotation: np.ndarray) -> S:
+    """The primitives in another frame, with their colours from every side.
 
     Args:
         rotation: (3, 3) from the world to that frame, proper.
     """
     if np.array_equal(rotation, np.eye(3)):
-        return surfels
+        return splats
     R = torch.tensor(rotation, dtype=torch.float64)
     w, x, y, z = torch.tensor(quaternions_from(rotation[None])[0]).unbind()
     by = torch.stack(
         [torch.stack(row) for row in ((w, -x, -y, -z), (x, w, -z, y), (y, z, w, -x), (z, -y, x, w))]
     )  # the matrix of the product q_R * q
-    return surfels._replace(
-        centers=(surfels.centers.double() @ R.T).float(),
-        rotations=(surfels.rotations.double() @ by.T).float(),
-        sh=_turned_sh(surfels.sh, R),
+    return splats._replace(
+        centers=(splats.centers.double() @ R.T).float(),
+        rotations=(splats.rotations.double() @ by.T).float(),
+        sh=_turned_sh(splats.sh, R),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,18 +16,24 @@ from room2dgs.export.source import Source
 from room2dgs.files import whole_folder
 
 
-def write_colmap(source: Source, folder: Path, text: bool) -> list[Path]:
-    """images/, masks/ if the photos have some, and sparse/0/ (cameras, images, points3D; .bin or .txt)."""
+def write_colmap(source: Source, folder: Path) -> list[Path]:
+    """images/, masks/ if the photos have some, and sparse/0/ (cameras.bin, images.bin, points3D.bin)."""
+    return _write(source, folder, pycolmap.Reconstruction.write_binary)
+
+
+def write_colmap_text(source: Source, folder: Path) -> list[Path]:
+    """The same as .txt."""
+    return _write(source, folder, pycolmap.Reconstruction.write_text)
+
+
+def _write(source: Source, folder: Path, write_model: Callable[[pycolmap.Reconstruction, Path], None]) -> list[Path]:
     names = write_photos(source.scene.frames, folder / "images")
     masks = write_masks(source.scene.frames, folder / "masks", names)
     model = folder / "sparse" / "0"
     model.parent.mkdir(parents=True, exist_ok=True)
     reconstruction = colmap_model(source.scene, source.points, names)
     with whole_folder(model) as partial:
-        if text:
-            reconstruction.write_text(partial)
-        else:
-            reconstruction.write_binary(partial)
+        write_model(reconstruction, partial)
     pictures = [folder / "images" / name for name in names.values()]
     return [*pictures, *(folder / "masks" / name for name in masks.values()), *sorted(model.iterdir())]
 

@@ -45,7 +45,27 @@ class TooFar:
             )
 
 
-def write_maps(source: Source, folder: Path, encode: Callable[[Rendering, TooFar], bytes], suffix: str) -> list[Path]:
+def write_depth(source: Source, folder: Path) -> list[Path]:
+    """Millimetres, PNG."""
+    return _write_maps(source, folder, depth_png, ".png")
+
+
+def write_depth_npy(source: Source, folder: Path) -> list[Path]:
+    """Metres, .npy."""
+    return _write_maps(source, folder, depth_npy, ".npy")
+
+
+def write_normals(source: Source, folder: Path) -> list[Path]:
+    """World frame, PNG."""
+    return _write_maps(source, folder, normal_png, ".png")
+
+
+def write_normals_npy(source: Source, folder: Path) -> list[Path]:
+    """World frame, .npy."""
+    return _write_maps(source, folder, normal_npy, ".npy")
+
+
+def _write_maps(source: Source, folder: Path, encode: Callable[[Rendering, TooFar], bytes], suffix: str) -> list[Path]:
     """A file for each view and cameras.json; depth that the format does not hold is told in the log.
 
     Args:

@@ -1,6 +1,7 @@
-"""Files whose format counts in float32 or less: of a scene far from its world's origin they hold coordinates about it.
+"""Files of one piece, with what their coordinates count from where the format holds float32 or less.
 
-What is to be added to them stands beside them, in NAME.offset.json.
+Of a scene far from its world's origin such files hold coordinates about the scene; what is to be added to them stands
+beside them, in NAME.offset.json.
 """
 
 from __future__ import annotations
@@ -15,6 +16,22 @@ from room2dgs.export.source import Source
 from room2dgs.files import whole_file
 
 SUFFIX = ".offset.json"
+
+
+def write_file(path: Path, data: bytes) -> list[Path]:
+    """One whole file, or none."""
+    with whole_file(path) as temporary:
+        temporary.write_bytes(data)
+    return [path]
+
+
+def write_local(source: Source, path: Path, data: bytes, rotation: np.ndarray) -> list[Path]:
+    """One file of coordinates in float32 or less, and what they count from beside it.
+
+    Args:
+        rotation: (3, 3) from the capture's world to the file's frame.
+    """
+    return [*write_file(path, data), *write_offset(source, path, rotation)]
 
 
 def write_offset(source: Source, path: Path, rotation: np.ndarray) -> list[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ import trimesh
 from trimesh.visual.material import PBRMaterial
 
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin
+from room2dgs.export.local_files import write_file
+from room2dgs.export.source import Source
 from room2dgs.export.text_rows import text_rows
 from room2dgs.mesh.ply_bytes import ply_bytes
 
@@ -16,6 +19,21 @@ NO_OFFSET = np.zeros(3)
 ARRAY, ELEMENTS = 34962, 34963  # what a glTF buffer holds
 SRGB_KNEE = 0.04045
 COLOR = "_COLOR"  # trimesh's name of an attribute that it does not know; glTF's is COLOR_0
+
+
+def write_glb(source: Source, path: Path) -> list[Path]:
+    """See `glb`; with few faces where the settings want few."""
+    return write_file(path, glb(source.hand_over, source.y_up, source.offset_m(source.y_up)))
+
+
+def write_obj(source: Source, path: Path) -> list[Path]:
+    """See `obj`; with few faces where the settings want few."""
+    return write_file(path, obj(source.hand_over, source.y_up, source.offset_m(source.y_up)))
+
+
+def write_ply(source: Source, path: Path) -> list[Path]:
+    """See `ply`; with few faces where the settings want few."""
+    return write_file(path, ply(source.hand_over, source.origin_m))
 
 
 def glb(mesh: trimesh.Trimesh, rotation: np.ndarray, offset_m: np.ndarray = NO_OFFSET) -> bytes:

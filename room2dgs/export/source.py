@@ -18,7 +18,9 @@ from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.config import Config
 from room2dgs.export.axes import turned, up_of, y_down_from, y_up_from
 from room2dgs.logs import Log
-from room2dgs.splat.types import Rendering, Surfels
+from room2dgs.primitives.primitive import Splats
+from room2dgs.primitives.registry import primitive_of
+from room2dgs.splat.types import Rendering
 
 if TYPE_CHECKING:
     from room2dgs.export.texture.write import Textured
@@ -41,10 +43,10 @@ class Source:
     folder: Path
     config: Config
     read_scene: Callable[[], Scene]
-    read_surfels: Callable[[], Surfels]
+    read_surfels: Callable[[], Splats]
     read_mesh: Callable[[Origin], trimesh.Trimesh]
     read_points: Callable[[Scene], PointCloud]
-    render: Callable[[Surfels, Iterable[Frame]], Iterator[tuple[Frame, Rendering]]]
+    render: Callable[[Splats, Iterable[Frame]], Iterator[tuple[Frame, Rendering]]]
     log: Log = print
     recorded_origin_m: Origin | None = None
 
@@ -54,7 +56,7 @@ class Source:
         return self.read_scene()
 
     @cached_property
-    def surfels(self) -> Surfels:
+    def surfels(self) -> Splats:
         return self.read_surfels()
 
     @property
@@ -117,7 +119,7 @@ class Source:
         return y_down_from(self.up)
 
     @cached_property
-    def surfels_y_down(self) -> Surfels:
+    def surfels_y_down(self) -> Splats:
         return turned(self.surfels, self.y_down)
 
     def comments(self, rotation: np.ndarray, local: bool = True) -> list[str]:
@@ -139,6 +141,4 @@ class Source:
         """(N, 3) unit, of surfels; of the mesh where nothing was trained."""
         if not self.config.mesh.of_surfels:
             return np.asarray(self.mesh.face_normals)
-        from room2dgs.geometry.rotations import normals
-
-        return normals(self.surfels.rotations).double().numpy()
+        return primitive_of(self.surfels).normals(self.surfels).double().numpy()

@@ -7,11 +7,16 @@ from __future__ import annotations
 
 import gzip
 import struct
+from pathlib import Path
 
 import numpy as np
+from torch import Tensor
 
-from room2dgs.export.gaussian_ply import FLAT
-from room2dgs.splat.types import Surfels
+from room2dgs.export.axes import turned
+from room2dgs.export.local_files import write_local
+from room2dgs.export.source import Source
+from room2dgs.primitives.primitive import Splats, mapped
+from room2dgs.primitives.registry import primitive_of
 
 MAGIC, VERSION = 0x5053474E, 3
 FRACTION_BITS = 12  # positions in steps of 0.24 mm
@@ -20,21 +25,27 @@ COLOR_SCALE = 0.15
 SH_STEP = (8, 16)  # of 256, of degree 1 and of those above: what is left compresses better
 
 
-def spz_bytes(surfels: Surfels) -> bytes:
+def write_spz(source: Source, path: Path) -> list[Path]:
+    """With y up."""
+    return write_local(source, path, spz_bytes(turned(source.surfels, source.y_up)), source.y_up)
+
+
+def spz_bytes(splats: Splats) -> bytes:
     """A whole file. Positions beyond 2 km end there.
 
     Args:
-        surfels: in a frame with y up (z towards the viewer).
+        splats: in a frame with y up (z towards the viewer).
     """
-    degree = int(surfels.sh.shape[1] ** 0.5) - 1
-    sh = surfels.sh.double().numpy()
+    primitive, splats = primitive_of(splats), mapped(splats, Tensor.double)
+    degree = int(splats.sh.shape[1] ** 0.5) - 1
+    sh = splats.sh.numpy()
     parts = [
         struct.pack("<3I4B", MAGIC, VERSION, len(sh), degree, FRACTION_BITS, 0, 0),
-        _positions(surfels.centers.double().numpy()),
-        _byte(surfels.opacities.double().numpy() * 255),
+        _positions(splats.centers.numpy()),
+        _byte(splats.opacities.numpy() * 255),
         _byte(sh[:, 0] * (COLOR_SCALE * 255) + 127.5),
-        _scales(surfels.scales.double().numpy()),
-        _rotations(surfels.rotations.double().numpy()),
+        _byte((np.log(primitive.three_scales(splats)) + 10) * 16),
+        _rotations(splats.rotations.numpy()),
         _harmonics(sh[:, 1:]),
     ]
     # no time in the header: equal surfels give equal bytes
@@ -45,11 +56,6 @@ def _positions(centers: np.ndarray) -> np.ndarray:
     """(N, 3, 3) uint8: 24 bits a coordinate, little endian."""
     fixed = np.round(centers.clip(-REACH_M, REACH_M) * 2**FRACTION_BITS).clip(-(2**23), 2**23 - 1).astype("<i4")
     return np.ascontiguousarray(fixed).view(np.uint8).reshape(*fixed.shape, 4)[..., :3]
-
-
-def _scales(scales: np.ndarray) -> np.ndarray:
-    logs = np.log(np.column_stack([scales, np.full(len(scales), FLAT)]))
-    return _byte((logs + 10) * 16)
 
 
 def _rotations(wxyz: np.ndarray) -> np.ndarray:

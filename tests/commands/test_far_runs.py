@@ -12,9 +12,9 @@ import torch
 import trimesh
 
 from room2dgs import cli
-from room2dgs.export.registry import FORMATS
 from room2dgs.geometry.rotations import quaternions_to
 from room2dgs.mesh.io import read_mesh, write_mesh
+from room2dgs.registries.exporters import EXPORTERS
 from room2dgs.splat.types import Surfels
 from room2dgs.train import save_surfels
 
@@ -134,7 +134,7 @@ def exports(runs, tmp_path_factory):
     found = []
     for run in runs:
         out = tmp_path_factory.mktemp("exports") / run.name
-        names = [name for name in FORMATS if not name.startswith("textured")]
+        names = [name for name in EXPORTERS if not name.startswith("textured")]
         given = ["mesh.source=surfels", "points.source=file", "export.up=-y"]
         assert cli.main(["export", f"run={run}", f"to={','.join(names)}", f"out={out}", *given]) == 0
         found.append(out)

@@ -15,10 +15,11 @@ import trimesh
 
 from room2dgs import cli
 from room2dgs.captures.read import read_scene
+from room2dgs.commands.completion_words import found_words
 from room2dgs.config import load_config
-from room2dgs.export.registry import FORMATS
 from room2dgs.geometry.rotations import quaternions_to
 from room2dgs.mesh.io import write_mesh
+from room2dgs.registries.exporters import EXPORTERS, place_of
 from room2dgs.runs.folder import write_config
 from room2dgs.splat.types import Surfels
 from room2dgs.train import save_surfels
@@ -175,14 +176,32 @@ def test_faces_are_few_where_few_are_wanted(run, tmp_path):
     assert len(trimesh.load(run / "mesh.ply").faces) > 1000
 
 
-def test_every_setting_of_after_run_is_a_format():
-    from typing import get_args
+def test_no_two_formats_have_the_same_place_and_each_can_be_loaded():
+    assert len({place_of(one) for one in EXPORTERS.entries()}) == len(EXPORTERS)
+    assert all(callable(one.load()) for one in EXPORTERS.entries())
+    quick = [one.name for one in EXPORTERS.entries() if one.facts.get("after_run")]
+    assert quick == ["splats", "splats_2dgs", "splat", "spz", "glb"]
 
-    from room2dgs.config.groups.export import ExportConfig
 
-    (hint,) = get_args(ExportConfig.__pydantic_fields__["after_run"].annotation)
-    assert set(get_args(hint)) <= set(FORMATS)
-    assert len({one.place for one in FORMATS.values()}) == len(FORMATS)
+def test_a_format_of_another_package_is_written_listed_and_completed(run, tmp_path, capsys, monkeypatch):
+    """A package's file that registers an exporter, found as pip would leave it."""
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site/stl_of_rooms.py").write_text(
+        "def write(source, path):\n"
+        "    path.parent.mkdir(parents=True, exist_ok=True)\n"
+        "    path.write_text(f'{len(source.mesh.faces)} faces')\n"
+        "    return [path]\n"
+    )
+    info = tmp_path / "site/stl_of_rooms-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: stl-of-rooms\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[room2dgs.exporters]\nstl = stl_of_rooms:write\n")
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    assert cli.main(["export", f"run={run}", "to=stl", f"out={tmp_path / 'out'}"]) == 0
+    assert (tmp_path / "out/stl").read_text() == f"{len(trimesh.load(run / 'mesh.ply').faces)} faces"
+    assert cli.main(["export", "--help"]) == 0
+    assert "Comes from the installed package stl-of-rooms." in capsys.readouterr().out
+    assert "stl" in found_words().values[("export", "to")]
 
 
 def test_what_cannot_be_exported_is_said_in_a_sentence(run, tmp_path, capsys, monkeypatch):

@@ -135,12 +135,15 @@ def test_spreading_takes_the_nearest():
 def test_the_obj_names_its_picture_and_is_not_torn_by_charts(picture, tmp_path):
     mesh, found, _, baked_picture, _ = picture
     turn = y_up_from(np.array([0, -1.0, 0]))
-    source = SimpleNamespace(textured=Textured(mesh, found, baked_picture), y_up=turn)
+    offset_m = np.array([0.0, 2.0, -1.0])
+    source = SimpleNamespace(
+        textured=Textured(mesh, found, baked_picture), y_up=turn, offset_m=lambda rotation: offset_m
+    )
     assert sorted(path.name for path in write_textured_obj(source, tmp_path)) == ["room.mtl", "room.obj", "room.png"]
     again = trimesh.load(tmp_path / "room.obj", process=False)
     assert np.array_equal(np.asarray(again.visual.material.image.convert("RGB")), baked_picture)
     pairs = np.concatenate([again.vertices, again.visual.uv], axis=1)[again.faces.ravel()]
-    expected = np.concatenate([found.vertices @ turn.T, found.uv], axis=1)[found.faces.ravel()]
+    expected = np.concatenate([found.vertices @ turn.T + offset_m, found.uv], axis=1)[found.faces.ravel()]
     np.testing.assert_allclose(pairs, expected, atol=2e-6)
     lines = (tmp_path / "room.obj").read_text().splitlines()
     assert sum(line.startswith("v ") for line in lines) == len(mesh.vertices)  # a place once, whatever its charts

@@ -25,9 +25,9 @@ import torch
 
 from room2dgs import cli
 from room2dgs.captures.scene import Frame
-from room2dgs.pipeline.scene import scene_of_run
 from room2dgs.eval.image_metrics import psnr
 from room2dgs.geometry.camera_tensors import view_matrices
+from room2dgs.pipeline.scene import scene_of_run
 from room2dgs.runs.folder import earlier_run
 from room2dgs.splat import render
 from room2dgs.train import load_surfels

@@ -8,13 +8,14 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from room2dgs.config.fields import GROUP, Float, Int
+from room2dgs.config.names import QuickFormatName
 
 
 @dataclass(config=GROUP)
 class ExportConfig:
     """What other programs are given."""
 
-    after_run: list[Literal["splats", "splats_2dgs", "splat", "spz", "glb"]] = Field(
+    after_run: list[QuickFormatName] = Field(
         description="what every run writes at its end, each in about a second; []: nothing"
     )
     up: Literal["auto", "keep", "x", "y", "z", "-x", "-y", "-z"] = Field(

@@ -11,6 +11,7 @@ import numpy as np
 import trimesh
 from PIL import Image
 
+from room2dgs.export.local_files import write_file
 from room2dgs.export.mesh_files import NO_OFFSET, dull_material, gltf_bytes, turned_mesh
 from room2dgs.export.source import Source
 from room2dgs.export.text_rows import text_rows
@@ -65,22 +66,19 @@ def textured(source: Source) -> Textured:
     return Textured(mesh, found, picture)
 
 
-def textured_glb(source: Source) -> bytes:
-    return glb_of(*source.textured, source.y_up, source.offset_m(source.y_up))
+def write_textured_glb(source: Source, path: Path) -> list[Path]:
+    """One file, with y up."""
+    return write_file(path, glb_of(*source.textured, source.y_up, source.offset_m(source.y_up)))
 
 
-def write_textured_obj(source: Source, folder: Path, offset_m: np.ndarray = NO_OFFSET) -> list[Path]:
-    """room.obj, room.mtl and room.png.
-
-    Args:
-        offset_m: (3,) in the frame with y up, added to the vertices.
-    """
+def write_textured_obj(source: Source, folder: Path) -> list[Path]:
+    """room.obj, room.mtl and room.png; the vertices are in the capture's own world, with y up."""
     buffer = io.BytesIO()
     Image.fromarray(source.textured.picture).save(buffer, "PNG")
     files = {
         "room.png": buffer.getvalue(),
         "room.mtl": MATERIAL.encode(),
-        "room.obj": obj_of(source.textured.mesh, source.textured.charts, source.y_up, offset_m),
+        "room.obj": obj_of(source.textured.mesh, source.textured.charts, source.y_up, source.offset_m(source.y_up)),
     }
     for name, data in files.items():
         with whole_file(folder / name) as temporary:
