@@ -33,12 +33,12 @@ class Extension(NamedTuple):
             return None
         if not self.built:
             return (
-                f"this room2dgs was built without CUDA: build it with `{BUILD}` where there is an nvcc (docs/cuda.md), "
-                "or move the tensors to the CPU"
+                f"this room2dgs was built without CUDA: build it with `{BUILD}` where there is an nvcc "
+                "(docs/how-to/gpu.md), or move the tensors to the CPU"
             )
         return (
             f"room2dgs's CUDA kernels are built, but cannot be loaded ({self.reason}): mend that, build them again "
-            f"with `{BUILD}` (docs/cuda.md), or move the tensors to the CPU"
+            f"with `{BUILD}` (docs/how-to/gpu.md), or move the tensors to the CPU"
         )
 
 

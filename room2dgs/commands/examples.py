@@ -12,7 +12,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("images=photos out=room prepare.length=[height,1.5]", "the camera was held 1.5 m above the floor"),
     ),
     "run": (
-        ("scene.path=room out=runs/room", "a capture with poses, in any layout of docs/captures.md"),
+        ("scene.path=room out=runs/room", "a capture with poses, in any layout of docs/reference/captures.md"),
         ("video=walk.mp4 out=runs/room", "a video: its poses first"),
         ("scene.path=room out=runs/fast experiment=quick", "a first look"),
         ("out=runs/room resume=true", "go on with a run that was stopped"),

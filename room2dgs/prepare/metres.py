@@ -20,7 +20,7 @@ from room2dgs.prepare.stages import Progress
 
 LEAST_POINTS = 20  # of a photo
 MOST_PHOTOS = 60
-# What our network is off by in a room as a whole, however well its photos agree (its README, docs/captures.md).
+# What our network is off by in a room as a whole, however well its photos agree (its README, docs/reference/captures.md).
 NETWORK_SIGMA = 0.3
 SENSOR_SIGMA = 0.01
 HEIGHT_SIGMA = 0.03  # of where the floor is found

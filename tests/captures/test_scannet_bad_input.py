@@ -29,7 +29,7 @@ def refused(scene_config):
 
 
 def test_a_folder_that_is_not_there(refused, tmp_path):
-    refused("nowhere is not there", "docs/captures.md", path=str(tmp_path / "nowhere"))
+    refused("nowhere is not there", "docs/reference/captures.md", path=str(tmp_path / "nowhere"))
 
 
 def test_a_file_instead_of_a_folder(refused, capture):

@@ -175,5 +175,5 @@ def test_without_cuda_one_sentence_says_how_to_get_it():
     if CUDA is not None:
         pytest.skip("this build has CUDA")
     like = SimpleNamespace(device=torch.device("cuda"), dtype=torch.float32)
-    with pytest.raises(ValueError, match=r"built without CUDA.*ROOM2DGS_CUDA=on.*docs/cuda.md"):
+    with pytest.raises(ValueError, match=r"built without CUDA.*ROOM2DGS_CUDA=on.*docs/how-to/gpu.md"):
         check_kernels(like)

@@ -21,7 +21,7 @@ from room2dgs.tools.roofline.tables import COUNTS, SIZES, case, tables
 
 HELP = """Counts the work of a view of the box room (of `bench raster`) in the CPU's tile lists, multiplies it by what
 each CUDA kernel does for a surfel, an entry of a tile's list and a hit, and divides by what GPUs can do at most;
-likewise for gsplat's 2DGS kernels. No GPU is needed; docs/cuda.md has what one measured."""
+likewise for gsplat's 2DGS kernels. No GPU is needed; docs/studies/gpu.md has what one measured."""
 
 
 @command_line("roofline")

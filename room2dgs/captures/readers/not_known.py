@@ -23,7 +23,7 @@ MOST_NAMES = 10_000
 BELOW, ABOVE = 3, 2  # how far captures are looked for
 NAMED = 3
 HEAD_BYTES = 1 << 16  # by which a transforms.json of another name is told
-MEND = "give scene.path=DIR of a capture (docs/captures.md lists the layouts)"
+MEND = "give scene.path=DIR of a capture (docs/reference/captures.md lists the layouts)"
 
 LayoutOf = Callable[[Listing], str | None]
 
@@ -86,7 +86,7 @@ def not_known(files: Listing, layout_of: LayoutOf, example: str) -> InputError:
             f"{root} {what}: `room2dgs prepare images=DIR out=DIR` finds them, `room2dgs run images=DIR out=DIR` goes "
             "on to the mesh"
         )
-    unknown = f"is in no layout that is known; docs/captures.md lists them, one of them is {example}"
+    unknown = f"is in no layout that is known; docs/reference/captures.md lists them, one of them is {example}"
     return InputError(f"{root} {what}; {MEND}" if what else f"{root} {unknown}")
 
 

@@ -35,7 +35,7 @@ class SceneConfig:
         "colmap",
         "open3d",
         "metashape",
-    ] = Field(description="auto: by the files' names; docs/captures.md lists what is read")
+    ] = Field(description="auto: by the files' names; docs/reference/captures.md lists what is read")
     frames: Int | None = Field(ge=3, description="use this many, evenly spaced (null: all)")
     stride: Int = Field(ge=1, description="use every n-th frame on disk")
     keyframes: Float = Field(

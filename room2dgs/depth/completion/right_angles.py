@@ -21,7 +21,7 @@ STEPS = 30
 
 
 def direction_covariance(xyz: np.ndarray, off: np.ndarray, weight: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """How well the direction of a fitted plane is known, by how its surface waves (docs/maths.md, "Right angles").
+    """How well the direction of a fitted plane is known, by how its surface waves (docs/how-it-works/depth.md).
 
     The covariance of least squares whose errors are alike within cells (the "sandwich" of White and Huber, clustered):
     a plane whose parts lie before and behind it by turns may be tilted, one that is flat throughout is not.
