@@ -13,9 +13,9 @@ from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.fuse import NoSurface, fuse
-from room2dgs.mesh.reference import fused_voxels
 from room2dgs.mesh.tsdf import integrate
 from room2dgs.mesh.views import FusedView
+from tests.oracles.fusion import fused_voxels
 
 VOXEL = 0.02
 
