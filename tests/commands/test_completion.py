@@ -118,14 +118,13 @@ def sources() -> Iterator[tuple[str, ModuleType]]:
     """(verb, module) of every command, of its benchmarks, and of what else reads its arguments."""
     for verb in VERBS:
         yield verb, importlib.import_module(f"room2dgs.commands.{verb}")
-    yield "render", importlib.import_module("room2dgs.commands.render_path")
     for bench, _ in BENCHES.values():
         yield "bench", importlib.import_module(bench)
 
 
 def read_by(module: ModuleType) -> set[str]:
     """Names of arguments that a module reads: in its lists of them, and in its calls."""
-    found = {name for one in ("OWN", "OURS", "SHORT") for name in getattr(module, one, ())}
+    found = {name for one in ("OWN", "SHORT", "FOOTAGE") for name in getattr(module, one, ())}
     for node in ast.walk(ast.parse(Path(module.__file__).read_text(encoding="utf-8"))):
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") in READERS:
             found |= {one.value for one in ast.walk(node.args[1]) if isinstance(one, ast.Constant)}
