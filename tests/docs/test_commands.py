@@ -10,7 +10,6 @@ import shlex
 from functools import lru_cache
 
 import pytest
-import tomllib
 
 from room2dgs import cli
 from room2dgs.commands.bench import BENCHES
@@ -22,6 +21,11 @@ from room2dgs.errors import InputError
 from tests.docs.pages import ROOT, commands, inline, name_of, pages
 
 COMMANDS = tuple(dict.fromkeys(commands()))
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10
+    from pip._vendor import tomli as tomllib
+
 LAUNCHERS = {"basic", "joblib", "submitit_slurm", "submitit_local", "ray"}
 SWEEPS = {"-m", "ablate", "suite"}
 GROUPS = tuple(dict.fromkeys(key.name.partition(".")[0] for key in leaf_keys() if "." in key.name))
