@@ -14,6 +14,7 @@ from room2dgs.export.local_files import write_file
 from room2dgs.export.source import Source
 from room2dgs.export.text_rows import text_rows
 from room2dgs.mesh.ply_bytes import ply_bytes
+from room2dgs.mesh.vertex_colors import vertex_colors
 
 NO_OFFSET = np.zeros(3)
 ARRAY, ELEMENTS = 34962, 34963  # what a glTF buffer holds
@@ -118,9 +119,8 @@ def turned_mesh(mesh: trimesh.Trimesh, rotation: np.ndarray, offset_m: np.ndarra
 
 def colors_of(mesh: trimesh.Trimesh) -> np.ndarray:
     """(V, 3) uint8 sRGB; grey where the mesh has none."""
-    if mesh.visual.kind != "vertex":
-        return np.full((len(mesh.vertices), 3), 180, np.uint8)
-    return np.asarray(mesh.visual.vertex_colors)[:, :3]
+    colors = vertex_colors(mesh)
+    return np.full((len(mesh.vertices), 3), 180, np.uint8) if colors is None else colors[:, :3]
 
 
 def linear(colors: np.ndarray) -> np.ndarray:

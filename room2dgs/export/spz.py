@@ -39,7 +39,7 @@ def spz_bytes(splats: Splats) -> bytes:
     primitive, splats = primitive_of(splats), mapped(splats, Tensor.double)
     degree = int(splats.sh.shape[1] ** 0.5) - 1
     sh = splats.sh.numpy()
-    parts = [
+    parts: list[bytes | np.ndarray] = [
         struct.pack("<3I4B", MAGIC, VERSION, len(sh), degree, FRACTION_BITS, 0, 0),
         _positions(splats.centers.numpy()),
         _byte(splats.opacities.numpy() * 255),

@@ -8,6 +8,7 @@ seeds, too: without them the surfels in front of it grow over it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +22,8 @@ from room2dgs.depth.joint.overlap import Overlap, overlap
 from room2dgs.geometry.depth_maps import depth_normals
 from room2dgs.seeds.voxelise import cell_centres, cell_keys
 
-AGREES = 0.03  # relative difference of depth within which two views see the same surface
-LEAST_AGREEING = 2  # other views, where nobody knows the pixel's expected error
+MAX_RELATIVE_DIFFERENCE = 0.03  # relative difference of depth within which two views see the same surface
+MIN_NUM_CONSISTENT = 2  # other views, where nobody knows the pixel's expected error
 UNKNOWN = 0.4  # weight of such a pixel
 # Occlusion violations: of the other views with a depth there, this share may have a surface behind the point.
 MAX_VIOLATIONS = 0.34
@@ -67,7 +68,7 @@ def prior_surface(frames: Sequence[Frame], priors: Mapping[str, ViewMaps], voxel
         return Surface(*np.zeros((4, 0, 3)))
     depths: LazyMaps[np.ndarray] = LazyMaps()
     for frame in frames:
-        depths.add(frame.name, lambda name=frame.name: priors[name].depth)
+        depths.add(frame.name, partial(_depth, priors, frame.name))
     views = overlap(frames, depths, {})
     parts = [_standing_pixels(views, index, frame, priors[frame.name]) for index, frame in enumerate(frames)]
     xyz, normals, rgb, weight = (np.concatenate(values) for values in zip(*parts, strict=True))
@@ -81,6 +82,12 @@ def away_from(surface: Surface, xyz: np.ndarray, voxel_m: float) -> Surface:
     return Surface(*(values[free] for values in surface))
 
 
+def _depth(priors: Mapping[str, ViewMaps[np.ndarray]], name: str) -> np.ndarray:
+    depth = priors[name].depth
+    assert depth is not None  # only frames that have one are asked for
+    return depth
+
+
 def _standing_pixels(
     views: Overlap, index: int, frame: Frame, maps: ViewMaps[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -89,13 +96,12 @@ def _standing_pixels(
     depth = maps.depth
     assert depth is not None
     normal = depth_normals(depth, frame.camera, NORMAL_STEP)[grid]
-    good = (depth[grid] > 0) & normal.any(axis=-1)
+    usable = (depth[grid] > 0) & normal.any(axis=-1)
     mask = frame.mask()
-    row, column = np.nonzero(good if mask is None else good & mask[grid])
-    row, column = torch.from_numpy(row), torch.from_numpy(column)
+    row, column = map(torch.from_numpy, np.nonzero(usable if mask is None else usable & mask[grid]))
     view = torch.full_like(row, index)
     in_cam = views.cameras.rays(view, views.pixel(row, column)) * views.depth[view, row, column][:, None]
-    agreeing, covering, violating = (torch.zeros(len(row), dtype=torch.float32) for _ in range(3))
+    consistent, covering, violating = (torch.zeros(len(row), dtype=torch.float32) for _ in range(3))
     for beside in views.pairs[views.pairs[:, 0] == index, 1]:
         other = torch.full_like(row, int(beside))
         pixel, z = views.cameras.seen_by(other, view, in_cam)
@@ -104,11 +110,11 @@ def _standing_pixels(
         good &= inside
         ratio = z / known.clamp(min=1e-6)
         covering += good
-        agreeing += good & ((ratio - 1).abs() < AGREES)
-        violating += good & (ratio < 1 - AGREES)
+        consistent += good & ((ratio - 1).abs() < MAX_RELATIVE_DIFFERENCE)
+        violating += good & (ratio < 1 - MAX_RELATIVE_DIFFERENCE)
     standing = (violating <= MAX_VIOLATIONS * covering).numpy()
     if maps.depth_confidence is None:
-        weight = np.where(agreeing.numpy() >= LEAST_AGREEING, UNKNOWN, 0.0)
+        weight = np.where(consistent.numpy() >= MIN_NUM_CONSISTENT, UNKNOWN, 0.0)
     else:  # about the inverse of the expected error
         weight = np.sqrt(maps.depth_confidence[grid][row.numpy(), column.numpy()].astype(np.float64))
     standing &= weight > 0
@@ -121,18 +127,18 @@ def _standing_pixels(
 def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, weight: np.ndarray, voxel_m: float) -> Surface:
     keys, cell = np.unique(cell_keys(xyz, voxel_m), return_inverse=True)
     cell = cell.reshape(-1)
-    held = np.bincount(cell, weight, len(keys))
+    total = np.bincount(cell, weight, len(keys))
 
     def mean(values: np.ndarray) -> np.ndarray:
         sums = [np.bincount(cell, weight * values[:, axis], len(keys)) for axis in range(3)]
-        return np.stack(sums, axis=1) / held[:, None]
+        return np.stack(sums, axis=1) / total[:, None]
 
     place, normal, color = mean(xyz), mean(normals), mean(rgb)
     length = np.linalg.norm(normal, axis=1)
     # normals that cancel are no surface; a slanted one is cut by cells into slivers, of which the fuller stays
     # the sum of five weights of 0.4 is not 2 to the last bit
-    good = (held >= LEAST_WEIGHT - 1e-6) & (length > 0.5)
-    good &= ~_suppressed(place, np.where(good, held, 0), LEAST_APART * voxel_m)
+    good = (total >= LEAST_WEIGHT - 1e-6) & (length > 0.5)
+    good &= ~_suppressed(place, np.where(good, total, 0), LEAST_APART * voxel_m)
     return Surface(cell_centres(keys, voxel_m)[good], place[good], normal[good] / length[good, None], color[good])
 
 

@@ -76,19 +76,18 @@ def load(path: Path) -> Checkpoint:
         if part not in groups:
             raise InputError(f"{path} has {name}, which no checkpoint has; delete it and train again")
         groups[part][key] = tensor
-    iteration, seconds = meta.get("iteration"), meta.get("seconds")
+    iteration, seconds, fingerprint = (meta.get(key) for key in ("iteration", "seconds", "fingerprint"))
     named = NAME.fullmatch(Path(path).name)
-    whole = type(iteration) is int and iteration >= 0 and (named is None or int(named[1]) == iteration)
-    whole = whole and isinstance(meta.get("fingerprint"), dict) and isinstance(seconds, dict)
-    if not whole or not all(type(value) in (int, float) and 0 <= value < math.inf for value in seconds.values()):
+    known = type(iteration) is int and iteration >= 0 and (named is None or int(named[1]) == iteration)
+    if not known or not isinstance(fingerprint, dict) or not _are_seconds(seconds):
         raise InputError(f"{path} does not say of which iteration and run it is; delete it and train again")
     return Checkpoint(
-        iteration,
+        int(meta["iteration"]),
         groups["parameter"],
         groups["fixed"],
         groups["adam"],
-        meta["fingerprint"],
-        seconds,
+        fingerprint,
+        dict(meta["seconds"]),
         groups["extra"],
     )
 
@@ -121,5 +120,12 @@ def keep_only(out: Path, paths: list[Path]) -> None:
             path.unlink(missing_ok=True)
 
 
+def _are_seconds(values: Any) -> bool:
+    """By stage, finite and not negative."""
+    fits = isinstance(values, dict)
+    return fits and all(type(value) in (int, float) and 0 <= value < math.inf for value in values.values())
+
+
 def _iteration_of(path: Path) -> int:
-    return int(NAME.fullmatch(path.name)[1])
+    """Of a file whose name is a checkpoint's."""
+    return int(path.stem.removeprefix("iteration_"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import torch
 from torch import Tensor
@@ -52,7 +52,7 @@ def _gradients(trainer: Trainer) -> list[Tensor]:
     return [p.grad for p in trainer.model.decoder.parameters().values() if p.grad is not None]
 
 
-def check_loss(values: dict[str, float], where: str) -> None:
+def check_loss(values: Mapping[str, float | Tensor], where: str) -> None:
     """Stop on a loss term that is not finite.
 
     Raises:

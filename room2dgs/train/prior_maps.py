@@ -32,28 +32,30 @@ def prior_maps(prior: ViewMaps[np.ndarray], width: int, height: int) -> ViewMaps
     Returns:
         Maps with their confidences, 0 = invalid; None where the frame has none.
     """
-    depth, normal, confidences = None, None, [None, None]
+    depth, normal, depth_confidence, normal_confidence = None, None, None, None
     if prior.depth is not None:
         valid = valid_depth(prior.depth)
         inverse = np.divide(1, prior.depth, out=np.zeros(prior.depth.shape, np.float32), where=valid)
         valid &= ~edge_band(np.where(valid, prior.depth, 0), EDGE_JUMP, EDGE_BAND_PX)
         inverse, valid = (values[COMPARED] for values in _resized(inverse, valid, width, height))
         depth = np.divide(1, inverse, out=np.zeros_like(inverse), where=valid)
-        confidences[0] = _confidence(prior.depth_confidence, valid, width, height)
+        depth_confidence = _confidence(prior.depth_confidence, valid, width, height)
     if prior.normal is not None:
         valid = valid_normal(prior.normal)
         normal = np.where(valid[:, :, None], prior.normal, 0).astype(np.float32)
         normal, valid = (values[COMPARED] for values in _resized(normal, valid, width, height))
         length = np.linalg.norm(normal, axis=2, keepdims=True)
         normal = np.where(valid[:, :, None], normal / np.maximum(length, 1e-6), np.float32(0))
-        confidences[1] = _confidence(prior.normal_confidence, valid, width, height)
-    return ViewMaps(depth, confidences[0], normal, confidences[1], prior.source)
+        normal_confidence = _confidence(prior.normal_confidence, valid, width, height)
+    return ViewMaps(depth, depth_confidence, normal, normal_confidence, prior.source)
 
 
 def compared_maps(packed: Packed) -> ViewMaps[Tensor]:
     """What `prior_maps` gave, packed on the way, as tensors."""
     maps = unpack(packed)
-    return ViewMaps(*(values if values is None else torch.from_numpy(values) for values in maps[:4]))
+    tensors = (None if values is None else torch.from_numpy(values) for values in maps[:4])
+    depth, depth_confidence, normal, normal_confidence = tensors
+    return ViewMaps(depth, depth_confidence, normal, normal_confidence)
 
 
 def priors_digest(priors: Mapping[str, ViewMaps[np.ndarray]], names: Iterable[str]) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 from torch import Tensor
 
 STAGES = ("data", "render", "loss", "multiview", "backward", "optimiser", "strategy")
@@ -57,9 +57,9 @@ class Means:
 
 
 def _mean(values: list[float | Tensor]) -> float:
-    if isinstance(values[0], Tensor):
-        values = torch.stack(values).tolist()
-    return sum(values) / len(values)
+    there = [value for value in values if isinstance(value, Tensor)]
+    here: list[float] = torch.stack(there).tolist() if there else [float(value) for value in values]
+    return sum(here) / len(here)
 
 
 class Bar:
@@ -68,7 +68,7 @@ class Bar:
     def __init__(self, total: int, done: int) -> None:
         self._progress: Progress | None = None
         if sys.stderr.isatty():
-            columns = [
+            columns: list[ProgressColumn | str] = [
                 BarColumn(20),
                 "{task.completed}/{task.total}",
                 TimeRemainingColumn(),

@@ -112,7 +112,8 @@ def has_shares(config: Config) -> bool:
     """Is a time that matters to this run a share of `train.iterations`? Reweighting and corrections use all of them."""
     terms = [term for term in vars(config.loss).values() if isinstance(term, TermConfig) and term.enabled]
     times = [time for term in terms for time in (term.start, term.end, term.ramp)]
-    times += [level.until for level in (*config.train.resolutions, config.train.opacity_floor)]
+    times += [level.until for level in config.train.resolutions]
+    times.append(config.train.opacity_floor.until)
     if config.strategy.name != "fixed" or config.strategy.thin > 0:
         times += [config.strategy.start, config.strategy.stop, config.strategy.reset_every]
     corrected = config.train.refine_poses or config.train.exposure

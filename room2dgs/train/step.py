@@ -99,7 +99,7 @@ def forward_backward(
     model.adam.zero_grad(set_to_none=True)
     loss.backward()
     clock.lap("backward")
-    seen = (splats.opacities.detach(), center_px.grad) if screen_gradients else ()
+    seen = () if center_px is None else (splats.opacities.detach(), center_px.grad)
     color, depth, alpha = (values.detach() for values in (rendering.color, rendering.depth, rendering.alpha))
     return Step(losses, color, shown(target, view, color), depth, alpha, lambda: terms_of(rendered()[1]), *seen)
 

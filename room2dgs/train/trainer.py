@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
@@ -16,7 +16,6 @@ from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.errors import InputError, first_line
 from room2dgs.files import remove_leftovers
-from room2dgs.kernels.builds import BLOCK_BUILDS
 from room2dgs.kernels.builds import BLOCK_BUILDS
 from room2dgs.logs import Log
 from room2dgs.primitives.primitive import Splats, mapped
@@ -43,7 +42,7 @@ class Iteration:
         view: that is rendered and compared. A pose that wants a gradient gets it.
         pair: the view with a neighbour, for the multi-view terms; None: they do not act.
         screen_gradients: whether `step` is to hold opacities and gradients of projected centres; they cost time.
-        step: what rendering gave; from `after_backward` on.
+        step: what rendering gave; there from `after_backward` on.
         adjustment: of the seeds; None where there was none.
         held_out_psnr_db: of the held-out views; None where they were not rendered.
     """
@@ -53,7 +52,7 @@ class Iteration:
     view: View
     pair: Pair | None = None
     screen_gradients: bool = False
-    step: Step | None = None
+    step: Step = field(init=False, repr=False)
     adjustment: Adjustment | None = None
     held_out_psnr_db: float | None = None
 

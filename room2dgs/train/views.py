@@ -139,7 +139,8 @@ class Views:
             return ViewMaps()
         key = (self._mine, name, camera.width, camera.height)
         packed = self.cache.get_or(key, lambda: pack(prior_maps(self._priors[name], camera.width, camera.height)))
-        return compared_maps(packed)
+        depth, depth_confidence, normal, normal_confidence = packed
+        return compared_maps((depth, depth_confidence, normal, normal_confidence))
 
 
 def _resized(camera: Camera, fraction: float) -> Camera:

@@ -78,7 +78,7 @@ class Door:
     def _known(self, host: str, came_to: str) -> bool:
         match = HOST.fullmatch(host)
         # any port: of a tunnel's other end it is another one, and what Host says is compared with Origin as it is
-        return bool(match) and match[1].strip("[]").lower() in {*NAMES_OF_LOOPBACK, came_to, *self.names}
+        return match is not None and match[1].strip("[]").lower() in {*NAMES_OF_LOOPBACK, came_to, *self.names}
 
     def _same(self, given: str) -> bool:
         return hmac.compare_digest(given.encode("utf-8", "surrogateescape"), self.token.encode())

@@ -8,6 +8,7 @@ import io
 import socket
 import threading
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 from room2dgs.errors import InputError
@@ -33,8 +34,7 @@ def listening(viser: Any, host: str, port: int, door: Door, controls: dict[str, 
         InputError: the address cannot be used, or this version of viser starts in another way.
     """
     port = free_port(host, port)
-    import websockets.asyncio.server as websockets_server
-
+    websockets_server: Any = import_module("websockets.asyncio.server")
     wrapped = []
     with _one_start:
         serve = websockets_server.serve

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -10,12 +10,11 @@ import torch
 from room2dgs.geometry.camera import NEAR_M, Camera
 from room2dgs.geometry.camera_tensors import view_matrices
 from room2dgs.geometry.poses import inverse_pose, rigid_pose
+from room2dgs.primitives.primitive import Splats
+from room2dgs.primitives.registry import render
+from room2dgs.runs.page.mesh_views import DrawnMesh
 from room2dgs.runs.pictures import depth_picture, normal_picture
-from room2dgs.splat import render
-from room2dgs.splat.types import Rendering, Surfels
-
-if TYPE_CHECKING:
-    from room2dgs.runs.page.mesh_views import DrawnMesh
+from room2dgs.splat.types import Rendering
 
 KINDS = ("colour", "depth", "normals")
 BACKGROUND = (0.1, 0.1, 0.1)
@@ -35,7 +34,7 @@ class Picture(NamedTuple):
     depth: np.ndarray
 
 
-def picture(shown: Surfels | DrawnMesh, camera: Camera, kind: str, near_m: float = NEAR_M) -> Picture:
+def picture(shown: Splats | DrawnMesh, camera: Camera, kind: str, near_m: float = NEAR_M) -> Picture:
     """Draw colour, depth or normals.
 
     Raises:
@@ -43,8 +42,10 @@ def picture(shown: Surfels | DrawnMesh, camera: Camera, kind: str, near_m: float
     """
     if kind not in KINDS:
         raise ValueError(f"{kind!r} is none of {', '.join(KINDS)}")
-    of_surfels = isinstance(shown, Surfels)
-    view = _surfels_seen(shown, camera, kind, near_m) if of_surfels else shown.rendering(camera, BACKGROUND)
+    if isinstance(shown, DrawnMesh):
+        view = shown.rendering(camera, BACKGROUND)
+    else:
+        view = _rendered(shown, camera, kind, near_m)
     covered, depth = view.covered.numpy(), view.covered_depth().numpy()
     if kind == "depth":
         pixels = depth_picture(depth, covered)
@@ -55,10 +56,10 @@ def picture(shown: Surfels | DrawnMesh, camera: Camera, kind: str, near_m: float
     return Picture(pixels, depth)
 
 
-def _surfels_seen(surfels: Surfels, camera: Camera, kind: str, near_m: float) -> Rendering:
+def _rendered(splats: Splats, camera: Camera, kind: str, near_m: float) -> Rendering:
     with torch.no_grad():
         return render(
-            surfels,
+            splats,
             *view_matrices(camera),
             *camera.size,
             background=torch.tensor(BACKGROUND),
@@ -80,7 +81,7 @@ def camera_at(wxyz: np.ndarray, position: np.ndarray, fov: float, size: tuple[in
 
 
 def hit(
-    shown: Surfels | DrawnMesh, origin: np.ndarray, direction: np.ndarray, near_m: float = NEAR_M
+    shown: Splats | DrawnMesh, origin: np.ndarray, direction: np.ndarray, near_m: float = NEAR_M
 ) -> np.ndarray | None:
     """(3,) metres: the surface along a ray, from a tiny picture around it; None: nothing is there."""
     forward = np.asarray(direction, np.float64) / np.linalg.norm(direction)

@@ -15,7 +15,7 @@ from room2dgs.errors import InputError, first_line
 from room2dgs.geometry.camera import NEAR_M, Camera
 from room2dgs.geometry.rotations import quaternions_from
 from room2dgs.logs import Log
-from room2dgs.splat.types import Surfels
+from room2dgs.primitives.primitive import Splats
 from room2dgs.viewer.door import EVERYWHERE, LOOPBACK, NAMES_OF_LOOPBACK, Door, in_url, names_of
 from room2dgs.viewer.listening import listening
 from room2dgs.viewer.messages import Fit, one_of, switch, whole
@@ -73,7 +73,7 @@ class Viewer:
 
     def __init__(
         self,
-        shown: Surfels | DrawnMesh,
+        shown: Splats | DrawnMesh,
         up: np.ndarray,
         host: str = LOOPBACK,
         port: int = 8080,
@@ -130,7 +130,7 @@ class Viewer:
             self._thread.join()
         self._server.stop()
 
-    def show(self, surfels: Surfels) -> None:
+    def show(self, surfels: Splats) -> None:
         """Other surfels, from the next picture on."""
         self._shown, self._number = surfels, self._number + 1
         self._wake.set()

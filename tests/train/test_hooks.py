@@ -21,7 +21,7 @@ class Recorder(Hook):
 
     def before_iteration(self, trainer, iteration):
         self.calls.append(f"before {iteration.number}")
-        assert iteration.step is None and trainer.model.iteration == iteration.number
+        assert not hasattr(iteration, "step") and trainer.model.iteration == iteration.number
 
     def after_backward(self, trainer, iteration):
         gradients = [value.grad for value in trainer.model.decoder.parameters().values()]

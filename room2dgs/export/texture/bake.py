@@ -9,6 +9,7 @@ import trimesh
 from scipy.ndimage import distance_transform_edt
 
 from room2dgs.captures.scene import Frame
+from room2dgs.export.mesh_files import colors_of
 from room2dgs.export.texture.charts import Charts, Texels
 from room2dgs.export.texture.photos import SHARPNESS, Occluder, full_size, gains, seen
 
@@ -41,9 +42,9 @@ def baked(
         merit = (part.merit / frame.camera.width).astype(
             np.float64
         ) ** SHARPNESS  # of the scene's size, not the photo's
-        total[part.index] += part.color / gain * merit[:, None]
-        weight[part.index] += merit
-    colors = np.asarray(mesh.visual.vertex_colors)[:, :3].astype(np.float64)[found.source]
+        total[part.points] += part.color / gain * merit[:, None]
+        weight[part.points] += merit
+    colors = colors_of(mesh).astype(np.float64)[found.source]
     color = shown.of_vertices(found.faces, colors)
     known = weight > 0
     color[known] = total[known] / weight[known, None]

@@ -73,12 +73,12 @@ def texels(found: Charts, side_px: int) -> Texels:
     """By rays through the flat charts at the texels' middles."""
     flat = np.column_stack([found.uv, np.zeros(len(found.uv))]).astype(np.float32)
     scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(o3c.Tensor(flat), o3c.Tensor(found.faces.astype(np.uint32)))
+    scene.add_triangles(o3c.Tensor(flat), o3c.Tensor(found.faces.astype(np.uint32)))  # type: ignore[call-overload]
     middle = (np.arange(side_px) + 0.5) / side_px
     u, v = np.meshgrid(middle, 1 - middle)
     rays = np.zeros((side_px, side_px, 6), np.float32)
     rays[..., 0], rays[..., 1], rays[..., 2], rays[..., 5] = u, v, ABOVE, -1
-    answer = scene.cast_rays(o3c.Tensor(rays))
+    answer = scene.cast_rays(o3c.Tensor(rays))  # type: ignore[call-overload]
     place = np.argwhere(np.isfinite(answer["t_hit"].numpy()))
     rows, columns = place.T
     second = answer["primitive_uvs"].numpy()[rows, columns].astype(np.float64)

@@ -27,12 +27,12 @@ class Seen(NamedTuple):
     """Points that a photo sees.
 
     Attributes:
-        index: (N,) which of the points.
+        points: (N,) which of them, by index.
         color: (N, 3) float32, 0..255.
         merit: (N,) float32: how squarely and how near they are seen.
     """
 
-    index: np.ndarray
+    points: np.ndarray
     color: np.ndarray
     merit: np.ndarray
 
@@ -44,14 +44,15 @@ class Occluder:
         self.middle = np.asarray(mesh.vertices).mean(axis=0)
         self._scene = o3d.t.geometry.RaycastingScene()
         vertices = (np.asarray(mesh.vertices) - self.middle).astype(np.float32)
-        self._scene.add_triangles(o3c.Tensor(vertices), o3c.Tensor(np.asarray(mesh.faces).astype(np.uint32)))
+        faces = np.asarray(mesh.faces).astype(np.uint32)
+        self._scene.add_triangles(o3c.Tensor(vertices), o3c.Tensor(faces))  # type: ignore[call-overload]
 
     def depth(self, camera: Camera) -> np.ndarray:
         """(H, W) float32 z-depth of what is hit first; inf where nothing is."""
         rays = np.empty((camera.height, camera.width, 6), np.float32)
         rays[..., :3] = camera.centre - self.middle
         rays[..., 3:] = camera.world_rays()
-        return self._scene.cast_rays(o3c.Tensor(rays))["t_hit"].numpy()
+        return self._scene.cast_rays(o3c.Tensor(rays))["t_hit"].numpy()  # type: ignore[call-overload]
 
 
 def full_size(frames: Iterable[Frame]) -> Iterator[Frame]:
@@ -98,15 +99,15 @@ def gains(frames: Iterable[Frame], occluder: Occluder, points: np.ndarray, norma
         points, normals: (N, 3) a sample of the surface.
     """
     parts = [seen(frame, occluder, points, normals) for frame in frames]
-    view = np.concatenate([np.full(len(part.index), number) for number, part in enumerate(parts)]).astype(int)
-    point = np.concatenate([part.index for part in parts])
+    view = np.concatenate([np.full(len(part.points), number) for number, part in enumerate(parts)]).astype(int)
+    point = np.concatenate([part.points for part in parts])
     color = np.concatenate([part.color for part in parts]) if parts else np.zeros((0, 3))
     usable = ((color > 8) & (color < 247)).all(axis=1) & (np.bincount(point, minlength=len(points))[point] > 1)
     view, point, logs = view[usable], point[usable], np.log(color[usable].astype(np.float64))
     found = np.zeros((len(parts), 3))
     for _ in range(ROUNDS):
-        look = _medians(point, logs - found[view], len(points))
-        found = _medians(view, logs - look[point], len(parts))
+        albedo = _medians(point, logs - found[view], len(points))
+        found = _medians(view, logs - albedo[point], len(parts))
         found -= found.mean(axis=0)
     return np.exp(found)
 

@@ -126,6 +126,6 @@ def glb_of(
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, "JPEG", quality=JPEG_QUALITY, subsampling=0)
     image = Image.open(buffer)
-    image.save = partial(image.save, quality="keep")  # trimesh would encode it again, coarser
+    setattr(image, "save", partial(image.save, quality="keep"))  # noqa: B010 - trimesh would encode it again, coarser
     out.visual = trimesh.visual.TextureVisuals(uv=found.uv, material=dull_material(image))
     return gltf_bytes(out, offset_m)

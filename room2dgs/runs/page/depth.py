@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -136,12 +137,17 @@ def _table(title: str, photos: Iterable[Coverage]) -> Table:
     photos = list(photos)
     columns = {"photo": lambda one: one.photo, "stereo": lambda one: _share(one.stereo)}
     for counts in COUNTS:
-        columns[f"{_number(*counts)} agree"] = lambda one, counts=counts: _share(counted(one.num_consistent, *counts))
+        columns[f"{_number(*counts)} agree"] = partial(_consistent_share, counts)
     columns["expected error"] = lambda one: NOTHING if one.error_m is None else f"{1000 * one.error_m:.1f} mm"
     if any(one.filled is not None for one in photos):
         columns["filled"] = lambda one: NOTHING if one.filled is None else _share(one.filled)
         columns["of it sure"] = lambda one: NOTHING if one.filled_sure is None else _share(one.filled_sure)
     return table(title, columns, photos)
+
+
+def _consistent_share(counts: tuple[int, int | None], one: Coverage) -> str:
+    """Of the pixels that from counts[0] to counts[1] other photos are consistent with; None: or more."""
+    return _share(counted(one.num_consistent, *counts))
 
 
 def _pictured(

@@ -10,10 +10,11 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from room2dgs.captures.world_offset import Origin
-from room2dgs.eval.alignment import moved
+from room2dgs.eval.alignment import transformed
 from room2dgs.eval.shading import CLAY
 from room2dgs.mesh.io import read_mesh
 from room2dgs.mesh.simplify import decimated
+from room2dgs.mesh.vertex_colors import vertex_colors
 from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.page.packing import packed, stepped
 
@@ -51,8 +52,9 @@ def solid(mesh: trimesh.Trimesh, faces: int) -> Solid:
         mesh = decimated(mesh, faces)
     colors = np.tile(np.round(CLAY * 255).astype(np.uint8), (len(mesh.vertices), 1))
     layers = {"color": colors, "shape": colors}
-    if mesh.visual.kind == "vertex":
-        layers["color"] = np.asarray(mesh.visual.vertex_colors)[:, :3].astype(np.uint8)
+    own = vertex_colors(mesh)
+    if own is not None:
+        layers["color"] = own[:, :3].astype(np.uint8)
     normals = np.asarray(mesh.vertex_normals, np.float64)
     return Solid(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64), normals, layers)
 
@@ -65,9 +67,9 @@ def _joined(mesh: trimesh.Trimesh, side_m: float) -> trimesh.Trimesh:
         o3d.utility.Vector3dVector(np.asarray(mesh.vertices, np.float64)),
         o3d.utility.Vector3iVector(np.asarray(mesh.faces, np.int32)),
     )
-    if mesh.visual.kind == "vertex":
-        colors = np.asarray(mesh.visual.vertex_colors)[:, :3] / 255
-        made.vertex_colors = o3d.utility.Vector3dVector(colors)
+    own = vertex_colors(mesh)
+    if own is not None:
+        made.vertex_colors = o3d.utility.Vector3dVector(own[:, :3] / 255)
     made = made.simplify_vertex_clustering(max(side_m, 1e-6))
     made.remove_degenerate_triangles()
     made.remove_unreferenced_vertices()
@@ -82,13 +84,14 @@ def with_error(one: Solid, out: Path, origin_m: Origin) -> Solid:
     if not error_file.is_file() or read_metrics(out).get("protocol") is None:
         return one
     scored, align = read_mesh(error_file), read_metrics(out).get("align")
-    if scored.visual.kind != "vertex":  # somebody else's file
+    scored_colors = vertex_colors(scored)
+    if scored_colors is None:  # somebody else's file
         return one
     # a mesh that was aligned is scored, and coloured, in the truth's frame
     vertices = one.vertices + origin_m
-    vertices = moved(vertices, np.array(align["truth_from_pred"])) if isinstance(align, dict) else vertices
+    vertices = transformed(vertices, np.array(align["truth_from_pred"])) if isinstance(align, dict) else vertices
     nearest = cKDTree(np.asarray(scored.vertices)).query(vertices)[1]
-    colors = np.asarray(scored.visual.vertex_colors)[nearest, :3].astype(np.uint8)
+    colors = scored_colors[nearest, :3].astype(np.uint8)
     return one._replace(layers={**one.layers, "error": colors})
 
 

@@ -12,6 +12,7 @@ import trimesh
 from room2dgs.captures.scene import Frame
 from room2dgs.eval.shading import CLAY
 from room2dgs.eval.surface import Surface
+from room2dgs.mesh.vertex_colors import vertex_colors
 
 if TYPE_CHECKING:
     from room2dgs.geometry.camera import Camera
@@ -24,8 +25,9 @@ class DrawnMesh:
     def __init__(self, mesh: trimesh.Trimesh) -> None:
         self._surface = Surface(mesh)
         self._colors = np.tile(np.asarray(CLAY, np.float64), (len(mesh.vertices), 1))
-        if mesh.visual.kind == "vertex":
-            self._colors = np.asarray(mesh.visual.vertex_colors)[:, :3] / 255
+        own = vertex_colors(mesh)
+        if own is not None:
+            self._colors = own[:, :3] / 255
 
     def rendering(self, camera: Camera, background: tuple[float, float, float]) -> Rendering:
         """As surfels would be rendered; nothing where no ray hits.
@@ -47,10 +49,10 @@ class DrawnMesh:
         normal[behind] *= -1  # facing the camera
         maps = (color, hit, np.where(hit, hits.t, 0), normal)
         shape = (camera.height, camera.width)
-        color, alpha, depth, normal = (
+        drawn, alpha, depth, facing = (
             torch.from_numpy(part.astype(np.float32).reshape(*shape, *part.shape[1:])) for part in maps
         )
-        return Rendering(color, alpha, depth, depth, normal, torch.zeros(shape))
+        return Rendering(drawn, alpha, depth, depth, facing, torch.zeros(shape))
 
 
 def mesh_rendered(

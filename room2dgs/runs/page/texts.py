@@ -46,7 +46,7 @@ def threshold_m(metrics: dict[str, Any], config: Config) -> float:
     """At which the mesh was scored, and its error drawn: `eval` may have had another than the run's settings."""
     constants = part(part(metrics, "protocols"), metrics.get("protocol") or "").get("constants") or {}
     known = (metrics.get("threshold_m"), constants.get("threshold_m"))  # runs from before have the second alone
-    return next((float(value) for value in known if is_number(value) and value > 0), config.eval.threshold_m)
+    return next((float(value) for value in known if value and is_number(value) and value > 0), config.eval.threshold_m)
 
 
 def facts(scene: Scene, metrics: dict[str, Any]) -> list[dict[str, str]]:

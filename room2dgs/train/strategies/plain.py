@@ -46,6 +46,7 @@ class PlainStrategy(Strategy):
         return self._window.gathers(iteration)
 
     def after_backward(self, step: Step) -> None:
+        assert step.opacities is not None and step.center_gradients is not None  # as `before_backward` asked
         if self._gradients is None:
             self._gradients = ScreenGradients(len(step.opacities), step.opacities.device)
         height, width = step.color.shape[:2]

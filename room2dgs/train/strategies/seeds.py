@@ -41,8 +41,9 @@ class SeedStrategy(Strategy):
         return self._window.gathers(iteration)
 
     def after_backward(self, step: Step) -> None:
+        assert step.opacities is not None and step.center_gradients is not None  # as `before_backward` asked
         if self._gradients is None:
-            self._start(len(step.opacities), step.opacities.device)
+            self._gradients = self._start(len(step.opacities), step.opacities.device)
         height, width = step.color.shape[:2]
         self._gradients.add(step.center_gradients, width, height)
         self._opacities = self._opacities.to(step.opacities.device)  # from a checkpoint
@@ -50,10 +51,11 @@ class SeedStrategy(Strategy):
         self._gathered += 1
 
     def after_step(self, model: Model) -> Adjustment | None:
-        if self._gradients is None or not self._window.due(model.iteration):
+        gradients = self._gradients
+        if gradients is None or not self._window.due(model.iteration):
             return None
-        keep, pruned = self._survivors(model.seeds)
-        growth = self._growth(model, keep)
+        keep, pruned = self._survivors(model.seeds, gradients)
+        growth = self._growth(model, keep, gradients)
         settings = self._config.seeds
         rows = None
         if len(growth):
@@ -63,7 +65,7 @@ class SeedStrategy(Strategy):
         if len(growth) or len(keep) < model.seeds:
             edit_rows(model, keep, rows)
         self._unseen = torch.cat([self._unseen[keep], torch.zeros(len(growth), dtype=torch.float32)])
-        self._start(model.count, self._opacities.device)
+        self._gradients = self._start(model.count, self._opacities.device)
         levels = self._config.strategy.levels
         edges = [level_edge(settings.voxel_m, level, levels) for level in range(levels)]
         added = {f"{100 * edge:g} cm": int((growth.level == level).sum()) for level, edge in enumerate(edges)}
@@ -82,16 +84,17 @@ class SeedStrategy(Strategy):
             self._opacities, self._unseen = state["opacity_sums"].clone(), state["unseen"].clone()
             self._gathered = int(state["gathered"])
 
-    def _start(self, surfels: int, device: torch.device) -> None:
-        self._gradients = ScreenGradients(surfels, device)
-        self._opacities = torch.zeros(surfels, dtype=torch.float32, device=device)
+    def _start(self, count: int, device: torch.device) -> ScreenGradients:
+        """Gather anew, for so many primitives."""
+        self._opacities = torch.zeros(count, dtype=torch.float32, device=device)
         self._gathered = 0
+        return ScreenGradients(count, device)
 
-    def _survivors(self, seeds: int) -> tuple[Tensor, dict[str, int]]:
+    def _survivors(self, seeds: int, gradients: ScreenGradients) -> tuple[Tensor, dict[str, int]]:
         """Rows to keep, and how many are pruned for which reason; one seed at least stays."""
         if len(self._unseen) != seeds:
             self._unseen = torch.zeros(seeds, dtype=torch.float32)
-        seen = self._gradients.visits.cpu().view(seeds, -1).amax(dim=1) > 0
+        seen = gradients.visits.cpu().view(seeds, -1).amax(dim=1) > 0
         self._unseen = torch.where(seen, 0.0, self._unseen + self._gathered)
         opacities = (self._opacities / self._gathered).view(seeds, -1).cpu().numpy()
         faint = transparent(opacities, self._config.strategy.prune_opacity)
@@ -101,7 +104,7 @@ class SeedStrategy(Strategy):
             return torch.arange(seeds), {"transparent": 0, "unseen": 0}
         return torch.from_numpy(keep), {"transparent": int(faint.sum()), "unseen": int(hidden.sum())}
 
-    def _growth(self, model: Model, keep: Tensor) -> Growth:
+    def _growth(self, model: Model, keep: Tensor, gradients: ScreenGradients) -> Growth:
         """New seeds from the survivors' gradients; their parents' indices are those before the pruning."""
         settings, strategy = self._config.seeds, self._config.strategy
         splats = mapped(model.splats(0), lambda values: values.detach().cpu())
@@ -115,8 +118,8 @@ class SeedStrategy(Strategy):
             normals=model.primitive.normals(splats).numpy(),
             scales=model.primitive.footprints(splats).numpy(),
             rgb=base_colors(splats).numpy(),
-            gradients=self._gradients.means().cpu().numpy(),
-            known=(of_kept & (self._gradients.visits.cpu() >= strategy.min_visits)).numpy(),
+            gradients=gradients.means().cpu().numpy(),
+            known=(of_kept & (gradients.visits.cpu() >= strategy.min_visits)).numpy(),
         )
         draws = np.random.default_rng([self._config.train.seed % 2**63, model.iteration, 0x6120])
         growth = grow(
