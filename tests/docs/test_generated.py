@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 import pytest
 
 from room2dgs.depth.stages import STAGES
+from room2dgs.registries.exporters import EXPORTERS
+from room2dgs.registries.readers import READERS
 from room2dgs.tools import docs_reference, results_page
 from tests.docs.pages import DOCS, ROOT
 
@@ -68,6 +71,21 @@ def test_results_of_several_commits_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(results_page, "room2dgs", lambda *words: pytest.fail(f"{words} ran again"))
     with pytest.raises(results_page.InputError, match=r"figures of other"):
         results_page.measured(work, [], [], "abc")
+
+
+def _first_cells(page, header):
+    lines = (DOCS / page).read_text(encoding="utf-8").splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith(f"| {header} |")) + 2
+    rows = itertools.takewhile(lambda line: line.startswith("|"), lines[start:])
+    return [name for row in rows for name in re.findall(r"`([^`]+)`", row.split("|")[1])]
+
+
+def test_tables_by_hand_have_every_layout_and_format():
+    layouts = [entry.name for entry in READERS.entries() if entry.package is None]
+    assert _first_cells("reference/captures.md", "`scene.layout`") == layouts
+    assert sorted(set(_first_cells("reference/captures.md", "layout"))) == sorted(layouts)
+    formats = [entry.name for entry in EXPORTERS.entries() if entry.package is None]
+    assert _first_cells("reference/exports.md", "`to=`") == formats
 
 
 def test_the_page_of_depth_names_the_stages_in_their_order():
