@@ -95,10 +95,10 @@ def by_cameras(pred: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray], 
     first, second = np.array([pred[a] for a, _ in pairs]), np.array([truth[b] for _, b in pairs])
     matrix = similarity(first, second, np.ones(len(first)), with_scale)
     for _ in range(20):  # photos that were placed wrongly do not pull
-        error = np.linalg.norm(moved(first, matrix) - second, axis=1)
+        error = np.linalg.norm(transformed(first, matrix) - second, axis=1)
         width = max(3 * float(np.median(error)), 1e-9)
         matrix = similarity(first, second, 1 / (1 + (error / width) ** 2) ** 2, with_scale)
-    error = np.linalg.norm(moved(first, matrix) - second, axis=1)
+    error = np.linalg.norm(transformed(first, matrix) - second, axis=1)
     return Alignment("cameras", matrix, float(np.sqrt((error**2).mean())), len(pairs))
 
 
@@ -197,7 +197,7 @@ def _brought_together(surfaces: _Surfaces, matrix: np.ndarray, with_scale: bool,
     met, error, distances = 0.0, np.zeros(0), [np.full(1, np.inf)]
     for step in range(rounds):
         reach = max(REACH_M[1], REACH_M[0] * (REACH_M[1] / REACH_M[0]) ** (step / (rounds // 2)))
-        here = moved(points, matrix)
+        here = transformed(points, matrix)
         distance, nearest = truth_tree.query(here, distance_upper_bound=reach)
         good = np.isfinite(distance)
         back, back_nearest = cKDTree(here).query(truth_points, distance_upper_bound=reach)
@@ -253,22 +253,22 @@ def _samples(mesh: trimesh.Trimesh, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(points), np.asarray(mesh.face_normals)[face]
 
 
-def moved(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+def transformed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """(N, 3) points under a similarity."""
     return np.asarray(points) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def moved_mesh(mesh: trimesh.Trimesh, matrix: np.ndarray) -> trimesh.Trimesh:
+def transformed_mesh(mesh: trimesh.Trimesh, matrix: np.ndarray) -> trimesh.Trimesh:
     """A mesh under a similarity."""
     copy = mesh.copy()
-    copy.vertices = moved(copy.vertices, matrix)
+    copy.vertices = transformed(copy.vertices, matrix)
     return copy
 
 
-def moved_camera(camera: Camera, matrix: np.ndarray) -> Camera:
+def transformed_camera(camera: Camera, matrix: np.ndarray) -> Camera:
     """A camera under a similarity: its pose stays rigid."""
     scale = np.cbrt(np.linalg.det(matrix[:3, :3]))
     pose = np.eye(4)
     pose[:3, :3] = matrix[:3, :3] / scale @ camera.world_from_cam[:3, :3]
-    pose[:3, 3] = moved(camera.centre[None], matrix)[0]
+    pose[:3, 3] = transformed(camera.centre[None], matrix)[0]
     return Camera(camera.K, camera.width, camera.height, inverse_pose(pose))

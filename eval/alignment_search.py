@@ -31,14 +31,14 @@ def guesses(
     reach = _reach(truth_points)
     found = []
     for turn in cube_turns():
-        turned, looks = points @ axes @ turn.T, normals @ axes @ turn.T
+        turned, turned_normals = points @ axes @ turn.T, normals @ axes @ turn.T
         ratios = sorted(reach / np.maximum(_reach(turned), 1e-9))
         for scale in {1.0, *ratios} if with_scale else {1.0}:
             matrix = np.eye(4)
             matrix[:3, :3] = scale * truth_axes @ turn @ axes.T
             shift = [
                 _shift(
-                    scale * turned[np.abs(looks[:, axis]) > FACING, axis],
+                    scale * turned[np.abs(turned_normals[:, axis]) > FACING, axis],
                     truth_points[np.abs(truth_normals[:, axis]) > FACING, axis],
                 )
                 for axis in range(3)

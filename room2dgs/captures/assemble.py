@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from room2dgs.captures.capture import Capture, Lost, Shot, file_name, moved, world_from_cam
+from room2dgs.captures.capture import Capture, Lost, Shot, file_name, pose_in_world, world_from_cam
 from room2dgs.captures.capture_points import CapturePoints
 from room2dgs.captures.entry import Entry
 from room2dgs.captures.exif import focal_doubt
@@ -44,7 +44,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
         InputError: see `room2dgs.captures.read.read_scene`.
     """
     root = capture.root
-    entries, dropped, said = _posed(capture, config)
+    entries, dropped, messages = _posed(capture, config)
     entries = evenly_spaced(entries, config.frames)
     _check_enough(entries, dropped, root)
     entries, elsewhere, alone = near_each_other(entries, capture, config)
@@ -81,7 +81,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
         layout=capture.layout,
         metric=capture.metric,
         notes=(*capture.notes, *_notes(capture, config, entries), *notes, *offset_note(origin_m)),
-        warnings=(*capture.warnings, *said, *of_split, *doubts, *alone, *rounded, *([doubt] if doubt else [])),
+        warnings=(*capture.warnings, *messages, *of_split, *doubts, *alone, *rounded, *([doubt] if doubt else [])),
         given_points=points,
         matched_only=frozenset(frame.name for index, frame in enumerate(train) if index not in chosen),
         origin_m=origin_m,
@@ -116,7 +116,7 @@ def _posed(capture: Capture, config: SceneConfig) -> tuple[list[Entry], list[Dro
                 damaged[shot.name] = str(reason)
             continue
         if capture.world_from_disk is not None:
-            pose = moved(pose, capture.world_from_disk)
+            pose = pose_in_world(pose, capture.world_from_disk)
         if config.unit is not None:
             pose = pose.copy()
             pose[:3, 3] *= config.unit
@@ -182,7 +182,7 @@ def _check_names(frames: Sequence[Frame]) -> None:
 
 def _split(frames: list[Frame], capture: Capture, config: SceneConfig) -> tuple[list[Frame], list[Frame], list[str]]:
     """Training views, held-out ones, and warnings of the capture's own split."""
-    names, said = held_out(capture) if config.split == "capture" else (None, [])
+    names, messages = held_out(capture) if config.split == "capture" else (None, [])
     if names is not None:
         train = [frame for frame in frames if frame.name not in names]
         test = [frame for frame in frames if frame.name in names]
@@ -191,14 +191,14 @@ def _split(frames: list[Frame], capture: Capture, config: SceneConfig) -> tuple[
                 f"{capture.root} holds out {len(test)} of the {len(frames)} views itself, {len(train)} are left for "
                 f"training and at least {MIN_VIEWS} are needed; give scene.split=every"
             )
-        return train, test, said
+        return train, test, messages
     train, test = hold_out(frames, config.test_every)
     if len(train) < MIN_VIEWS:
         raise InputError(
             f"scene.test_every={config.test_every} leaves {len(train)} of the {len(frames)} views in {capture.root} "
             f"for training, at least {MIN_VIEWS} are needed; raise it, or set it to 0 to hold nothing out"
         )
-    return train, test, said
+    return train, test, messages
 
 
 def _gt_mesh(capture: Capture, config: SceneConfig) -> Path | None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from room2dgs.captures.capture import C2W_OPENGL, W2C_OPENCV, Poses, file_name, moved, world_from_cam
+from room2dgs.captures.capture import C2W_OPENGL, W2C_OPENCV, Poses, file_name, pose_in_world, world_from_cam
 from room2dgs.captures.colmap_model import is_model, read_model
 from room2dgs.captures.lens import Lens, pinhole_of
 from room2dgs.captures.matrix_files import rigid
@@ -84,4 +84,4 @@ def _camera(pose: np.ndarray, poses: Poses, lens: Lens, world: np.ndarray | None
     where = world_from_cam(pose, poses)
     pinhole = pinhole_of(lens) if lens.distorts else None
     K, (width, height) = (lens.K, lens.known_size) if pinhole is None else (pinhole.K, pinhole.size)
-    return Camera(K, width, height, inverse_pose(where if world is None else moved(where, world)))
+    return Camera(K, width, height, inverse_pose(where if world is None else pose_in_world(where, world)))

@@ -141,7 +141,7 @@ def disk_pose(pose: np.ndarray, poses: Poses) -> np.ndarray:
     return pose @ TURNED if poses.endswith("opengl") else pose
 
 
-def moved(pose: np.ndarray, world_from_disk: np.ndarray) -> np.ndarray:
+def pose_in_world(pose: np.ndarray, world_from_disk: np.ndarray) -> np.ndarray:
     """(4, 4) rigid camera-to-world pose in another world, which may differ in scale too."""
     scale = np.cbrt(np.linalg.det(world_from_disk[:3, :3]))
     result = np.eye(4)

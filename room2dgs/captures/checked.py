@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from room2dgs.captures.assemble import MIN_VIEWS
 from room2dgs.captures.capture_points import CapturePoints
-from room2dgs.captures.hidden import hidden_of, told_of_hidden
+from room2dgs.captures.hidden import hidden_notes, hidden_of
 from room2dgs.captures.left_out import left_out
 from room2dgs.captures.mask_images import MaskFacts, MaskImage, alpha_of, facts_of
 from room2dgs.captures.scene import Dropped, Frame, Scene
@@ -16,7 +16,7 @@ from room2dgs.errors import InputError
 from room2dgs.parallel_map import parallel_map
 
 
-class _Look(NamedTuple):
+class _FileCheck(NamedTuple):
     """Into one view's files: why they cannot be used, or what the photo's alpha is, if it hides anything."""
 
     error: str | None = None
@@ -30,24 +30,24 @@ def checked(scene: Scene) -> Scene:
         InputError: there are too many of these, or masks hide everything.
     """
     frames = scene.frames
-    looks = dict(zip((frame.name for frame in frames), parallel_map(_look, frames), strict=True))
+    checks = dict(zip((frame.name for frame in frames), parallel_map(_check_files, frames), strict=True))
     masks = next((frame.masks for frame in frames if frame.masks is not None), None)
     for frame in frames if masks is not None else ():
         facts = masks.facts().get(frame.mask_photo) if masks and frame.mask_photo is not None else None
-        if isinstance(facts, InputError) and looks[frame.name].error is None:
-            looks[frame.name] = _Look(str(facts))
-    bad = {name: look.error for name, look in looks.items() if look.error is not None}
-    said = left_out(bad, len(frames), "photos that cannot be used")
-    scene = _with_looks(scene, looks, bad)
+        if isinstance(facts, InputError) and checks[frame.name].error is None:
+            checks[frame.name] = _FileCheck(str(facts))
+    bad = {name: check.error for name, check in checks.items() if check.error is not None}
+    message = left_out(bad, len(frames), "photos that cannot be used")
+    scene = _with_checks(scene, checks, bad)
     if bad and len(scene.train) < MIN_VIEWS:
         raise InputError(next(iter(bad.values())))
-    hidden = {frame.name: found for frame in scene.frames if (found := hidden_of(frame, looks[frame.name].alpha))}
-    notes, warnings = told_of_hidden(scene, hidden)
-    warnings = [*([said] if said else []), *warnings]
+    hidden = {frame.name: found for frame in scene.frames if (found := hidden_of(frame, checks[frame.name].alpha))}
+    notes, warnings = hidden_notes(scene, hidden)
+    warnings = [*([message] if message else []), *warnings]
     return replace(scene, notes=(*scene.notes, *notes), warnings=(*scene.warnings, *warnings))
 
 
-def _look(frame: Frame) -> _Look:
+def _check_files(frame: Frame) -> _FileCheck:
     try:
         if frame.cache is not None and frame.cache.has_room(3 * frame.camera.width * frame.camera.height):
             frame.color()
@@ -55,15 +55,15 @@ def _look(frame: Frame) -> _Look:
             frame.source.check()
         alpha = alpha_of(frame.source) if frame.transparent else None
     except InputError as error:
-        return _Look(str(error))
-    return _Look(alpha=None if alpha is None else facts_of(MaskImage(alpha, None)))
+        return _FileCheck(str(error))
+    return _FileCheck(alpha=None if alpha is None else facts_of(MaskImage(alpha, None)))
 
 
-def _with_looks(scene: Scene, looks: Mapping[str, _Look], bad: Mapping[str, str]) -> Scene:
+def _with_checks(scene: Scene, checks: Mapping[str, _FileCheck], bad: Mapping[str, str]) -> Scene:
     """Without the bad ones; photos whose alpha hides nothing count as opaque."""
 
     def seen(frame: Frame) -> Frame:
-        opaque = frame.transparent and looks[frame.name].alpha is None
+        opaque = frame.transparent and checks[frame.name].alpha is None
         return replace(frame, transparent=False) if opaque else frame
 
     train, test = (tuple(seen(one) for one in part if one.name not in bad) for part in (scene.train, scene.test))

@@ -151,8 +151,8 @@ def read_model(folder: Path) -> Model:
     twice = [name for name, count in Counter(image.name for image in found).items() if count > 1]
     if twice:
         raise InputError(f"{folder} has the image {shown_name(twice[0])} twice; export the model again")
-    said = left_out(bad, len(found), "images whose rotation is none")
-    return Model(folder, cameras, found, [f"{folder}: {said}"] if said else [])
+    message = left_out(bad, len(found), "images whose rotation is none")
+    return Model(folder, cameras, found, [f"{folder}: {message}"] if message else [])
 
 
 def is_binary(folder: Path) -> bool:
@@ -189,7 +189,7 @@ class _Bytes:
             raise InputError(f"{path} cannot be read ({error.strerror}); check the file") from error
         self.place = 0
 
-    def take(self, size: int) -> bytes:
+    def read(self, size: int) -> bytes:
         return self.view(size).tobytes()
 
     def view(self, size: int) -> np.ndarray:
@@ -199,7 +199,7 @@ class _Bytes:
         return self.data[self.place - size : self.place]
 
     def values(self, form: str) -> tuple:
-        return struct.unpack("<" + form, self.take(struct.calcsize("<" + form)))
+        return struct.unpack("<" + form, self.read(struct.calcsize("<" + form)))
 
     def count(self, least: int) -> int:
         """A number of items of at least so many bytes each."""
@@ -213,7 +213,7 @@ class _Bytes:
         ends = np.flatnonzero(chunk == 0)
         if not len(ends):
             raise self.damaged("a name has no end")
-        raw = self.take(int(ends[0]) + 1)[:-1]
+        raw = self.read(int(ends[0]) + 1)[:-1]
         try:
             return raw.decode("utf-8")
         except UnicodeDecodeError as error:

@@ -14,7 +14,7 @@ from room2dgs.errors import InputError
 EXIF_BLOCK, FOCAL_35MM = 0x8769, 0xA405
 FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 MAX_RATIO = 1.4  # of focal lengths; crops and stabilisation change them by less
-ASKED = 12  # photos of a capture
+MOST_PHOTOS = 12  # photos of a capture
 
 
 def focal_doubt(shots: Sequence[tuple[Shot, Lens]]) -> str | None:
@@ -23,8 +23,8 @@ def focal_doubt(shots: Sequence[tuple[Shot, Lens]]) -> str | None:
     EXIF is often wrong (zoomed, cropped or edited photos), so this is a doubt and no error. Asked are a few photos;
     the median of those that have EXIF counts.
     """
-    asked = evenly_spaced(shots, ASKED)
-    found = [(ratio, shot, lens) for shot, lens in asked if (ratio := _ratio(shot, lens)) is not None]
+    sampled = evenly_spaced(shots, MOST_PHOTOS)
+    found = [(ratio, shot, lens) for shot, lens in sampled if (ratio := _ratio(shot, lens)) is not None]
     if not found:
         return None
     ratio, shot, lens = sorted(found, key=lambda entry: entry[0])[len(found) // 2]

@@ -33,7 +33,7 @@ class _Headers(NamedTuple):
 
 
 @dataclass
-class _Told:
+class _Messages:
     """What a person should know: photos by what was done about their orientation, and warnings of intrinsics."""
 
     turned: list[str] = field(default_factory=list)
@@ -86,17 +86,17 @@ def fitted(
         for entry, found in zip(entries, headers, strict=True)
         if isinstance(found, InputError)
     }
-    said = left_out(bad, len(entries), "photos that cannot be read")
-    told = _Told()
+    message = left_out(bad, len(entries), "photos that cannot be read")
+    messages = _Messages()
     first: dict[int, tuple[Shot, tuple[int, int]]] = {}
     good = [
-        _fitted(capture, entry, found, config, first, told)
+        _fitted(capture, entry, found, config, first, messages)
         for entry, found in zip(entries, headers, strict=True)
         if not isinstance(found, InputError)
     ]
-    _check_depths(good, {*told.stored, *told.unsure})
+    _check_depths(good, {*messages.stored, *messages.unsure})
     dropped = [Dropped(file_name(name), why) for name, why in bad.items()]
-    return good, dropped, told.notes(), [*([said] if said else []), *told.warnings()]
+    return good, dropped, messages.notes(), [*([message] if message else []), *messages.warnings()]
 
 
 def _headers(shot: Shot) -> _Headers | InputError:
@@ -112,7 +112,7 @@ def _fitted(
     headers: _Headers,
     config: SceneConfig,
     first: dict[int, tuple[Shot, tuple[int, int]]],
-    told: _Told,
+    messages: _Messages,
 ) -> Entry:
     """One entry.
 
@@ -126,7 +126,7 @@ def _fitted(
         fx, fy, cx, cy = given
         lens = pinhole_lens(fx, fy, cx, cy, None, "scene.intrinsics", config.pixel_centres != "integer")
     size, photo = header.size, shot.photo
-    if _to_be_turned(lens, header, shot.path.name, told):
+    if _to_be_turned(lens, header, shot.path.name, messages):
         size, photo = turned_size(size, header.orientation), TurnedPhoto(shot.source, header.orientation)
     if lens is None:
         others = any(one.lens for one in capture.shots)
@@ -155,25 +155,25 @@ def _fitted(
             raise
         raise InputError(f"{error} {NOT_TURNED}") from error
     if doubt:
-        told.cropped.append(doubt)
+        messages.cropped.append(doubt)
     return replace(entry, lens=lens, size=size, photo=photo, mask=mask, transparent=header.transparent)
 
 
-def _to_be_turned(lens: Lens | None, header: PhotoHeader, name: str, told: _Told) -> bool:
+def _to_be_turned(lens: Lens | None, header: PhotoHeader, name: str, messages: _Messages) -> bool:
     """Whether the intrinsics are for the photo as its EXIF orientation turns it; the size tells, if anything does."""
     if header.orientation == 1:
         return False
     if lens is None or lens.size is None:
-        told.unsure.append(name)
+        messages.unsure.append(name)
         return False
     turned = turned_size(header.size, header.orientation)
     as_stored, as_turned = _resized(lens.size, header.size), _resized(lens.size, turned)
     if as_turned and not as_stored:
-        told.turned.append(name)
+        messages.turned.append(name)
         return True
     if as_stored:
         square = header.orientation >= ON_ITS_SIDE and as_turned
-        (told.unsure if square else told.stored).append(name)
+        (messages.unsure if square else messages.stored).append(name)
     return False
 
 

@@ -30,11 +30,12 @@ def held_out(capture: Capture) -> tuple[frozenset[str] | None, list[str]]:
         unknown += [] if frame else [name]
     if not unknown:
         return frozenset(found), []
-    told = f"the capture's split names {len(capture.test)} photos to hold out"
+    message = f"the capture's split names {len(capture.test)} photos to hold out"
     if found:
-        return frozenset(found), [f"{told}, {len(unknown)} of which it does not have ({some(unknown)})"]
+        return frozenset(found), [f"{message}, {len(unknown)} of which it does not have ({some(unknown)})"]
     return None, [
-        f"{told} and has none of them ({some(unknown)}), so that it is not used: every scene.test_every-th is held out"
+        f"{message} and has none of them ({some(unknown)}), so that it is not used: every scene.test_every-th is held "
+        "out"
     ]
 
 

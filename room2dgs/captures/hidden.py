@@ -50,7 +50,7 @@ def hidden_of(frame: Frame, alpha: MaskFacts | None) -> Hidden | None:
     return Hidden(np.logical_and.reduce([usable for usable, _ in parts]), all(any_usable for _, any_usable in parts))
 
 
-def told_of_hidden(scene: Scene, hidden: Mapping[str, Hidden]) -> tuple[list[str], list[str]]:
+def hidden_notes(scene: Scene, hidden: Mapping[str, Hidden]) -> tuple[list[str], list[str]]:
     """Notes and warnings.
 
     Args:

@@ -104,12 +104,12 @@ def unread_photos(folder: Path) -> str | None:
     if not kinds:
         return None
     (first, count), *more = sorted(kinds.items())
-    told = f"{count} {'file' if count == 1 else 'files'} in {folder} {'is' if count == 1 else 'are'} {first}"
-    told += "".join(f", {count} {kind}" for kind, count in more)
+    message = f"{count} {'file' if count == 1 else 'files'} in {folder} {'is' if count == 1 else 'are'} {first}"
+    message += "".join(f", {count} {kind}" for kind, count in more)
     if set(kinds) == {"HEIC"}:
         mend = "none of them can be opened, copy them again" if heic_is_read() else HEIC_IS_READ_BY
-        return f"{told}, which is not read; {mend} or convert them"
-    return f"{told}, which is not read; convert them to JPEG or PNG"
+        return f"{message}, which is not read; {mend} or convert them"
+    return f"{message}, which is not read; convert them to JPEG or PNG"
 
 
 def _unread_kind(path: Path) -> str | None:

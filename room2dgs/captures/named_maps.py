@@ -33,9 +33,9 @@ def without_missing_maps(shots: Sequence[Shot], path: Path) -> tuple[list[Shot],
             f"{path} names {len(depths)} depth maps, {len(no_depth)} of which are not there "
             f"({some(list(no_depth.values()))}); their photos are used without"
         )
-    said = left_out(no_mask, len(masks), "masks that are named and not there", MOST_MASKS_GONE)
-    if said:
-        warnings.append(f"{path}: {said}; their photos are used whole")
+    message = left_out(no_mask, len(masks), "masks that are named and not there", MOST_MASKS_GONE)
+    if message:
+        warnings.append(f"{path}: {message}; their photos are used whole")
     whole = [
         replace(
             shot,

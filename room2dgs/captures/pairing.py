@@ -162,9 +162,9 @@ def places(
     # a copy among numbered photos ("frame000004 (1).jpg") has no place of its own; and programs sort by letters too
     if not numbers and len(photos) == count and in_order == sorted(photos) and (_runs(photos) or not from_zero):
         return {name: index for index, name in enumerate(in_order)}
-    told = f", numbered {known[0]} to {known[-1]}" if numbers else ""
+    message = f", numbered {known[0]} to {known[-1]}" if numbers else ""
     raise InputError(
-        f"{label} has {count} poses for {len(photos)} photos{told}, and which is whose cannot be told; "
+        f"{label} has {count} poses for {len(photos)} photos{message}, and which is whose cannot be told; "
         "give as many of both, or number the photos by the poses' places, the first being 0"
     )
 

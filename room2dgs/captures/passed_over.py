@@ -8,10 +8,10 @@ from room2dgs.captures.listing import unread_photos
 MOST_FOLDERS = 1000  # that are looked into
 
 
-def tell_passed_over(capture: Capture) -> None:
+def warn_passed_over(capture: Capture) -> None:
     """Add to a capture's warnings what its folders of photos hold that is not read."""
     folders = dict.fromkeys(shot.path.parent for shot in capture.shots if shot.photo is None)
     for folder in list(folders)[:MOST_FOLDERS]:
-        said = unread_photos(folder)
-        if said:
-            capture.warnings.append(said)
+        message = unread_photos(folder)
+        if message:
+            capture.warnings.append(message)

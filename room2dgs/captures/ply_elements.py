@@ -173,7 +173,7 @@ class _Body:
                 element, at = self._with_lists(name, count, properties, at, name in wanted)
             else:
                 rows, at = self._rows(name, count, [(one.name, self._kind(one.kind)) for one in properties], at)
-                element = Element({one.name: self._told(rows[one.name], one.kind) for one in properties}, {})
+                element = Element({one.name: self._native(rows[one.name], one.kind) for one in properties}, {})
             if name in wanted:
                 found[name] = element
         left = self.body[at:]
@@ -186,7 +186,7 @@ class _Body:
         """How a value is stored here."""
         return "<f8" if self.header.text else self.header.order + kind
 
-    def _told(self, values: np.ndarray, kind: str) -> np.ndarray:
+    def _native(self, values: np.ndarray, kind: str) -> np.ndarray:
         """As the header has them, in this machine's byte order."""
         wanted = np.dtype(kind)
         if self.header.text and wanted.kind in "iu":
@@ -222,10 +222,10 @@ class _Body:
             kind = np.dtype(self._kind(one.kind))
             if one.length:
                 values = self._gathered(starts[index], lengths[index], kind)
-                lists[one.name] = Lists(lengths[index], self._told(values, one.kind))
+                lists[one.name] = Lists(lengths[index], self._native(values, one.kind))
             else:
                 values = self._gathered(starts[index], np.ones(count, np.int64), kind)
-                single[one.name] = self._told(values, one.kind)
+                single[one.name] = self._native(values, one.kind)
         return Element(single, lists), end
 
     def _equal_lists(self, count: int, properties: list[Property], at: int) -> tuple[Element, int] | None:
@@ -252,10 +252,11 @@ class _Body:
         rows = np.frombuffer(self.body, np.dtype(fields), count, at)
         if any((rows[f"length of {name}"] != length).any() for name, length in lengths.items()):
             return None
-        single = {one.name: self._told(rows[f"single {one.name}"], one.kind) for one in properties if not one.length}
+        single = {one.name: self._native(rows[f"single {one.name}"], one.kind) for one in properties if not one.length}
         lists = {
             one.name: Lists(
-                np.full(count, lengths[one.name], np.int64), self._told(rows[f"list {one.name}"].reshape(-1), one.kind)
+                np.full(count, lengths[one.name], np.int64),
+                self._native(rows[f"list {one.name}"].reshape(-1), one.kind),
             )
             for one in properties
             if one.length

@@ -53,13 +53,13 @@ def near_each_other(
         kept = [entry for entry, good in zip(entries, together, strict=True) if good]
         return kept, [Dropped(file_name(name), reason) for name, reason in bad.items()], [warning] if warning else []
     reach = _reach(centres)
-    said = f"{capture.root} has cameras {reach:,.0f} m apart"
+    message = f"{capture.root} has cameras {reach:,.0f} m apart"
     other = _other_reading(entries, capture.poses if config.poses == "auto" else config.poses)
     if other is not None:
-        raise InputError(f"{said}; read as {other.replace('_', ' ')} they stand together: give scene.poses={other}")
+        raise InputError(f"{message}; read as {other.replace('_', ' ')} they stand together: give scene.poses={other}")
     name, metres = min(SMALL_UNITS.items(), key=lambda entry: abs(np.log(reach * entry[1] / USUAL_PATH_M)))
     raise InputError(
-        f"{said}: its poses look like {name}; give scene.unit={metres:g} (metres of one unit of the poses)"
+        f"{message}: its poses look like {name}; give scene.unit={metres:g} (metres of one unit of the poses)"
     )
 
 

@@ -9,11 +9,11 @@ from room2dgs.captures.assemble import assembled
 from room2dgs.captures.cache import Cache
 from room2dgs.captures.checked import checked
 from room2dgs.captures.listing import Listing
-from room2dgs.captures.passed_over import tell_passed_over
+from room2dgs.captures.passed_over import warn_passed_over
 from room2dgs.captures.readers.choice import reader_of
 from room2dgs.captures.readers.not_known import check_there
 from room2dgs.captures.scene import Scene
-from room2dgs.captures.unmatched import tell_unmatched
+from room2dgs.captures.unmatched import warn_unmatched
 from room2dgs.config import SceneConfig
 
 
@@ -50,6 +50,6 @@ def placed(config: SceneConfig) -> Scene:
     root = Path(config.path)
     check_there(root)
     capture = reader_of(config, Listing(root)).load().read(root, config)
-    tell_unmatched(capture)
-    tell_passed_over(capture)
+    warn_unmatched(capture)
+    warn_passed_over(capture)
     return assembled(capture, config)

@@ -74,25 +74,25 @@ def called_map(name: str) -> bool:
     )
 
 
-def tell_unmatched(capture: Capture) -> None:
+def warn_unmatched(capture: Capture) -> None:
     """Add what `unmatched` says of the folders of depth maps and masks beside a capture's photos: a warning where none
     of a folder's files is used, a note where some are, or where another such folder is used in its place.
     """
     if not capture.root.is_dir():
         return
     used = {kind: _by_folder(capture, kind) for kind in FOLDERS}
-    told = " ".join((*capture.notes, *capture.warnings))
+    known = " ".join((*capture.notes, *capture.warnings))
     root = os.path.abspath(capture.root)
     for folder, kind in _beside(capture):
         names = used[kind].get(str(folder), set())
         shown = capture.root / os.path.relpath(folder, root)
         instead = INSTEAD[kind].get(capture.layout, f"the layout {capture.layout} reads no {kind}s from files")
-        said = unmatched(shown, names, kind, instead) if f"{shown} " not in told else None  # the reader knows more
-        lacking = _lacking(capture, kind) if said and names else 0
+        message = unmatched(shown, names, kind, instead) if f"{shown} " not in known else None  # the reader knows more
+        lacking = _lacking(capture, kind) if message and names else 0
         if lacking:  # numbers may agree by chance, where photos and maps were counted differently
-            said = f"{said}; {lacking} photos have none: if photos and maps are numbered differently, rename them"
-        if said:
-            (capture.warnings if lacking or not (names or used[kind]) else capture.notes).append(said)
+            message = f"{message}; {lacking} photos have none: if photos and maps are numbered differently, rename them"
+        if message:
+            (capture.warnings if lacking or not (names or used[kind]) else capture.notes).append(message)
     capture.notes.extend(_beside_photos(capture, used))
     if used[DEPTH]:
         capture.notes.extend(_confidences(capture))

@@ -163,11 +163,11 @@ def _true_scene(settings: EvalConfig) -> Scene | None:
 def _in_truth_frame(
     meshes: tuple[MeshFile, MeshFile], frames: tuple[Frame, ...], found: Alignment
 ) -> tuple[tuple[MeshFile, MeshFile], tuple[Frame, ...]]:
-    from room2dgs.eval.alignment import moved_camera, moved_mesh
+    from room2dgs.eval.alignment import transformed_camera, transformed_mesh
 
-    pred = replace(meshes[0], mesh=moved_mesh(meshes[0].mesh, found.truth_from_pred))
-    moved = tuple(replace(frame, camera=moved_camera(frame.camera, found.truth_from_pred)) for frame in frames)
-    return (pred, meshes[1]), moved
+    pred = replace(meshes[0], mesh=transformed_mesh(meshes[0].mesh, found.truth_from_pred))
+    aligned = tuple(replace(frame, camera=transformed_camera(frame.camera, found.truth_from_pred)) for frame in frames)
+    return (pred, meshes[1]), aligned
 
 
 def _image_scores(scene: Scene, surfels: Splats, config: Config, log: Log) -> dict[str, Any]:

@@ -51,7 +51,7 @@ def bridged(base: pycolmap.Reconstruction, other: pycolmap.Reconstruction, datab
     for _ in range(ROUNDS):
         if found is None:
             return None
-        good = _agree(base, other, common, found)
+        good = _consistent(base, other, common, found)
         pairs = set(zip(common.base_image[good].tolist(), common.other_image[good].tolist(), strict=True))
         if good.sum() < max(LEAST_POINTS, LEAST_SHARE * len(good)) or len(pairs) < LEAST_PAIRS:
             return None
@@ -109,7 +109,7 @@ def _tolerance(base: pycolmap.Reconstruction, common: Common) -> float:
     )
 
 
-def _agree(
+def _consistent(
     base: pycolmap.Reconstruction,
     other: pycolmap.Reconstruction,
     common: Common,

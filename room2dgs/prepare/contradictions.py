@@ -30,18 +30,18 @@ def contradictions(model: pycolmap.Reconstruction, database: Path, most: int = 3
     placed = set(model.reg_image_ids())
     with pycolmap.Database.open(database) as opened:
         pair_ids, geometries = opened.read_two_view_geometries()
-    asked, wrong = 0, []
+    judged, wrong = 0, []
     for pair_id, geometry in zip(pair_ids, geometries, strict=True):
         first, second = pycolmap.pair_id_to_image_pair(pair_id)
         matches = np.asarray(geometry.inlier_matches)
         if first not in placed or second not in placed or len(matches) < LEAST_MATCHES:
             continue
-        asked += 1
+        judged += 1
         one, other = model.image(first), model.image(second)
         if (_sampson(one, other, matches) > MAX_ERROR_PX).mean() > CONTRADICTS:
             wrong.append((len(matches), one.name, other.name))
     named = [(one, other) for _, one, other in sorted(wrong, key=lambda pair: (-pair[0], pair[1:]))[:most]]
-    return Contradictions(len(wrong) / asked if asked else 0.0, named)
+    return Contradictions(len(wrong) / judged if judged else 0.0, named)
 
 
 def _sampson(one: pycolmap.Image, other: pycolmap.Image, matches: np.ndarray) -> np.ndarray:

@@ -16,8 +16,8 @@ from room2dgs.config import PrepareConfig
 from room2dgs.cores import available_cores
 from room2dgs.files import check_room, whole_file
 from room2dgs.logs import Log
-from room2dgs.prepare.photos import TakenPhoto
-from room2dgs.prepare.stages import Progress
+from room2dgs.prepare.photos import ChosenPhoto
+from room2dgs.prepare.progress import Progress
 from room2dgs.sfm.matching import MATCHING_THREADS, IndexPairs, database_bytes, quiet
 
 PHOTOS_AT_ONCE = 8
@@ -30,7 +30,7 @@ KINDS = pycolmap.TwoViewGeometryConfiguration
 
 
 def new_database(
-    path: Path, photos: Sequence[TakenPhoto], config: PrepareConfig, intrinsics: Sequence[float] | None, half: bool
+    path: Path, photos: Sequence[ChosenPhoto], config: PrepareConfig, intrinsics: Sequence[float] | None, half: bool
 ) -> None:
     """A database that knows photos and cameras; image ids are 1, 2, ... in the order of the photos.
 
@@ -54,7 +54,7 @@ def new_database(
 
 
 def _camera(
-    photo: TakenPhoto, config: PrepareConfig, intrinsics: Sequence[float] | None, half: bool
+    photo: ChosenPhoto, config: PrepareConfig, intrinsics: Sequence[float] | None, half: bool
 ) -> pycolmap.Camera:
     width, height = photo.size
     if intrinsics is not None:
@@ -70,7 +70,7 @@ def _camera(
     return camera
 
 
-def extracted(path: Path, images: Path, photos: Sequence[TakenPhoto], config: PrepareConfig, log: Log) -> list[int]:
+def extracted(path: Path, images: Path, photos: Sequence[ChosenPhoto], config: PrepareConfig, log: Log) -> list[int]:
     """Features of all photos; those that are there already stay.
 
     Returns:
@@ -103,7 +103,7 @@ def extracted(path: Path, images: Path, photos: Sequence[TakenPhoto], config: Pr
 
 
 def matched(
-    path: Path, photos: Sequence[TakenPhoto], pairs: IndexPairs, work: Path, config: PrepareConfig, log: Log
+    path: Path, photos: Sequence[ChosenPhoto], pairs: IndexPairs, work: Path, config: PrepareConfig, log: Log
 ) -> None:
     """Match some pairs and keep the matches that one epipolar geometry or homography explains.
 

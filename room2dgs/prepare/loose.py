@@ -9,7 +9,7 @@ from room2dgs.colmap import pycolmap
 
 TIED = 25  # points that two photos share when they belong together
 # A group of photos is held by the rest if they share half of its points, or so many; and no fewer than the first.
-HELD = (20, 60)
+CONNECTED = (20, 60)
 
 
 def loose_photos(model: pycolmap.Reconstruction) -> list[int]:
@@ -24,21 +24,21 @@ def loose_photos(model: pycolmap.Reconstruction) -> list[int]:
     for track in tracks:
         shared.update(combinations(track, 2))
     groups = _groups(sorted(model.reg_image_ids()), [pair for pair, count in shared.items() if count >= TIED])
-    held, *others = sorted(groups, key=lambda group: (-len(group), min(group)))
-    held = set(held)
+    connected, *others = sorted(groups, key=lambda group: (-len(group), min(group)))
+    connected = set(connected)
     while True:
-        joined = [group for group in others if _is_held(group, held, tracks)]
+        joined = [group for group in others if _is_connected(group, connected, tracks)]
         if not joined:
             return sorted(image_id for group in others for image_id in group)
         for group in joined:
-            held |= group
+            connected |= group
             others.remove(group)
 
 
-def _is_held(group: set[int], held: set[int], tracks: list[list[int]]) -> bool:
+def _is_connected(group: set[int], connected: set[int], tracks: list[list[int]]) -> bool:
     # a wrong match makes a point of two photos; what two of the rest see already was a point before
-    own = [len(held.intersection(track)) >= 2 for track in tracks if not group.isdisjoint(track)]
-    return sum(own) >= max(HELD[0], min(HELD[1], len(own) / 2))
+    own = [len(connected.intersection(track)) >= 2 for track in tracks if not group.isdisjoint(track)]
+    return sum(own) >= max(CONNECTED[0], min(CONNECTED[1], len(own) / 2))
 
 
 def _groups(ids: list[int], pairs: list[tuple[int, int]]) -> list[set[int]]:
@@ -52,7 +52,7 @@ def _groups(ids: list[int], pairs: list[tuple[int, int]]) -> list[set[int]]:
     return list({id(one): one for one in group.values()}.values())
 
 
-def take_out(model: pycolmap.Reconstruction, image_ids: list[int]) -> None:
+def remove_photos(model: pycolmap.Reconstruction, image_ids: list[int]) -> None:
     """Remove photos and what only they saw."""
     for image_id in image_ids:
         model.deregister_frame(model.image(image_id).frame_id)

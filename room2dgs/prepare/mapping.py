@@ -12,7 +12,7 @@ from room2dgs.config import PrepareConfig
 from room2dgs.cores import available_cores
 from room2dgs.files import whole_folder
 from room2dgs.logs import Log
-from room2dgs.prepare.stages import Progress
+from room2dgs.prepare.progress import Progress
 from room2dgs.sfm.matching import quiet
 
 SEED = 0

@@ -16,11 +16,12 @@ from room2dgs.captures.seen_points import seen_points
 from room2dgs.captures.selection import evenly_spaced
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
-from room2dgs.prepare.stages import Progress
+from room2dgs.prepare.progress import Progress
 
 LEAST_POINTS = 20  # of a photo
 MOST_PHOTOS = 60
-# What our network is off by in a room as a whole, however well its photos agree (its README, docs/reference/captures.md).
+# What our network is off by in a room as a whole, however well its photos agree (see its
+# README).
 NETWORK_SIGMA = 0.3
 SENSOR_SIGMA = 0.01
 HEIGHT_SIGMA = 0.03  # of where the floor is found

@@ -28,8 +28,9 @@ from room2dgs.files import whole_folder
 from room2dgs.logs import Log
 from room2dgs.prepare.choice import chosen_frames
 from room2dgs.prepare.motion import Motion, filled
+from room2dgs.prepare.progress import Progress
 from room2dgs.prepare.sharpness import sharpness
-from room2dgs.prepare.stages import Progress, Stages, key_of
+from room2dgs.prepare.stage_cache import StageCache, key_of
 from room2dgs.regular_files import check_regular
 
 LEAST_PHOTOS = 5
@@ -43,7 +44,7 @@ CALLED_MAP = re.compile(r"[^a-z0-9]*(masks?|depths?)[^a-z0-9]*", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class TakenPhoto:
+class ChosenPhoto:
     """A photo that goes into the reconstruction.
 
     Attributes:
@@ -63,7 +64,7 @@ class TakenPhoto:
     sharpness: float
 
 
-def taken_photos(config: PrepareConfig, folder: Path, stages: Stages, log: Log) -> tuple[list[TakenPhoto], str]:
+def choose_photos(config: PrepareConfig, folder: Path, stages: StageCache, log: Log) -> tuple[list[ChosenPhoto], str]:
     """Choose the photos and write them.
 
     Args:
@@ -88,20 +89,20 @@ def taken_photos(config: PrepareConfig, folder: Path, stages: Stages, log: Log) 
         unread = unread_photos(path)
         if unread:
             log(f"NOTE: {unread}")
-        names, told = _photos_and_maps(path)
-        for line in told:
+        names, lines = _photos_and_maps(path)
+        for line in lines:
             log(f"NOTE: {line}")
         state = [(name, check_regular(path / name, "delete it"), (path / name).stat().st_mtime_ns) for name in names]
         key = key_of("images", str(path), state, *chosen_by[:1])
     known = stages.found("photos", key)
     if known is None or any(not (folder / photo["name"]).is_file() for photo in known["photos"]):
-        taken = (
+        photos = (
             _from_video(path, config, folder, stages, log) if config.video else _from_folder(path, config, folder, log)
         )
-        known = stages.finished("photos", key, {"photos": [vars(photo) for photo in taken]})
+        known = stages.finished("photos", key, {"photos": [vars(photo) for photo in photos]})
     else:
         log(f"photos: {len(known['photos'])} are there from before")
-    return [TakenPhoto(**{**photo, "size": tuple(photo["size"])}) for photo in known["photos"]], key
+    return [ChosenPhoto(**{**photo, "size": tuple(photo["size"])}) for photo in known["photos"]], key
 
 
 def _photo_folder(path: Path) -> Path:
@@ -111,7 +112,8 @@ def _photo_folder(path: Path) -> Path:
     found = next((place for place in (path, *(path / name for name in SUBFOLDERS)) if photos_in(place)), None)
     if found is None:
         unread = next(
-            (said for place in (path, *(path / name for name in SUBFOLDERS)) if (said := unread_photos(place))), None
+            (message for place in (path, *(path / name for name in SUBFOLDERS)) if (message := unread_photos(place))),
+            None,
         )
         if unread:
             raise InputError(unread)
@@ -119,7 +121,7 @@ def _photo_folder(path: Path) -> Path:
     return found
 
 
-def _from_video(path: Path, config: PrepareConfig, folder: Path, stages: Stages, log: Log) -> list[TakenPhoto]:
+def _from_video(path: Path, config: PrepareConfig, folder: Path, stages: StageCache, log: Log) -> list[ChosenPhoto]:
     key = key_of("scan, times", str(path), path.stat().st_size, path.stat().st_mtime_ns)
     scan = stages.found("scan", key)
     if scan is None:
@@ -145,7 +147,7 @@ def _from_video(path: Path, config: PrepareConfig, folder: Path, stages: Stages,
         log("NOTE: the frames are far apart and may not overlap enough; film slower, or raise prepare.max_photos")
     wanted = {int(index) for index in chosen}
     progress = Progress(log, "writing photos", len(wanted), "photos")
-    taken = []
+    photos = []
     with whole_folder(folder) as partial:
         for index, image, _ in _frames(path):
             if index not in wanted:
@@ -155,11 +157,11 @@ def _from_video(path: Path, config: PrepareConfig, folder: Path, stages: Stages,
             if not cv2.imwrite(str(partial / name), photo, JPEG):
                 raise OSError(f"{partial / name} cannot be written; is the disk full?")
             size = photo.shape[1::-1]
-            taken.append(TakenPhoto(name, size, None, float(seconds[index]), index, float(sharp[index])))
-            progress.at(len(taken))
-            if len(taken) == len(wanted):
+            photos.append(ChosenPhoto(name, size, None, float(seconds[index]), index, float(sharp[index])))
+            progress.at(len(photos))
+            if len(photos) == len(wanted):
                 break
-    return taken
+    return photos
 
 
 def _at_most(image: np.ndarray, side: int) -> np.ndarray:
@@ -236,7 +238,7 @@ def _photos_and_maps(path: Path) -> tuple[list[str], list[str]]:
     return [name for name in names if name not in set(maps)], notes
 
 
-def _from_folder(path: Path, config: PrepareConfig, folder: Path, log: Log) -> list[TakenPhoto]:
+def _from_folder(path: Path, config: PrepareConfig, folder: Path, log: Log) -> list[ChosenPhoto]:
     names, _ = _photos_and_maps(path)
     if len(names) < LEAST_PHOTOS:
         raise InputError(f"{path} has {len(names)} photos, at least {LEAST_PHOTOS} are needed; take more of the room")
@@ -251,7 +253,7 @@ def _from_folder(path: Path, config: PrepareConfig, folder: Path, log: Log) -> l
     _check_blur(path, sharp[chosen])
     log(f"photos: {len(chosen)} of {len(names)} (sharpness {np.median(sharp[chosen]):.2f})")
     progress = Progress(log, "copying photos", len(chosen), "photos")
-    taken: list[TakenPhoto] = []
+    photos: list[ChosenPhoto] = []
     source: dict[str, str] = {}
     with whole_folder(folder) as partial:
         for index in chosen:
@@ -261,9 +263,9 @@ def _from_folder(path: Path, config: PrepareConfig, folder: Path, log: Log) -> l
             source[name] = names[index]
             size = color_size(partial / name)
             focal_px = None if focal is None else focal / FILM_DIAGONAL_MM * math.hypot(*size)
-            taken.append(TakenPhoto(name, size, focal_px, None, int(index), float(sharp[index])))
-            progress.at(len(taken))
-    return taken
+            photos.append(ChosenPhoto(name, size, focal_px, None, int(index), float(sharp[index])))
+            progress.at(len(photos))
+    return photos
 
 
 def _copied(path: Path, folder: Path) -> tuple[str, float | None]:

@@ -26,7 +26,7 @@ from room2dgs.json_files import plain
 from room2dgs.logs import Log
 from room2dgs.prepare.contradictions import contradictions
 from room2dgs.prepare.features import descriptors, extracted, matched, new_database, verified_pairs
-from room2dgs.prepare.loose import loose_photos, take_out
+from room2dgs.prepare.loose import loose_photos, remove_photos
 from room2dgs.prepare.mapping import mapped, names_of, triangulation_angles
 from room2dgs.prepare.merge import merged
 from room2dgs.prepare.metres import (
@@ -38,11 +38,12 @@ from room2dgs.prepare.metres import (
     scale_by_maps,
 )
 from room2dgs.prepare.pairs import all_pairs, loop_pairs, sequential_pairs
-from room2dgs.prepare.photos import TakenPhoto, taken_photos
+from room2dgs.prepare.photos import ChosenPhoto, choose_photos
 from room2dgs.prepare.picture import draw_path
+from room2dgs.prepare.progress import Progress
 from room2dgs.prepare.similar import similarity
 from room2dgs.prepare.sources import depth_files, network_depths, sensor_depths
-from room2dgs.prepare.stages import Progress, Stages, key_of
+from room2dgs.prepare.stage_cache import StageCache, key_of
 from room2dgs.prepare.vanishing_points import RoomFrame, room_frame
 from room2dgs.prepare.verdict import FEW_POINTS, doubts, scale_dict, upright_line, verdict_lines, weak_stretches
 
@@ -64,8 +65,8 @@ def prepare(config: Config, out: Path, log: Log) -> dict[str, Any]:
         InputError: what was given cannot be used, or no reconstruction comes of it; the sentence says why.
     """
     settings, work = config.prepare, out / WORK
-    stages, images, database = Stages(work), out / IMAGES, out / WORK / "database.db"
-    photos, key = taken_photos(settings, images, stages, log)
+    stages, images, database = StageCache(work), out / IMAGES, out / WORK / "database.db"
+    photos, key = choose_photos(settings, images, stages, log)
     (out / VERDICT).unlink(missing_ok=True)  # it is written last, and says that all is whole
     camera = settings.lens, config.scene.intrinsics, config.scene.pixel_centres
     key = key_of(key, *camera, settings.features, settings.peak_threshold, settings.feature_side)
@@ -85,10 +86,10 @@ def prepare(config: Config, out: Path, log: Log) -> dict[str, Any]:
 
 
 def _features(
-    photos: Sequence[TakenPhoto],
+    photos: Sequence[ChosenPhoto],
     key: str,
     config: Config,
-    stages: Stages,
+    stages: StageCache,
     images: Path,
     database: Path,
     log: Log,
@@ -106,10 +107,10 @@ def _features(
 
 
 def _model(
-    photos: Sequence[TakenPhoto],
+    photos: Sequence[ChosenPhoto],
     key: str,
     config: Config,
-    stages: Stages,
+    stages: StageCache,
     images: Path,
     database: Path,
     log: Log,
@@ -125,7 +126,7 @@ def _model(
     loose = loose_photos(model)
     if loose:
         log(f"{len(loose)} photos hang on hardly any point of the others: they are left out")
-        take_out(model, loose)
+        remove_photos(model, loose)
     angle = float(np.median(triangulation_angles(model))) if model.num_points3D() else 0.0
     if angle < MIN_ANGLE_DEG:
         raise InputError(
@@ -140,7 +141,7 @@ def _model(
 
 
 def _pairs(
-    photos: Sequence[TakenPhoto], key: str, settings: PrepareConfig, stages: Stages, database: Path, log: Log
+    photos: Sequence[ChosenPhoto], key: str, settings: PrepareConfig, stages: StageCache, database: Path, log: Log
 ) -> list[tuple[int, int]]:
     known = stages.found("pairs", key)
     if known is None:
@@ -160,7 +161,7 @@ def _pairs(
     return [(i, j) for i, j in known["pairs"]]
 
 
-def _why_none(photos: Sequence[TakenPhoto], database: Path, settings: PrepareConfig) -> str:
+def _why_none(photos: Sequence[ChosenPhoto], database: Path, settings: PrepareConfig) -> str:
     """Why nothing could be reconstructed."""
     pairs = verified_pairs(database)
     good = [kind for count, kind in pairs.values() if count >= 15]
@@ -204,7 +205,7 @@ def _scene(out: Path, model: Path, config: Config) -> Scene:
     return assembled(capture, settings)
 
 
-def _room(scene: Scene, key: str, stages: Stages, log: Log) -> RoomFrame:
+def _room(scene: Scene, key: str, stages: StageCache, log: Log) -> RoomFrame:
     known = stages.found("room", key)
     if known is None:
         log("upright: looking for edges")
@@ -224,10 +225,10 @@ def _room(scene: Scene, key: str, stages: Stages, log: Log) -> RoomFrame:
 def _scale(
     scene: Scene,
     room: RoomFrame,
-    photos: Sequence[TakenPhoto],
+    photos: Sequence[ChosenPhoto],
     config: Config,
     key: str,
-    stages: Stages,
+    stages: StageCache,
     log: Log,
 ) -> Scale | None:
     settings = config.prepare
@@ -261,7 +262,7 @@ def _scale(
 def _written(
     out: Path,
     model: pycolmap.Reconstruction,
-    photos: Sequence[TakenPhoto],
+    photos: Sequence[ChosenPhoto],
     features: Sequence[int],
     found: dict[str, Any],
     room: RoomFrame,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +15,13 @@ from room2dgs.captures.scene import Frame
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.prepare.metres import DepthOf
-from room2dgs.prepare.photos import TakenPhoto
+from room2dgs.prepare.photos import ChosenPhoto
 
 # Depth cameras of phones and of Kinects are trusted to here.
 SENSOR_REACH_M = 4.0
 
 
-def depth_files(folder: Path, photos: Sequence[TakenPhoto]) -> dict[str, Path]:
+def depth_files(folder: Path, photos: Sequence[ChosenPhoto]) -> dict[str, Path]:
     """Photo's name -> its depth map: of the same name, or with the number of the video's frame.
 
     Raises:
@@ -35,17 +35,9 @@ def depth_files(folder: Path, photos: Sequence[TakenPhoto]) -> dict[str, Path]:
     shared = min(shared_stems(photo.name for photo in photos) & names.keys(), default=None)
     if shared is not None:
         raise InputError(f"{names[shared]} could be of several photos called {shared}; rename them and their maps")
-    by_number: dict[int, Path] = {}
-    for stem, path in sorted(names.items()):
-        if parts := re.findall(r"\d+", stem):
-            by_number.setdefault(int(parts[-1]), path)
-    found = {}
-    for photo in photos:
-        of_photo = names.get(Path(photo.name).stem)
-        if of_photo is None and photo.seconds is not None:
-            of_photo = by_number.get(photo.index)
-        if of_photo is not None:
-            found[photo.name] = of_photo
+    numbered = _by_last_number(names)
+    matched = ((photo, _depth_file_of(photo, names, numbered)) for photo in photos)
+    found = {photo.name: path for photo, path in matched if path is not None}
     for photo in photos:
         if photo.name in found:
             _check_upright(found[photo.name], photo)
@@ -56,7 +48,22 @@ def depth_files(folder: Path, photos: Sequence[TakenPhoto]) -> dict[str, Path]:
     return found
 
 
-def _check_upright(path: Path, photo: TakenPhoto) -> None:
+def _by_last_number(paths: Mapping[str, Path]) -> dict[int, Path]:
+    """Last number in a stem -> its path; of several stems the first by name."""
+    found: dict[int, Path] = {}
+    for stem, path in sorted(paths.items()):
+        if parts := re.findall(r"\d+", stem):
+            found.setdefault(int(parts[-1]), path)
+    return found
+
+
+def _depth_file_of(photo: ChosenPhoto, paths: Mapping[str, Path], numbered: Mapping[int, Path]) -> Path | None:
+    """The map of a photo's stem; of a video's frame else the one with its number."""
+    by_stem = paths.get(Path(photo.name).stem)
+    return numbered.get(photo.index) if by_stem is None and photo.seconds is not None else by_stem
+
+
+def _check_upright(path: Path, photo: ChosenPhoto) -> None:
     """Photos are turned upright as their files say; depth files say nothing."""
     height, width = depth_file(path).metres().shape
     if (width - height) * (photo.size[0] - photo.size[1]) < 0:

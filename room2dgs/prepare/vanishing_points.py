@@ -14,7 +14,7 @@ from room2dgs.geometry.up_axis import up_axis
 SHORTEST = 0.05  # of the photo's width
 WIDTH = 640
 NARROWING_DEG = (12.0, 5.0, 2.5)
-HELD = 0.002  # how little a camera may turn until its mean direction counts as level: about ten degrees
+LEVEL_PRIOR = 0.002  # how little a camera may turn until its mean direction counts as level: about ten degrees
 LEAST_LINES = 30
 LEAST_SHARE = 0.35  # of edges within the first of these angles from upright lie within the last; by chance 0.2 would
 LEVEL_DEG = 20.0  # edges that lean less than this from the horizontal tell where walls face
@@ -48,7 +48,7 @@ def room_frame(cameras: Sequence[Camera], pictures: Iterable[np.ndarray]) -> Roo
         pictures: (H, W, 3) uint8 RGB each, of the camera's size.
     """
     normals, weights = edge_planes(cameras, pictures)
-    held = up = up_axis(cameras, np.zeros((0, 3)), prior=HELD)
+    from_cameras = up = up_axis(cameras, np.zeros((0, 3)), prior=LEVEL_PRIOR)
     vertical = 0
     for angle in NARROWING_DEG:
         near = np.abs(normals @ up) < np.sin(np.radians(angle))
@@ -57,15 +57,15 @@ def room_frame(cameras: Sequence[Camera], pictures: Iterable[np.ndarray]) -> Roo
         chosen = normals[near] * weights[near, None] ** 0.5
         found = np.linalg.eigh(chosen.T @ chosen)[1][:, 0]
         up, vertical = found * np.sign(found @ up), int(near.sum())
-    if not _agree(normals, weights, up):
-        up, vertical = held, 0
+    if not _edges_cluster(normals, weights, up):
+        up, vertical = from_cameras, 0
     level = np.abs(normals @ up) > np.sin(np.radians(2 * NARROWING_DEG[-1]))
     heading, walls = _heading(normals[level], weights[level], up)
     across = np.cross(up, heading)
     return RoomFrame(np.stack([heading, across, up]), vertical, walls)
 
 
-def _agree(normals: np.ndarray, weights: np.ndarray, up: np.ndarray) -> bool:
+def _edges_cluster(normals: np.ndarray, weights: np.ndarray, up: np.ndarray) -> bool:
     """Whether edges crowd about upright, more than edges of a rough texture do."""
     sine = np.abs(normals @ up)
     around, close = (weights[sine < np.sin(np.radians(angle))].sum() for angle in (NARROWING_DEG[0], NARROWING_DEG[-1]))

@@ -9,7 +9,7 @@ import numpy as np
 
 from room2dgs.prepare.contradictions import DOUBTFUL
 from room2dgs.prepare.metres import Scale
-from room2dgs.prepare.photos import TakenPhoto
+from room2dgs.prepare.photos import ChosenPhoto
 from room2dgs.prepare.vanishing_points import RoomFrame
 
 FEW_POINTS = 60  # of a photo
@@ -22,7 +22,7 @@ LEAST_MISSING, LEAST_WEAK = 2, 3
 
 
 def weak_stretches(
-    photos: Sequence[TakenPhoto], placed_points: dict[str, int], features: Sequence[int]
+    photos: Sequence[ChosenPhoto], placed_points: dict[str, int], features: Sequence[int]
 ) -> list[dict[str, Any]]:
     """Parts of the capture that are missing or hang on little, in order.
 
@@ -67,7 +67,7 @@ def _runs(weak: Sequence[bool]) -> list[tuple[int, int]]:
     return runs
 
 
-def _place(photo: TakenPhoto) -> str:
+def _place(photo: ChosenPhoto) -> str:
     return photo.name if photo.seconds is None else f"{photo.seconds:.1f} s"
 
 

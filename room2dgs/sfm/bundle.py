@@ -17,8 +17,8 @@ from room2dgs.sfm.matching import pinhole, quiet
 
 ITERATIONS = 50
 FAR_M = 1e4
-HOLDS = 1_000_000  # from here on numbers of what holds rotations, above those of photos and their cameras
-HOLD_PX = 1000
+PRIOR_IDS = 1_000_000  # from here on numbers of what holds rotations, above those of photos and their cameras
+PRIOR_PX = 1000
 ALIGNMENT_ROUNDS = 4
 
 
@@ -113,7 +113,7 @@ def _solved(
             camera_id=numbers[index],
             image_id=index + 1,
         )
-        _add(rebuilt, image, camera, models[index], rotation_hold(spread))
+        _add(rebuilt, image, camera, models[index], rotation_prior_camera(spread))
         priors.append(_prior(rebuilt.image(index + 1), given[index].centre, spread.metres / spread.pixels))
     start = np.searchsorted(tracks.point, np.arange(len(xyz) + 1))
     for point, place in enumerate(xyz):
@@ -121,15 +121,15 @@ def _solved(
         for row in range(start[point], start[point + 1]):
             track.add_element(int(tracks.frame[row]) + 1, int(row_in_image[row]))
         rebuilt.add_point3D(place, track)
-    config, hold = pycolmap.BundleAdjustmentConfig(), rotation_hold(spread)
+    config, prior_camera = pycolmap.BundleAdjustmentConfig(), rotation_prior_camera(spread)
     for index in used:
         config.add_image(index + 1)
-        config.add_image(HOLDS + index)
-        config.set_constant_cam_intrinsics(HOLDS + numbers[index] - 1)
-        for number, place in enumerate(far_points(given[index], hold)):
+        config.add_image(PRIOR_IDS + index)
+        config.set_constant_cam_intrinsics(PRIOR_IDS + numbers[index] - 1)
+        for number, place in enumerate(far_points(given[index], prior_camera)):
             track = pycolmap.Track()
             for twice in range(2):  # pycolmap wants two observations of a point
-                track.add_element(HOLDS + index, 2 * number + twice)
+                track.add_element(PRIOR_IDS + index, 2 * number + twice)
             config.add_constant_point(rebuilt.add_point3D(place, track))
     alignment = pycolmap.PosePriorBundleAdjustmentOptions()
     alignment.alignment_ransac.random_seed = 0
@@ -149,7 +149,7 @@ def _with_poses(cameras: Sequence[Camera], rebuilt: pycolmap.Reconstruction) -> 
     return found
 
 
-def rotation_hold(spread: Spread) -> pycolmap.Camera:
+def rotation_prior_camera(spread: Spread) -> pycolmap.Camera:
     """A camera of so short a focal length that what it sees of its `far_points` holds a rotation as its spread asks.
 
     pycolmap has no prior for rotations. Four observations of points far away, by a camera that is rigidly joined to the
@@ -157,19 +157,19 @@ def rotation_hold(spread: Spread) -> pycolmap.Camera:
     """
     focal = spread.pixels / (2 * np.radians(spread.degrees))
     return pycolmap.Camera(
-        model="PINHOLE", width=HOLD_PX, height=HOLD_PX, params=[focal, focal, HOLD_PX / 2, HOLD_PX / 2]
+        model="PINHOLE", width=PRIOR_PX, height=PRIOR_PX, params=[focal, focal, PRIOR_PX / 2, PRIOR_PX / 2]
     )
 
 
-def far_points(given: Camera, hold: pycolmap.Camera) -> np.ndarray:
+def far_points(given: Camera, prior_camera: pycolmap.Camera) -> np.ndarray:
     """(2, 3) fixed points so far away that only the camera's rotation decides where it sees them, metres."""
-    rays = np.append(hold.cam_from_img(_hold_pixels(hold)), np.ones((2, 1)), axis=1)
+    rays = np.append(prior_camera.cam_from_img(_prior_pixels(prior_camera)), np.ones((2, 1)), axis=1)
     return given.centre + FAR_M * rays @ given.rotation
 
 
-def _hold_pixels(hold: pycolmap.Camera) -> np.ndarray:
+def _prior_pixels(prior_camera: pycolmap.Camera) -> np.ndarray:
     """(2, 2), to the left and to the right of the axis, so that they hold the roll, too."""
-    middle, focal = HOLD_PX / 2, hold.focal_length_x
+    middle, focal = PRIOR_PX / 2, prior_camera.focal_length_x
     return np.array([(middle - focal / 2, middle), (middle + focal / 2, middle)])
 
 
@@ -178,31 +178,31 @@ def _add(
     image: pycolmap.Image,
     camera: Camera,
     model: pycolmap.Camera,
-    hold: pycolmap.Camera,
+    prior_camera: pycolmap.Camera,
 ) -> None:
     """A photo, and beside it, in one rig, what holds its rotation; photos that share intrinsics share the rig."""
     index, number = image.image_id - 1, image.camera_id
-    model.camera_id, hold.camera_id = number, HOLDS + number - 1
-    held = pycolmap.Image(
+    model.camera_id, prior_camera.camera_id = number, PRIOR_IDS + number - 1
+    prior_image = pycolmap.Image(
         name=f"{image.name} held",
-        keypoints=np.repeat(_hold_pixels(hold), 2, axis=0),
-        camera_id=hold.camera_id,
-        image_id=HOLDS + index,
+        keypoints=np.repeat(_prior_pixels(prior_camera), 2, axis=0),
+        camera_id=prior_camera.camera_id,
+        image_id=PRIOR_IDS + index,
     )
     if number not in rebuilt.cameras:
         rig = pycolmap.Rig(rig_id=number)
         rig.add_ref_sensor(model.sensor_id)
-        rig.add_sensor(hold.sensor_id, pycolmap.Rigid3d())
-        for one in (model, hold):
+        rig.add_sensor(prior_camera.sensor_id, pycolmap.Rigid3d())
+        for one in (model, prior_camera):
             rebuilt.add_camera(one)
         rebuilt.add_rig(rig)
     frame = pycolmap.Frame(frame_id=index + 1, rig_id=number)
     frame.rig_from_world = pycolmap.Rigid3d(camera.cam_from_world[:3])
-    for seen in (image, held):
+    for seen in (image, prior_image):
         seen.frame_id = frame.frame_id
         frame.add_data_id(seen.data_id)
     rebuilt.add_frame(frame)
-    for seen in (image, held):
+    for seen in (image, prior_image):
         rebuilt.add_image(seen)
     rebuilt.register_frame(frame.frame_id)
 
@@ -217,24 +217,24 @@ def aligned(cameras: Sequence[Camera], given: Sequence[Camera], which: np.ndarra
         which: (V,) bool, the cameras that belong together and are moved; the others stay.
     """
     index = np.flatnonzero(which).tolist()
-    to, have = (np.stack([some[i].centre for i in index]) for some in (given, cameras))
+    to, found_centres = (np.stack([some[i].centre for i in index]) for some in (given, cameras))
     turned = np.stack([given[i].rotation.T @ cameras[i].rotation for i in index])
     weight = np.ones(len(index))
     scale, rotation, shift = 1.0, np.eye(3), np.zeros(3)
     for _ in range(ALIGNMENT_ROUNDS):
-        moved = np.linalg.norm(to - (scale * have @ rotation.T + shift), axis=1)
+        moved = np.linalg.norm(to - (scale * found_centres @ rotation.T + shift), axis=1)
         angle = np.radians(angles_deg(turned, rotation))
         sigma_m, sigma_rad = (max(_middle(values, weight), 1e-6) for values in (moved, angle))
         weight = ((moved < 4 * sigma_m) & (angle < 4 * sigma_rad)).astype(np.float64)
-        mean_to, mean_have = (np.average(points, axis=0, weights=weight) for points in (to, have))
-        centres = ((to - mean_to) * weight[:, None]).T @ (have - mean_have) / sigma_m**2
+        mean_to, mean_found = (np.average(points, axis=0, weights=weight) for points in (to, found_centres))
+        centres = ((to - mean_to) * weight[:, None]).T @ (found_centres - mean_found) / sigma_m**2
         rotation = _nearest_rotation(centres + (turned * weight[:, None, None]).sum(axis=0) / (2 * sigma_rad**2))
-        straight = (have - mean_have) @ rotation.T
+        straight = (found_centres - mean_found) @ rotation.T
         spread = np.sum(weight[:, None] * straight**2)
         # cameras that only turned have no scale
         if spread > 100 * weight.sum() * sigma_m**2:
             scale = float(np.sum(weight[:, None] * (to - mean_to) * straight) / spread)
-        shift = mean_to - scale * rotation @ mean_have
+        shift = mean_to - scale * rotation @ mean_found
     found = list(cameras)
     for i in index:
         centre = scale * rotation @ cameras[i].centre + shift

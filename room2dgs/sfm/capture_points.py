@@ -11,14 +11,14 @@ from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
-from room2dgs.sfm.wrong_intrinsics import intrinsics_off, words
+from room2dgs.sfm.wrong_intrinsics import intrinsics_off, wrong_intrinsics_sentence
 
 # Fewer have no neighbourhood to take normals from.
 MIN_POINTS = 16
 # Photos with fewer points than this, on average, are matched anew.
 LEAST_A_VIEW = 20
 # Of the observations; poses and points of one model agree in nearly all.
-LEAST_AGREEING = 0.5
+MIN_INLIER_SHARE = 0.5
 MAX_ERROR = 2 / 640  # of the photo's longer side
 
 
@@ -40,23 +40,23 @@ def capture_points(scene: Scene, config: PointsConfig, log: Log) -> PointCloud |
         return None
     if points.left_out:
         log(f"points: {points.left_out:,} of the capture are left out, which are not finite or lie at 0, 0, 0")
-    agreeing, error = reprojected(points, scene.train)
-    count, share = len(agreeing), float(agreeing.mean()) if len(agreeing) else 0.0
+    inlier, error = reprojected(points, scene.train)
+    count, share = len(inlier), float(inlier.mean()) if len(inlier) else 0.0
     off = None
-    if count and share < LEAST_AGREEING:
+    if count and share < MIN_INLIER_SHARE:
         off = intrinsics_off(points, scene.train, max(1.0, MAX_ERROR * max(scene.train[0].camera.size)))
     if off is not None:
         raise InputError(
             f"{scene.path} has sparse points that do not lie where its photos saw them ({100 * share:.0f} % of "
-            f"{count} observations agree): {words(off, scene.train[0])}; correct them"
+            f"{count} observations agree): {wrong_intrinsics_sentence(off, scene.train[0])}; correct them"
         )
-    if count >= 1000 and share < LEAST_AGREEING:
+    if count >= 1000 and share < MIN_INLIER_SHARE:
         raise InputError(
             f"{scene.path} has sparse points that do not lie where its photos saw them ({100 * share:.0f} % of "
             f"{count} observations agree); export poses and points together, or give points.source=sfm"
         )
     tracks = points.tracks
-    tracks = Tracks(tracks.frames, tracks.frame[agreeing], tracks.point[agreeing], tracks.pixel[agreeing])
+    tracks = Tracks(tracks.frames, tracks.frame[inlier], tracks.point[inlier], tracks.pixel[inlier])
     points = PointCloud(points.xyz, points.rgb, tracks)
     points = points.chosen((points.track_length >= config.min_track) & np.isfinite(points.xyz).all(axis=1))
     if len(points) < max(MIN_POINTS, LEAST_A_VIEW * len(scene.train)):
@@ -64,7 +64,7 @@ def capture_points(scene: Scene, config: PointsConfig, log: Log) -> PointCloud |
         return None
     log(
         f"points: {len(points)} of the capture, seen by {points.track_length.mean():.1f} training views on average, "
-        f"median error {np.median(error[agreeing]):.2f} px"
+        f"median error {np.median(error[inlier]):.2f} px"
     )
     return points
 

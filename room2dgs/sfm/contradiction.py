@@ -18,12 +18,12 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.sfm.matching import Matches, epipolar_error, essential_inliers
 from room2dgs.sfm.pairs import MIN_BASELINE_M
 
-ASKED_PAIRS = 24  # those with most matches
+MOST_PAIRS = 24  # those with most matches
 OWN_SHARE, OWN_MATCHES = 0.5, 30  # of a pair's matches, that an essential matrix must hold: fewer may do so by chance
 MAX_PX = 2.0
 TRIALS = 500  # of five matches: enough where half of them are right
 ENOUGH = 200  # matches to judge by
-LEAST_AGREEING = 0.5
+MIN_INLIER_SHARE = 0.5
 
 
 class Verdict(NamedTuple):
@@ -35,30 +35,30 @@ class Verdict(NamedTuple):
     """
 
     matches: int
-    agreeing: float
+    inlier_share: float
 
     @property
     def confirmed(self) -> bool:
         """The photos agree with the poses."""
-        return self.matches >= ENOUGH and self.agreeing >= LEAST_AGREEING
+        return self.matches >= ENOUGH and self.inlier_share >= MIN_INLIER_SHARE
 
     @property
     def contradicted(self) -> bool:
         """They do not; neither this nor `confirmed` holds where they say too little."""
-        return self.matches >= ENOUGH and self.agreeing < LEAST_AGREEING
+        return self.matches >= ENOUGH and self.inlier_share < MIN_INLIER_SHARE
 
 
 def verdict(matches: Matches, cameras: Sequence[Camera], pairs: Iterable[tuple[int, int]]) -> Verdict:
     """Ask the pairs with most matches; the same input gives the same answer."""
     known = [pair for pair in pairs if pair in matches.of_pair]
-    asked = sorted(known, key=lambda pair: -len(matches.of_pair[pair]))[:ASKED_PAIRS]
-    count = agreeing = 0
-    for i, j in asked:
+    best_matched = sorted(known, key=lambda pair: -len(matches.of_pair[pair]))[:MOST_PAIRS]
+    count = inliers = 0
+    for i, j in best_matched:
         first, second = matches.pixels((i, j))
         own = _own_geometry(cameras[i], cameras[j], first, second)
         count += int(own.sum())
-        agreeing += int((own & (pose_error(cameras[i], cameras[j], first, second) <= MAX_PX)).sum())
-    return Verdict(count, agreeing / count if count else float("nan"))
+        inliers += int((own & (pose_error(cameras[i], cameras[j], first, second) <= MAX_PX)).sum())
+    return Verdict(count, inliers / count if count else float("nan"))
 
 
 def pose_error(first: Camera, second: Camera, first_px: np.ndarray, second_px: np.ndarray) -> np.ndarray:

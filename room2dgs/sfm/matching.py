@@ -170,7 +170,9 @@ def essential_inliers(
     return np.zeros(len(first_px), bool) if found is None else np.asarray(found["inlier_mask"], bool)
 
 
-def agreement(matches: Matches, cameras: Sequence[Camera], pairs: Iterable[tuple[int, int]], max_px: float) -> float:
+def epipolar_inlier_share(
+    matches: Matches, cameras: Sequence[Camera], pairs: Iterable[tuple[int, int]], max_px: float
+) -> float:
     """Share of the pairs' matches within `max_px` of the epipolar lines of posed cameras; 0 without any."""
     total = near = 0
     for i, j in pairs:

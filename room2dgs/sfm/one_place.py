@@ -11,7 +11,7 @@ from room2dgs.errors import InputError
 ONE_PLACE_M = 0.05  # cameras nearer to each other than that, all of them, see no depth in a room
 ONE_PLACE_OF_DEPTH = 1 / 60  # and that share of the depth that they see, where lengths are no metres
 WALK = "walk while filming, do not only turn"  # advice for such a capture, and for no other
-ASKED = 12  # views
+MOST_VIEWS = 12  # views
 
 
 def in_one_place(scene: Scene) -> bool:
@@ -33,6 +33,6 @@ def _depth(scene: Scene) -> float | None:
         points = scene.given_points()
     except InputError:  # who uses the points tells
         return None
-    depths = [seen_points(points, frame).depth for frame in scene.train[:: max(1, len(scene.train) // ASKED)]]
+    depths = [seen_points(points, frame).depth for frame in scene.train[:: max(1, len(scene.train) // MOST_VIEWS)]]
     found = np.concatenate(depths)
     return float(np.median(found)) if len(found) else None

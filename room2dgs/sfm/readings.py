@@ -11,14 +11,14 @@ from room2dgs.captures.capture import Poses, disk_pose, world_from_cam
 from room2dgs.captures.scene import Frame
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.poses import inverse_pose
-from room2dgs.sfm.matching import IndexPairs, Matches, agreement
+from room2dgs.sfm.matching import IndexPairs, Matches, epipolar_inlier_share
 
 # What is asked: pairs with most matches, enough to tell 90 % from 10 %.
-ASKED_PAIRS = 12
+MOST_PAIRS = 12
 LEAST_SHARE = 0.5  # of the matches; true poses reach 0.7
 COARSE, FINE = 1.1, 1.015  # steps of the focal length
 FACTORS = COARSE ** np.arange(-10, 11)  # 0.39 to 2.6
-WORDS: dict[Poses, str] = {
+POSE_DESCRIPTIONS: dict[Poses, str] = {
     "camera_to_world_opencv": "camera-to-world with OpenCV axes (x right, y down, z forward)",
     "camera_to_world_opengl": "camera-to-world with OpenGL axes (x right, y up, z back)",
     "world_to_camera_opencv": "world-to-camera with OpenCV axes (x right, y down, z forward)",
@@ -39,14 +39,14 @@ def better_reading(
     Returns:
         `scene.poses` and its share of the matches; None if no reading fits.
     """
-    asked = _asked(matches, pairs)
+    best_matched = _best_matched(matches, pairs)
     read_as = [frame.poses for frame in matches.frames]
     shares = {}
-    for poses in WORDS:
+    for poses in POSE_DESCRIPTIONS:
         # a camera that stands as another does has no epipolar lines
         other = [read_again(camera, was, poses) for camera, was in zip(cameras, read_as, strict=False)]
-        apart = [(i, j) for i, j in asked if np.linalg.norm(other[i].centre - other[j].centre) > 1e-6]
-        shares[poses] = agreement(matches, other, apart, max_px)
+        apart = [(i, j) for i, j in best_matched if np.linalg.norm(other[i].centre - other[j].centre) > 1e-6]
+        shares[poses] = epipolar_inlier_share(matches, other, apart, max_px)
     best = max(shares, key=lambda poses: shares[poses])
     if shares[best] < LEAST_SHARE or best == read_as[0]:
         return None
@@ -61,10 +61,10 @@ def better_focal(
     Returns:
         The factor and its share of the matches; None if none fits.
     """
-    asked = _asked(matches, pairs)
+    best_matched = _best_matched(matches, pairs)
 
     def share(factor: float) -> float:
-        return agreement(matches, [_zoomed(camera, factor) for camera in cameras], asked, max_px)
+        return epipolar_inlier_share(matches, [_zoomed(camera, factor) for camera in cameras], best_matched, max_px)
 
     fine = max(FACTORS, key=share) * FINE ** np.arange(-9, 10)
     shares = np.array([share(factor) for factor in fine])
@@ -78,7 +78,7 @@ def _zoomed(camera: Camera, factor: float) -> Camera:
     return replace(camera, K=camera.K * [[factor, 1, 1], [1, factor, 1], [1, 1, 1]])
 
 
-def intrinsics_in_words(frame: Frame, factor: float) -> str:
+def intrinsics_setting(frame: Frame, factor: float) -> str:
     """How to give a photo's intrinsics with another focal length."""
     if frame.lens is not None:
         return f"focal lengths {factor:.2f} times those of the capture"
@@ -88,9 +88,11 @@ def intrinsics_in_words(frame: Frame, factor: float) -> str:
     return f"scene.intrinsics=[{values}]"
 
 
-def _asked(matches: Matches, pairs: IndexPairs) -> IndexPairs:
-    asked = sorted((pair for pair in pairs if pair in matches.of_pair), key=lambda pair: -len(matches.of_pair[pair]))
-    return asked[:ASKED_PAIRS]
+def _best_matched(matches: Matches, pairs: IndexPairs) -> IndexPairs:
+    best_matched = sorted(
+        (pair for pair in pairs if pair in matches.of_pair), key=lambda pair: -len(matches.of_pair[pair])
+    )
+    return best_matched[:MOST_PAIRS]
 
 
 def read_again(camera: Camera, was: Poses, poses: Poses) -> Camera:

@@ -18,14 +18,14 @@ from room2dgs.config import PointsConfig, SfmConfig
 from room2dgs.errors import InputError
 from room2dgs.files import remove_leftovers, scratch_folder
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.view_selection import seen_by_others, shared_view
 from room2dgs.logs import Log
 from room2dgs.sfm.adjust import adjusted
 from room2dgs.sfm.bundle import moves
 from room2dgs.sfm.capture_points import capture_points
 from room2dgs.sfm.feature_tracks import FeatureTracks, feature_tracks, judges_and_used
 from room2dgs.sfm.lens import LensFound, found_lens
-from room2dgs.sfm.matching import IndexPairs, Matches, agreement, match, of_photos
-from room2dgs.geometry.view_selection import seen_by_others, shared_view
+from room2dgs.sfm.matching import IndexPairs, Matches, epipolar_inlier_share, match, of_photos
 from room2dgs.sfm.pairs import match_pairs
 from room2dgs.sfm.propagated import propagated
 from room2dgs.sfm.resection import known_points, resected
@@ -152,7 +152,7 @@ def _refined(
     matches, pairs = _matched(scene, settings, work / "given", log, extracted)
     given = [frame.camera for frame in scene.train]
     joined = feature_tracks(matches, given, pairs)
-    lens = found_lens(given, joined.tracks) if config.refine_lens and _may_have_a_lens(scene) else None
+    lens = found_lens(given, joined.tracks) if config.refine_lens and _may_be_distorted(scene) else None
     if lens is not None:
         scene = with_lens(scene, lens.lens)
         matches, pairs = _matched(scene, settings, work / "straight", log)
@@ -166,7 +166,7 @@ def _refined(
         placed, left = _placed(scene, matches, joined, cameras, found)
         found = replace(found, left=(*found.left, *left))
         refined = with_cameras(scene, placed)
-        moved, off = carried_over(scene, refined, found.left)
+        moved, off = propagated_to_unplaced(scene, refined, found.left)
         refined = with_cameras(refined, moved)
         if config.leave_out:
             harmful = [name for name in found.left if (found.before_px or 0) * off[name] > HARMFUL_PX]
@@ -191,7 +191,7 @@ def _matched(
     return match((*scene.train, *scene.test), [*pairs, *others], settings, work, extracted), pairs
 
 
-def _may_have_a_lens(scene: Scene) -> bool:
+def _may_be_distorted(scene: Scene) -> bool:
     """All photos are taken for those of one pinhole camera, and no sensor's depth is registered to it."""
     first = scene.train[0].camera
     return all(
@@ -209,7 +209,9 @@ def _as_report(found: LensFound) -> dict[str, Any]:
     return {"model": lens.model, "params": list(lens.params), "size": list(lens.known_size), **evidence}
 
 
-def carried_over(given: Scene, refined: Scene, left: Collection[str]) -> tuple[dict[str, Camera], dict[str, float]]:
+def propagated_to_unplaced(
+    given: Scene, refined: Scene, left: Collection[str]
+) -> tuple[dict[str, Camera], dict[str, float]]:
     """Cameras, by name, of views that were left at their given poses, corrected as training views before and after them
     were; and of each view the share of a rotation's error that is expected to remain."""
     training = {frame.name for frame in given.train}
@@ -254,9 +256,11 @@ def judged(
     jumped = metres > max(JUMP_M, JUMP * float(np.median(metres[known])))
     jumped |= degrees > max(JUMP_DEG, JUMP * float(np.median(degrees[known])))
     left = jumped | ~known
-    cameras = [old if stays else new for new, old, stays in zip(cameras, given, left, strict=True)]
+    cameras = [old if unplaced else new for new, old, unplaced in zip(cameras, given, left, strict=True)]
     after = float(np.median(track_errors(cameras, judges)))
-    agree_before, agree_after = (agreement(matches, one, pairs, MAX_EPIPOLAR_PX) for one in (given, cameras))
+    agree_before, agree_after = (
+        epipolar_inlier_share(matches, one, pairs, MAX_EPIPOLAR_PX) for one in (given, cameras)
+    )
     figures: dict[str, Any] = {
         "before_px": before if np.isfinite(before) else None,
         "after_px": after if np.isfinite(after) else None,
@@ -264,7 +268,7 @@ def judged(
         "agree_after": agree_after,
         "moved_m": float(np.median(metres[known])),
         "turned_deg": float(np.median(degrees[known])),
-        "left": tuple(name for name, stays in zip(tracks.frames, left, strict=True) if stays),
+        "left": tuple(name for name, unplaced in zip(tracks.frames, left, strict=True) if unplaced),
     }
     clearly = after <= SHARE * before and before - after >= LEAST_PX and agree_after >= agree_before
     if clearly or (forced and after < before):

@@ -138,12 +138,12 @@ def _stop_if_contradicted(scene: Scene, config: PointsConfig, work: Path) -> Non
 
     cameras = [frame.camera for frame in scene.train]
     pairs = [(i, j) for i in range(len(cameras)) for j in range(i + 1, min(i + 1 + NEXT, len(cameras)))]
-    asked = verdict(match(scene.train, pairs, config, work), cameras, pairs)
-    if asked.contradicted:
+    judged = verdict(match(scene.train, pairs, config, work), cameras, pairs)
+    if judged.contradicted:
         raise InputError(
-            f"{scene.path} has poses that its photos contradict: of {asked.matches} matches that fit each other "
-            f"{asked.agreeing:.0%} agree with them; write poses as camera-to-world with x right, y down, z forward, "
-            "and check that they belong to these photos"
+            f"{scene.path} has poses that its photos contradict: of {judged.matches} matches that fit each other "
+            f"{judged.inlier_share:.0%} agree with them; write poses as camera-to-world with x right, y down, z "
+            "forward, and check that they belong to these photos"
         )
 
 

@@ -16,12 +16,12 @@ from room2dgs.logs import Log
 from room2dgs.sfm.contradiction import verdict
 from room2dgs.sfm.matching import IndexPairs, Matches, epipolar_error, image_name, match, quiet
 from room2dgs.sfm.pairs import match_pairs
-from room2dgs.sfm.readings import WORDS, better_focal, better_reading, intrinsics_in_words
+from room2dgs.sfm.readings import POSE_DESCRIPTIONS, better_focal, better_reading, intrinsics_setting
 
 MAX_EPIPOLAR_PX = 2.0
 MIN_PAIR_MATCHES = 15
 # With true poses 70 to 98 % of the matches agree (measured), with poses of another convention 1 to 13 %.
-MIN_AGREEMENT = 0.25
+MIN_INLIER_SHARE = 0.25
 MIN_ANGLE_DEG = 1.5
 DEPTH_RANGE_M = (0.05, 30.0)
 
@@ -82,16 +82,17 @@ def _verify(matches: Matches, frames: Sequence[Frame], pairs: IndexPairs) -> Non
             geometry.config = pycolmap.TwoViewGeometryConfiguration.CALIBRATED
             geometry.inlier_matches = inliers
             db.write_two_view_geometry(matches.image_ids[i], matches.image_ids[j], geometry)
-    if total >= 1000 and kept < MIN_AGREEMENT * total:
-        asked = verdict(matches, cameras, pairs)
-        if asked.confirmed:  # it is the matches that are wrong
+    if total >= 1000 and kept < MIN_INLIER_SHARE * total:
+        judged = verdict(matches, cameras, pairs)
+        if judged.confirmed:  # it is the matches that are wrong
             return
         other = better_reading(matches, cameras, pairs, MAX_EPIPOLAR_PX)
         if other is not None:
             poses, share = other
             raise InputError(
                 f"{matches.photos} and its poses do not belong together, only {100 * kept / total:.0f} % of {total} "
-                f"matches agree; {100 * share:.0f} % do if these poses are {WORDS[poses]}: give scene.poses={poses}"
+                f"matches agree; {100 * share:.0f} % do if these poses are {POSE_DESCRIPTIONS[poses]}: give "
+                f"scene.poses={poses}"
             )
         zoom = better_focal(matches, cameras, pairs, MAX_EPIPOLAR_PX)
         if zoom is not None:
@@ -99,9 +100,9 @@ def _verify(matches: Matches, frames: Sequence[Frame], pairs: IndexPairs) -> Non
             raise InputError(
                 f"{matches.photos} and its intrinsics do not belong together, only {100 * kept / total:.0f} % of "
                 f"{total} matches agree; {100 * share:.0f} % do with a focal length {factor:.2f} times as long: give "
-                f"{intrinsics_in_words(frames[0], factor)}"
+                f"{intrinsics_setting(frames[0], factor)}"
             )
-        if not asked.contradicted:  # photos with so little in common say nothing of poses
+        if not judged.contradicted:  # photos with so little in common say nothing of poses
             return
         raise InputError(
             f"{matches.photos} and its poses do not belong together, only {100 * kept / total:.0f} % of {total} "

@@ -69,7 +69,7 @@ def intrinsics_off(points: PointCloud, frames: Sequence[Frame], limit_px: float)
     return Off(factor, (float(shift[0]), float(shift[1])))
 
 
-def words(off: Off, frame: Frame) -> str:
+def wrong_intrinsics_sentence(off: Off, frame: Frame) -> str:
     """What is wrong with the intrinsics, in pixels of the working image of a frame."""
     K, (width, height) = frame.camera.K, frame.camera.size
     cx, cy = K[0, 2] + off.shift[0] * width, K[1, 2] + off.shift[1] * height

@@ -11,7 +11,7 @@ from room2dgs.captures.capture import Capture, Shot
 from room2dgs.captures.depth_maps import depth_file
 from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.read import read_scene
-from room2dgs.captures.unmatched import tell_unmatched, unmatched
+from room2dgs.captures.unmatched import unmatched, warn_unmatched
 from room2dgs.tools.capture_layouts.registry import LAYOUTS
 
 
@@ -55,17 +55,17 @@ def capture_of(root: Path, photos: list[str], depth: str = "", mask: str = "") -
 def test_folders_that_the_layout_does_not_read_are_warned_of(tmp_path):
     capture = capture_of(tmp_path, ["color/1.jpg", "color/2.jpg"])
     touched(tmp_path / "depths/1.png", tmp_path / "resized_anon_masks/1.png", tmp_path / "unmasked/1.png")
-    tell_unmatched(capture)
+    warn_unmatched(capture)
     assert len(capture.warnings) == 2 and not capture.notes
     assert "depths has one file" in capture.warnings[0] and "anon_masks" in capture.warnings[1]
 
 
 def test_what_is_used_is_no_news_and_what_lies_beside_it_is_noted(tmp_path):
     capture = capture_of(tmp_path / "room", ["a/color/1.jpg", "a/color/2.jpg"], depth="a/depth", mask="a/masks/cam")
-    tell_unmatched(capture)
+    warn_unmatched(capture)
     assert not capture.notes and not capture.warnings
     touched(tmp_path / "room/a/depth/7.png", tmp_path / "room/a/depth_filtered/1.png")
-    tell_unmatched(capture)
+    warn_unmatched(capture)
     assert not capture.warnings and len(capture.notes) == 2
     assert "3 files, 1 of them" in capture.notes[0] and "depth_filtered" in capture.notes[1]
 
@@ -75,7 +75,7 @@ def test_files_beside_the_photos_that_are_called_depth_or_mask_are_noted(tmp_pat
     touched(
         *(tmp_path / f"frame{i}.depth.npy" for i in (1, 2)), tmp_path / "frame1_mask.png", tmp_path / "unmasked.png"
     )
-    tell_unmatched(capture)
+    warn_unmatched(capture)
     assert not capture.warnings and len(capture.notes) == 2
     assert "2 files that are called a depth map" in capture.notes[0] and "frame1_mask.png" in capture.notes[1]
 
@@ -84,7 +84,7 @@ def test_what_the_reader_told_of_a_folder_is_not_told_again(tmp_path):
     capture = capture_of(tmp_path, ["color/1.jpg", "color/2.jpg"])
     touched(tmp_path / "depth/1.png", tmp_path / "masks/1.png")
     capture.notes.append(f"{tmp_path / 'depth'} has one file, which another program wrote")
-    tell_unmatched(capture)
+    warn_unmatched(capture)
     assert len(capture.notes) == 1 and len(capture.warnings) == 1
 
 
@@ -92,7 +92,7 @@ def test_a_path_with_dots_and_a_relative_one_are_the_same_folder(tmp_path, monke
     monkeypatch.chdir(tmp_path)
     touched(tmp_path / "x/k")
     capture = capture_of(Path("x/../room"), ["1.jpg", "2.jpg"], depth="depth")
-    tell_unmatched(capture)
+    warn_unmatched(capture)
     assert not capture.notes and not capture.warnings
 
 

@@ -8,7 +8,14 @@ import pytest
 
 from room2dgs import cli
 from room2dgs.errors import InputError
-from room2dgs.eval.alignment import by_cameras, by_surfaces, moved, moved_camera, moved_mesh, same_photos
+from room2dgs.eval.alignment import (
+    by_cameras,
+    by_surfaces,
+    same_photos,
+    transformed,
+    transformed_camera,
+    transformed_mesh,
+)
 
 
 def sim(scale: float, degrees: float, shift) -> np.ndarray:
@@ -22,11 +29,13 @@ def test_cameras_give_the_similarity_and_one_that_is_lost_does_not_pull():
     rng = np.random.default_rng(0)
     truth = {f"{i}": rng.uniform(-3, 3, 3) for i in range(20)}
     into = np.linalg.inv(sim(1.3, 130, [5, -2, 1]))
-    pred = {f"frame_{int(i):06d}": moved(centre[None], into)[0] for i, centre in truth.items()}
+    pred = {f"frame_{int(i):06d}": transformed(centre[None], into)[0] for i, centre in truth.items()}
     pred["frame_000007"] += [2.0, 0, 1]
     found = by_cameras(pred, truth, with_scale=True)
     assert found.pairs == 20 and found.scale == pytest.approx(1.3, rel=1e-3)
-    error = np.linalg.norm(moved(np.array(list(pred.values())), found.truth_from_pred) - list(truth.values()), axis=1)
+    error = np.linalg.norm(
+        transformed(np.array(list(pred.values())), found.truth_from_pred) - list(truth.values()), axis=1
+    )
     assert np.delete(error, 7).max() < 0.01
     assert by_cameras(pred, truth, with_scale=False).scale == pytest.approx(1.0)
     with pytest.raises(InputError, match="has 0 of the run's photos"):
@@ -44,11 +53,11 @@ def test_surfaces_are_brought_together_from_nearby(make, scale):
         make.room(spacing=0.5), make.moved(make.quad([0, 0, 0], [0.8, 0.3, 0], [0, 0, 0.9]), 0.3, -0.5, -1.2)
     )
     off = sim(1.04 if scale else 1.0, 3, [0.08, -0.05, 0.06])
-    pred = moved_mesh(truth, np.linalg.inv(off))
+    pred = transformed_mesh(truth, np.linalg.inv(off))
     found = by_surfaces(pred, truth, None, with_scale=scale)
     assert not found.searched
     assert found.scale == pytest.approx(1.04 if scale else 1.0, abs=2e-3)
-    left = np.linalg.norm(moved(pred.vertices, found.truth_from_pred) - truth.vertices, axis=1)
+    left = np.linalg.norm(transformed(pred.vertices, found.truth_from_pred) - truth.vertices, axis=1)
     assert left.max() < 0.01
     stranger = make.moved(make.quad([0, 0, 0], [9.0, 0, 0], [0, 9.0, 0]), 50, 0, 0)
     with pytest.raises(InputError, match="align_scene"):
@@ -61,10 +70,10 @@ def test_surfaces_far_turned_are_found(make, degrees, scale):
     box = make.moved(make.room((0.9, 0.5, 0.7), 0.25), 1.2, 0.8, -0.9)
     truth = make.join(make.room(spacing=0.25), box)
     part = make.join(make.room(spacing=0.25, without=("ceiling",)), box)
-    pred = moved_mesh(part, np.linalg.inv(sim(scale, degrees, [2.0, -1.5, 0.7])))
+    pred = transformed_mesh(part, np.linalg.inv(sim(scale, degrees, [2.0, -1.5, 0.7])))
     found = by_surfaces(pred, truth, None, with_scale=scale != 1.0)
     assert found.searched and found.scale == pytest.approx(scale, abs=0.01)
-    left = np.linalg.norm(moved(pred.vertices, found.truth_from_pred) - part.vertices, axis=1)
+    left = np.linalg.norm(transformed(pred.vertices, found.truth_from_pred) - part.vertices, axis=1)
     assert left.max() < 0.05
     assert "after a search" in found.line()
 
@@ -72,7 +81,7 @@ def test_surfaces_far_turned_are_found(make, degrees, scale):
 def test_a_moved_camera_sees_the_moved_point_at_the_same_pixel(camera):
     matrix = sim(0.7, 40, [1, 2, 3])
     point = camera.unproject(np.array([[12.0, 30.0]]), np.array([2.0]))
-    pixel, depth = moved_camera(camera, matrix).project(moved(point, matrix))
+    pixel, depth = transformed_camera(camera, matrix).project(transformed(point, matrix))
     assert np.allclose(pixel, [[12.0, 30.0]]) and depth == pytest.approx(1.4)
 
 
@@ -90,7 +99,7 @@ def test_eval_says_how_it_aligned(wall, tmp_path, capsys):
     for path in (other / "pose").iterdir():
         pose = np.loadtxt(path)
         pose[:3, :3] = into[:3, :3] * 1.25 @ pose[:3, :3]
-        pose[:3, 3] = moved(pose[None, :3, 3] + [0, 0.02 * int(path.stem) ** 2, 0], into)[0]
+        pose[:3, 3] = transformed(pose[None, :3, 3] + [0, 0.02 * int(path.stem) ** 2, 0], into)[0]
         np.savetxt(path, pose)
     bent = tmp_path / "bent"  # so that the cameras' centres tell a rotation: those of a straight row do not
     shutil.copytree(wall, bent)
@@ -99,7 +108,7 @@ def test_eval_says_how_it_aligned(wall, tmp_path, capsys):
         pose[:3, 3] += [0, 0.02 * int(path.stem) ** 2, 0]
         np.savetxt(path, pose)
     (other / "gt_mesh.ply").unlink()
-    moved_mesh(trimesh.load(wall / "gt_mesh.ply", process=False), into).export(tmp_path / "pred.ply")
+    transformed_mesh(trimesh.load(wall / "gt_mesh.ply", process=False), into).export(tmp_path / "pred.ply")
     given = [f"pred={tmp_path / 'pred.ply'}", f"gt={wall / 'gt_mesh.ply'}", f"scene={other}", "eval.samples=2000"]
 
     def score(*more: str) -> dict:

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from room2dgs.errors import InputError
-from room2dgs.prepare.photos import TakenPhoto
+from room2dgs.prepare.photos import ChosenPhoto
 from room2dgs.prepare.sources import depth_files
 
 
-def photos(*names: str) -> list[TakenPhoto]:
-    return [TakenPhoto(name, (40, 30), None, None, index, 1.0) for index, name in enumerate(names)]
+def photos(*names: str) -> list[ChosenPhoto]:
+    return [ChosenPhoto(name, (40, 30), None, None, index, 1.0) for index, name in enumerate(names)]
 
 
 def depth(folder, *names: str) -> None:

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from room2dgs.captures.read import placed
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
-from room2dgs.prepare.photos import taken_photos
-from room2dgs.prepare.stages import Stages
+from room2dgs.prepare.photos import choose_photos
+from room2dgs.prepare.stage_cache import StageCache
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def test_a_damaged_video_gives_photos_or_a_sentence(video, tmp_path):
         out = tmp_path / f"out{len(found)}"
         found.append(out)
         try:
-            photos, _ = taken_photos(config, out / "images", Stages(out), lambda line: None)
+            photos, _ = choose_photos(config, out / "images", StageCache(out), lambda line: None)
             assert len(photos) >= 5 and all((out / "images" / photo.name).is_file() for photo in photos)
         except InputError as error:
             assert "\n" not in str(error) and not (out / "images").exists()
@@ -53,15 +53,15 @@ def test_a_damaged_video_gives_photos_or_a_sentence(video, tmp_path):
 def test_earlier_work_that_is_damaged_is_done_again(video, tmp_path):
     config = load_config([f"prepare.video={video}", "scene.path=unused", "out=unused"]).prepare
     said: list[str] = []
-    first, key = taken_photos(config, tmp_path / "images", Stages(tmp_path), said.append)
-    again, same = taken_photos(config, tmp_path / "images", Stages(tmp_path), said.append)
+    first, key = choose_photos(config, tmp_path / "images", StageCache(tmp_path), said.append)
+    again, same = choose_photos(config, tmp_path / "images", StageCache(tmp_path), said.append)
     assert (again, same) == (first, key) and "from before" in said[-1]
     for text in ("", "[1, 2]", '{"key": 3}', json.dumps({"key": key, "result": 7})):
         (tmp_path / "photos.json").write_text(text)
-        assert taken_photos(config, tmp_path / "images", Stages(tmp_path), said.append) == (first, key)
+        assert choose_photos(config, tmp_path / "images", StageCache(tmp_path), said.append) == (first, key)
         assert "from before" not in said[-1]
     (tmp_path / "images" / first[3].name).unlink()
-    assert taken_photos(config, tmp_path / "images", Stages(tmp_path), said.append) == (first, key)
+    assert choose_photos(config, tmp_path / "images", StageCache(tmp_path), said.append) == (first, key)
     assert (tmp_path / "images" / first[3].name).is_file()
 
 

@@ -14,8 +14,8 @@ from PIL import Image
 from room2dgs.captures import listing
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
-from room2dgs.prepare.photos import taken_photos
-from room2dgs.prepare.stages import Stages
+from room2dgs.prepare.photos import choose_photos
+from room2dgs.prepare.stage_cache import StageCache
 from tests.captures.heic_file import HEIC
 
 
@@ -33,7 +33,7 @@ def taken(folder: Path, tmp_path: Path) -> tuple[list[str], list[str]]:
     """Names of the photos that were taken, and the log's lines."""
     lines: list[str] = []
     config = replace(load_config(["scene.path=unused", "out=unused"]).prepare, images=str(folder))
-    found, _ = taken_photos(config, tmp_path / "out", Stages(tmp_path / "work"), lines.append)
+    found, _ = choose_photos(config, tmp_path / "out", StageCache(tmp_path / "work"), lines.append)
     return [photo.name for photo in found], lines
 
 

@@ -17,7 +17,7 @@ from room2dgs import cli
 from room2dgs.captures.read import placed
 from room2dgs.colmap import pycolmap
 from room2dgs.config import load_config
-from room2dgs.eval.alignment import by_cameras, moved
+from room2dgs.eval.alignment import by_cameras, transformed
 from room2dgs.prepare import bridge
 from room2dgs.prepare.bridge import Common, bridged, common_points
 from room2dgs.prepare.contradictions import contradictions
@@ -81,7 +81,7 @@ def test_a_video_becomes_a_capture_that_lies_where_it_was_filmed(prepared, walk)
     assert np.degrees(np.arccos(up[2])) < 2.0
     points = scene.given_points()
     assert points.tracks is not None and len(points) > 300
-    off = np.abs(moved(points.xyz, found.truth_from_pred)).min(axis=1)  # from the corner's nearest plane
+    off = np.abs(transformed(points.xyz, found.truth_from_pred)).min(axis=1)  # from the corner's nearest plane
     assert np.median(off) < 0.01
     assert cv2.imread(str(prepared[1] / "camera_path.png")).std() > 5
 
@@ -308,8 +308,8 @@ def test_what_cannot_be_used_is_one_sentence_and_leaves_nothing_half_made(make, 
 def test_photos_are_copied_upright_with_the_focal_length_of_their_exif(tmp_path):
     from PIL import Image
 
-    from room2dgs.prepare.photos import taken_photos
-    from room2dgs.prepare.stages import Stages
+    from room2dgs.prepare.photos import choose_photos
+    from room2dgs.prepare.stage_cache import StageCache
 
     source = tmp_path / "source"
     source.mkdir()
@@ -322,7 +322,7 @@ def test_photos_are_copied_upright_with_the_focal_length_of_their_exif(tmp_path)
         exif.get_ifd(0x8769)[0xA405] = 27
         image.save(source / f"{index}.jpg", quality=95, exif=exif)
     config = load_config([f"prepare.images={source}", "scene.path=unused", "out=unused"]).prepare
-    photos, _ = taken_photos(config, tmp_path / "images", Stages(tmp_path), lambda line: None)
+    photos, _ = choose_photos(config, tmp_path / "images", StageCache(tmp_path), lambda line: None)
     assert [photo.name for photo in photos] == [f"{index}.jpg" for index in range(6)]
     assert {photo.size for photo in photos} == {(160, 120)}
     assert photos[2].focal_px == pytest.approx(27 / 43.27 * 200, rel=1e-3)
@@ -373,9 +373,9 @@ def test_frames_are_shown_when_the_video_says_if_it_says(monkeypatch, shown, exp
 def test_a_known_camera_counts_as_its_intrinsics_are_said_to(tmp_path, half, centre):
     from room2dgs.colmap import pycolmap
     from room2dgs.prepare.features import new_database
-    from room2dgs.prepare.photos import TakenPhoto
+    from room2dgs.prepare.photos import ChosenPhoto
 
-    photo = TakenPhoto("a.jpg", (160, 120), None, None, 0, 1.0)
+    photo = ChosenPhoto("a.jpg", (160, 120), None, None, 0, 1.0)
     config = load_config(["prepare.images=unused", "scene.path=unused", "out=unused"]).prepare
     new_database(tmp_path / "a.db", [photo], config, [140.0, 140.0, 80.0, 60.0], half)
     with pycolmap.Database.open(tmp_path / "a.db") as database:
@@ -386,9 +386,9 @@ def test_intrinsics_of_a_larger_video_are_refused_before_anything_is_matched(tmp
     """Its frames were made smaller (`prepare.max_side`)."""
     from room2dgs.errors import InputError
     from room2dgs.prepare.features import new_database
-    from room2dgs.prepare.photos import TakenPhoto
+    from room2dgs.prepare.photos import ChosenPhoto
 
-    photo = TakenPhoto("a.jpg", (160, 120), None, None, 0, 1.0)
+    photo = ChosenPhoto("a.jpg", (160, 120), None, None, 0, 1.0)
     config = load_config(["prepare.images=unused", "scene.path=unused", "out=unused"]).prepare
     with pytest.raises(InputError, match="160x120"):
         new_database(tmp_path / "a.db", [photo], config, [280.0, 280.0, 160.0, 120.0], True)
@@ -396,21 +396,21 @@ def test_intrinsics_of_a_larger_video_are_refused_before_anything_is_matched(tmp
 
 def test_depth_that_lies_on_its_side_beside_upright_photos_is_refused(tmp_path):
     from room2dgs.errors import InputError
-    from room2dgs.prepare.photos import TakenPhoto
+    from room2dgs.prepare.photos import ChosenPhoto
     from room2dgs.prepare.sources import depth_files
 
     cv2.imwrite(str(tmp_path / "a.png"), np.full((30, 40), 2000, np.uint16))
-    assert depth_files(tmp_path, [TakenPhoto("a.jpg", (160, 120), None, None, 0, 1.0)])
+    assert depth_files(tmp_path, [ChosenPhoto("a.jpg", (160, 120), None, None, 0, 1.0)])
     with pytest.raises(InputError, match="40x30 pixels, but its photo, turned upright, 120x160"):
-        depth_files(tmp_path, [TakenPhoto("a.jpg", (120, 160), None, None, 0, 1.0)])
+        depth_files(tmp_path, [ChosenPhoto("a.jpg", (120, 160), None, None, 0, 1.0)])
 
 
 def test_two_photos_that_would_have_one_name_are_refused(tmp_path):
     from PIL import Image
 
     from room2dgs.errors import InputError
-    from room2dgs.prepare.photos import taken_photos
-    from room2dgs.prepare.stages import Stages
+    from room2dgs.prepare.photos import choose_photos
+    from room2dgs.prepare.stage_cache import StageCache
 
     source = tmp_path / "source"
     source.mkdir()
@@ -420,7 +420,7 @@ def test_two_photos_that_would_have_one_name_are_refused(tmp_path):
         Image.fromarray(noise(7)).save(source / f"twice.{suffix}")
     config = load_config([f"prepare.images={source}", "scene.path=unused", "out=unused"]).prepare
     with pytest.raises(InputError, match=r"would both be twice\.png; rename"):
-        taken_photos(config, tmp_path / "images", Stages(tmp_path), lambda line: None)
+        choose_photos(config, tmp_path / "images", StageCache(tmp_path), lambda line: None)
     assert not (tmp_path / "images").exists()
 
 

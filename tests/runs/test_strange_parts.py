@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from room2dgs.depth.network.map_cache import is_cached
 from room2dgs.logs import logged
-from room2dgs.prepare.stages import Stages
+from room2dgs.prepare.stage_cache import StageCache
 from room2dgs.runs.page.plots import drawings, read_curves
 from room2dgs.runs.trust import read_trust
 
@@ -101,6 +101,6 @@ def test_what_stages_left_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "0.npz")
     os.mkfifo(tmp_path / "match.json")
     assert not is_cached(tmp_path / "0.npz", SHAPE)
-    assert Stages(tmp_path).found("match", "key") is None
+    assert StageCache(tmp_path).found("match", "key") is None
     (tmp_path / "poses.json").write_text("[" * 100_000)
-    assert Stages(tmp_path).found("poses", "key") is None
+    assert StageCache(tmp_path).found("poses", "key") is None

@@ -58,7 +58,7 @@ def test_right_poses_are_confirmed_by_the_few_pairs_that_fit_and_wrong_ones_cont
     right = sum((pose_error(views[i], views[j], *found.pixels((i, j))) < 2).sum() for i, j in pairs)
     assert right < 0.26 * POINTS * len(pairs)
     asked = verdict(found, views, pairs)
-    assert asked.confirmed and not asked.contradicted and asked.agreeing > 0.9
+    assert asked.confirmed and not asked.contradicted and asked.inlier_share > 0.9
     for wrong in (shuffled(views), zoomed(views)):
         assert verdict(found, wrong, pairs).contradicted
 

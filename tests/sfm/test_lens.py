@@ -22,7 +22,7 @@ from room2dgs.sfm import lens as module
 from room2dgs.sfm.adjust import consistent
 from room2dgs.sfm.bundle import Spread
 from room2dgs.sfm.lens import found_lens, straightened
-from room2dgs.sfm.refinement import _may_have_a_lens, refined_poses
+from room2dgs.sfm.refinement import _may_be_distorted, refined_poses
 from room2dgs.sfm.sparse import sparse_points
 from tests.sfm.test_refine_poses import K, quiet, ring, seen, shaken
 
@@ -68,7 +68,9 @@ def test_what_holds_rotations_has_no_lens_to_give_way(monkeypatch):
     given, tracks = shaken(ring(), 0.3, 0.005), through(LENS, seen(ring(), 400))
     fitting, xyz, loss_px = consistent(given, tracks)
     bundle.lens_adjusted(given, given, fitting, xyz, loss_px, spread)
-    np.testing.assert_array_equal(rebuilt[0].camera(bundle.HOLDS).params, bundle.rotation_hold(spread).params)
+    np.testing.assert_array_equal(
+        rebuilt[0].camera(bundle.PRIOR_IDS).params, bundle.rotation_prior_camera(spread).params
+    )
 
 
 def test_cameras_that_differ_and_few_tracks_tell_nothing():
@@ -139,11 +141,11 @@ def test_photos_of_a_lens_are_straightened_and_a_run_knows_it_again(
 
 def test_no_lens_is_looked_for_beside_sensor_depth_or_a_lens_or_another_camera(bent, scene_config):
     scene = read_scene(scene_config())
-    assert _may_have_a_lens(scene)
+    assert _may_be_distorted(scene)
     last = scene.test[-1]
     others = {"depth_path": last.color_path}, {"lens": LENS}, {"camera": last.camera.resized(160, 120)}
     for other in others:
-        assert not _may_have_a_lens(replace(scene, test=(*scene.test[:-1], replace(last, **other))))
+        assert not _may_be_distorted(replace(scene, test=(*scene.test[:-1], replace(last, **other))))
 
 
 def test_straightened_photos_show_what_a_pinhole_camera_would(bent, scene_config):

@@ -21,10 +21,10 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.poses import pose_at
 from room2dgs.sfm import refinement
 from room2dgs.sfm.adjust import adjusted
-from room2dgs.sfm.bundle import Spread, aligned, angles_deg, far_points, moves, rotation_hold
+from room2dgs.sfm.bundle import Spread, aligned, angles_deg, far_points, moves, rotation_prior_camera
 from room2dgs.sfm.feature_tracks import covering
 from room2dgs.sfm.matching import Matches, of_photos
-from room2dgs.sfm.refinement import carried_over, dispensable, judged, refined_poses
+from room2dgs.sfm.refinement import dispensable, judged, propagated_to_unplaced, refined_poses
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.sfm.structure import parallax_deg, reprojection_errors, triangulated
 
@@ -96,9 +96,9 @@ def seen(
 
 def scale_of(cameras, true) -> float:
     """Of the centres about their mean, against the true ones."""
-    have, want = (np.stack([camera.centre for camera in some]) for some in (cameras, true))
-    have, want = have - have.mean(axis=0), want - want.mean(axis=0)
-    return float((have * want).sum() / (want * want).sum())
+    found_centres, want = (np.stack([camera.centre for camera in some]) for some in (cameras, true))
+    found_centres, want = found_centres - found_centres.mean(axis=0), want - want.mean(axis=0)
+    return float((found_centres * want).sum() / (want * want).sum())
 
 
 @pytest.mark.parametrize("degrees, metres", [(0.5, 0.01), (1.0, 0.02)])
@@ -132,10 +132,12 @@ def test_along_a_wall_a_wrong_rotation_is_not_kept_at_the_cost_of_the_centre():
 @pytest.mark.parametrize("axis, most", [((1.0, 0, 0), 1.01), ((0, 1.0, 0), 1.6), ((0, 0, 1.0), 0.3)])
 def test_a_turn_by_its_spread_costs_what_an_observation_of_that_noise_does(axis, most):
     spread, camera = Spread(0.01, 0.4, 0.7), ring()[5]
-    hold = rotation_hold(spread)
-    points = far_points(camera, hold)
+    prior_camera = rotation_prior_camera(spread)
+    points = far_points(camera, prior_camera)
     turn = Rotation.from_rotvec(np.radians(spread.degrees) * np.array(axis)).as_matrix()
-    seen_at, turned = (hold.img_from_cam((points - camera.centre) @ (r @ camera.rotation).T) for r in (np.eye(3), turn))
+    seen_at, turned = (
+        prior_camera.img_from_cam((points - camera.centre) @ (r @ camera.rotation).T) for r in (np.eye(3), turn)
+    )
     cost = 2 * np.sum((turned - seen_at) ** 2) / spread.pixels**2  # each point is observed twice
     assert (0.2 if axis[2] else 0.99) < cost < most
 
@@ -366,11 +368,11 @@ def test_what_drifts_is_carried_over_from_training_views_alone():
 
     left = ("11", "25")  # of them 25 is held out
     refined = [other if str(index) in left else one for index, (one, other) in enumerate(zip(true, given, strict=True))]
-    found, share = carried_over(scene(given), scene(refined), left)
+    found, share = propagated_to_unplaced(scene(given), scene(refined), left)
     assert set(found) == set(left) == set(share) and max(share.values()) < 1.0
     for name in left:
         assert np.linalg.norm(found[name].centre - true[int(name)].centre) < 0.2 * abs(off).max()
-    elsewhere, _ = carried_over(scene(given), scene(refined, far=1.0), left)
+    elsewhere, _ = propagated_to_unplaced(scene(given), scene(refined, far=1.0), left)
     np.testing.assert_array_equal(elsewhere["11"].cam_from_world, found["11"].cam_from_world)
 
 

@@ -21,7 +21,7 @@ from room2dgs.colmap import pycolmap
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
 from room2dgs.sfm.matching import epipolar_error
-from room2dgs.sfm.readings import better_focal, intrinsics_in_words
+from room2dgs.sfm.readings import better_focal, intrinsics_setting
 from room2dgs.sfm.sparse import sparse_points
 
 
@@ -241,7 +241,7 @@ def test_a_wrong_focal_length_is_named_with_the_right_one():
     factor, share = better_focal(matches, wrong, pairs, 2.0)
     assert factor == pytest.approx(1 / 1.37, rel=0.02) and share > 0.95
     frame = SimpleNamespace(lens=None, camera=wrong[0], source=SimpleNamespace(size=lambda: (320, 240)))
-    fx, fy, cx, cy = map(float, re.findall(r"intrinsics=\[(.*)\]", intrinsics_in_words(frame, factor))[0].split(","))
+    fx, fy, cx, cy = map(float, re.findall(r"intrinsics=\[(.*)\]", intrinsics_setting(frame, factor))[0].split(","))
     assert fx == pytest.approx(260, rel=0.02) == fy and (cx, cy) == (160, 120)
     lost = [replace(camera, cam_from_world=np.eye(4)) for camera in wrong]
     assert better_focal(matches, lost, pairs, 2.0) is None

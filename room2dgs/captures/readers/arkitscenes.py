@@ -98,8 +98,8 @@ def _stamped(folder: Path, suffix: str) -> tuple[list[tuple[float, str]], list[s
             found.append((floats(Path(name).stem.rpartition("_")[2], folder / name, None, 1)[0], name))
         except InputError as error:
             other[name] = str(error)
-    said = left_out(other, len(names), f"files in {folder.name} without a time in their names")
-    return sorted(entry for entry in found if np.isfinite(entry[0])), [said] if said else []
+    message = left_out(other, len(names), f"files in {folder.name} without a time in their names")
+    return sorted(entry for entry in found if np.isfinite(entry[0])), [message] if message else []
 
 
 def _lens(path: Path, config: SceneConfig) -> Lens | InputError:
@@ -125,14 +125,14 @@ def _trajectory(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
             found.append(floats(text, path, line, 7))
         except InputError as error:
             bad[f"line {line}"] = str(error)
-    said = left_out(bad, len(lines), f"lines of {path.name}")
+    message = left_out(bad, len(lines), f"lines of {path.name}")
     rows = np.array(found).reshape(-1, 7)
     rows = rows[np.isfinite(rows).all(axis=1) & (np.abs(rows) < 1e12).all(axis=1)]
     if not len(rows):
         raise InputError(f"{path} has no poses; download the scan again")
     rotations = Rotation.from_rotvec(rows[:, 1:4]).as_matrix()
     poses = [inverse_pose(rigid_pose(rotation, t)) for rotation, t in zip(rotations, rows[:, 4:], strict=True)]
-    return rows[:, 0], np.stack(poses), [said] if said else []
+    return rows[:, 0], np.stack(poses), [message] if message else []
 
 
 READER = Reader(is_arkitscenes, read_arkitscenes, LAYOUT)

@@ -67,8 +67,8 @@ def read_colmap(root: Path, config: SceneConfig) -> Capture:
             f"prior/depth=files prior.depth.path={depths} takes maps that are called as the photos"
         )
     if not (root / PREPARED).is_file():
-        said, few = _posed(model, photos)
-        (warnings if few else notes).extend(said)
+        message, few = _posed(model, photos)
+        (warnings if few else notes).extend(message)
     return Capture(
         root,
         "colmap",
@@ -119,8 +119,10 @@ def _model(root: Path) -> tuple[Model, Path, list[str]]:
         return model, photos, []
     others = [f"{other.folder.name} ({number})" for other, _, number in read if other is not model]
     others += [f"{folder.name} (it cannot be read: {error})" for folder, error in failed.items()]
-    said = f"models: {model.folder} is read, with poses of {count} photos that are there; {', '.join(others)} beside it"
-    return model, photos, [f"{said} not; give scene.path of another to read that"]
+    message = (
+        f"models: {model.folder} is read, with poses of {count} photos that are there; {', '.join(others)} beside it"
+    )
+    return model, photos, [f"{message} not; give scene.path of another to read that"]
 
 
 def _no_model(root: Path) -> InputError:
@@ -172,17 +174,17 @@ def _posed(model: Model, photos: Path) -> tuple[list[str], bool]:
     posed = len(named & there)
     if posed >= len(there):
         return [], False
-    said = f"{model.folder} has poses of {posed} of the {len(there)} photos in {photos}; the others are not used"
+    message = f"{model.folder} has poses of {posed} of the {len(there)} photos in {photos}; the others are not used"
     if posed >= FEW_POSED * len(there):
-        return [said], False
-    return [f"{said}; map them again (room2dgs prepare), or give scene.path of another model"], True
+        return [message], False
+    return [f"{message}; map them again (room2dgs prepare), or give scene.path of another model"], True
 
 
 def _warnings(root: Path) -> list[str]:
     """What `room2dgs prepare` doubts of the capture."""
     path = root / PREPARED
-    said = read_json_object(path).get("warnings") if path.is_file() else None
-    return [line for line in said if isinstance(line, str)] if isinstance(said, list) else []
+    message = read_json_object(path).get("warnings") if path.is_file() else None
+    return [line for line in message if isinstance(line, str)] if isinstance(message, list) else []
 
 
 def prepared_scale(root: Path) -> str | None:
@@ -259,7 +261,7 @@ def _count(place: Path, names: list[str], model: Model) -> int:
 
 
 def _no_photos(model: Model, name: str, places: list[Path]) -> InputError:
-    said = f"{model.folder} names the photo {name}, which is not in"
+    message = f"{model.folder} names the photo {name}, which is not in"
     for place in places:
         path = inside(place, name, model.folder)
         while not path.parent.exists():
@@ -267,10 +269,10 @@ def _no_photos(model: Model, name: str, places: list[Path]) -> InputError:
         alike = None if path.exists() else written_otherwise(path)
         if alike:
             return InputError(
-                f"{said} {place}; {alike} is there, which {how(path.name, alike)}: rename it to {path.name}"
+                f"{message} {place}; {alike} is there, which {how(path.name, alike)}: rename it to {path.name}"
             )
     tried = ", ".join(str(place) for place in places[:3])
-    return InputError(f"{said} {tried}; put the photos into images/")
+    return InputError(f"{message} {tried}; put the photos into images/")
 
 
 def _shot(image: ModelImage, model: Model, photos: Path, name: str, mask: Path | None) -> Shot:

@@ -92,8 +92,8 @@ def read_metashape(root: Path, config: SceneConfig) -> Capture:
         pose = None if camera.transform is None else partial(placed, camera)
         calibration = None if pose is None else lens(camera.sensor)
         if pose is not None and calibration is None:
-            said = f"{path} has no calibration for camera {camera.label}; export the cameras again"
-            pose = partial(_refused, said)
+            message = f"{path} has no calibration for camera {camera.label}; export the cameras again"
+            pose = partial(_refused, message)
         shots[camera.name] = Shot(camera.name, inside(photos.folder, camera.name, path), pose, calibration)
     return Capture(
         root,
@@ -107,8 +107,8 @@ def read_metashape(root: Path, config: SceneConfig) -> Capture:
     )
 
 
-def _refused(said: str) -> np.ndarray:
-    raise InputError(said)
+def _refused(message: str) -> np.ndarray:
+    raise InputError(message)
 
 
 def _cameras(chunk: ElementTree.Element, photos: LabelledPhotos, notes: list[str]) -> list[_Camera]:
@@ -169,8 +169,8 @@ def _one_for_each_photo(cameras: list[_Camera], path: Path, warnings: list[str])
             )
         elif camera.transform or not aligned[camera.name]:
             result.setdefault(camera.name, camera)
-    said = left_out(bad, len(cameras), "cameras whose photo is not clear")
-    warnings += [f"{path}: {said}"] if said else []
+    message = left_out(bad, len(cameras), "cameras whose photo is not clear")
+    warnings += [f"{path}: {message}"] if message else []
     return list(result.values())
 
 

@@ -26,11 +26,11 @@ FISHEYES = ("fisheye", "equidistant_fisheye")
 MAX_SKEW = 1.0  # pixels
 
 
-def sensor_lens(sensor: ElementTree.Element, path: Path, tell: Callable[[str], None]) -> Lens | None:
+def sensor_lens(sensor: ElementTree.Element, path: Path, warn: Callable[[str], None]) -> Lens | None:
     """The adjusted calibration of a sensor, wherever it stands; the initial one where there is no other.
 
     Args:
-        tell: takes what a person should know.
+        warn: takes what a person should know.
 
     Returns:
         None without a calibration.
@@ -39,7 +39,7 @@ def sensor_lens(sensor: ElementTree.Element, path: Path, tell: Callable[[str], N
         InputError: a kind of camera that is not read, or numbers that are none.
     """
     name = shown(sensor.get("label") or sensor.get("id") or "?", 60)
-    calibration = _chosen(sensor, f"{path} (sensor {name})", tell)
+    calibration = _chosen(sensor, f"{path} (sensor {name})", warn)
     if calibration is None:
         return None
     resolution = calibration.find("resolution")
@@ -53,8 +53,8 @@ def sensor_lens(sensor: ElementTree.Element, path: Path, tell: Callable[[str], N
     known = {key: xml_number(calibration.findtext(key, "0"), f"{path} ({key})") for key in NUMBERS}
     unknown = unknown_keys((child.tag for child in calibration), (*NUMBERS, *OTHERWISE), f"{path} (sensor {name})")
     if unknown:
-        tell(unknown)
-    _check_read(known, path, tell)
+        warn(unknown)
+    _check_read(known, path, warn)
     if known["fx"] and not known["f"]:  # PhotoScan's first files: the principal point counts from the corner
         params = (known["fx"], known["fy"] or known["fx"], known["cx"], known["cy"])
     else:
@@ -76,7 +76,7 @@ def sensor_lens(sensor: ElementTree.Element, path: Path, tell: Callable[[str], N
     return lens
 
 
-def _chosen(sensor: ElementTree.Element, label: str, tell: Callable[[str], None]) -> ElementTree.Element | None:
+def _chosen(sensor: ElementTree.Element, label: str, warn: Callable[[str], None]) -> ElementTree.Element | None:
     found = sensor.findall("calibration")
     if not found:
         return None
@@ -84,20 +84,20 @@ def _chosen(sensor: ElementTree.Element, label: str, tell: Callable[[str], None]
     if not adjusted:
         others = [one for one in found if one.get("class") != "initial"]
         if not others:
-            tell(f"{label} has the initial calibration alone, which is taken; export the cameras after aligning them")
+            warn(f"{label} has the initial calibration alone, which is taken; export the cameras after aligning them")
         return (others or found)[-1]
     focal = [one.findtext("f") or one.findtext("fx") or "none" for one in adjusted]
     if len({tuple((child.tag, child.text) for child in one) for one in adjusted}) > 1:
-        tell(f"{label} has {len(adjusted)} adjusted calibrations (f={shown(', '.join(focal), 80)}); the last is taken")
+        warn(f"{label} has {len(adjusted)} adjusted calibrations (f={shown(', '.join(focal), 80)}); the last is taken")
     return adjusted[-1]
 
 
-def _check_read(known: dict[str, float], path: Path, tell: Callable[[str], None]) -> None:
+def _check_read(known: dict[str, float], path: Path, warn: Callable[[str], None]) -> None:
     skew = known["b2"] or known["skew"]
     if abs(skew) > MAX_SKEW:
         raise InputError(f"{path} has skewed pixels (b2={skew}), which is not read; undistort the photos")
     if skew:
-        tell(f"{path} has pixels that are skewed by {skew:g} px (b2) from edge to middle, which is not used")
+        warn(f"{path} has pixels that are skewed by {skew:g} px (b2) from edge to middle, which is not used")
     if known["p3"] or known["p4"]:
         raise InputError(f"{path} has a lens with p3 or p4, which is not read; undistort the photos")
 

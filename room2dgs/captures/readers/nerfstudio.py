@@ -25,7 +25,7 @@ from room2dgs.captures.photo_names import check_count
 from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.point_files import read_ply
 from room2dgs.captures.reader import Reader
-from room2dgs.captures.readers.transforms_keys import keys_told
+from room2dgs.captures.readers.transforms_keys import key_notes
 from room2dgs.captures.readers.transforms_lens import contradictions, lens_of
 from room2dgs.captures.text_files import number, numbers, positive, read_json_object
 from room2dgs.captures.unmatched import DEPTH, FOLDERS, MASK
@@ -43,7 +43,7 @@ SAMPLED = 5  # depth maps that are looked at for their unit
 
 
 @dataclass
-class Told:
+class Messages:
     """What a person should know of some frames, gathered while they are read.
 
     Attributes:
@@ -65,21 +65,21 @@ def read_nerfstudio(root: Path, config: SceneConfig) -> Capture:
     Raises:
         InputError: see `room2dgs.captures.read.read_scene`.
     """
-    told = Told()
-    path, held_out = _files(root, told)
+    messages = Messages()
+    path, held_out = _files(root, messages)
     meta = read_json_object(path)
-    shots = _shots(meta, path, config, told)
+    shots = _shots(meta, path, config, messages)
     test = _split(meta)
     for other in held_out:  # Blender's form: a file for each part, with intrinsics of its own
         more = read_json_object(other)
         _check_same_world(meta, path, more, other)
-        extra = _shots(more, other, config, told)
+        extra = _shots(more, other, config, messages)
         twice = {shot.name for shot in shots} & {shot.name for shot in extra}
         if twice:
             raise InputError(f"{path} and {other.name} both have the photo {min(twice)}; delete one of the frames")
         test = (test or frozenset()) | {shot.name for shot in extra}
         shots = shots + extra
-    told.warnings += _unnamed(path.parent, shots)
+    messages.warnings += _unnamed(path.parent, shots)
     named = {shot.name: shot for shot in shots}
     return Capture(
         root,
@@ -90,25 +90,25 @@ def read_nerfstudio(root: Path, config: SceneConfig) -> Capture:
         why="transforms.json does not tell",
         world_from_disk=capture_world(meta, path),
         test=test,
-        points=_points(meta, path, told),
+        points=_points(meta, path, messages),
         gt_mesh=gt_mesh_in(path.parent),
-        notes=told.notes,
-        warnings=told.warnings,
+        notes=messages.notes,
+        warnings=messages.warnings,
     )
 
 
-def _shots(meta: dict[str, Any], path: Path, config: SceneConfig, told: Told) -> list[Shot]:
+def _shots(meta: dict[str, Any], path: Path, config: SceneConfig, messages: Messages) -> list[Shot]:
     """The frames of one file, with depth and masks that are files of their own."""
     frames = _frames(meta, path)
-    notes, warnings = keys_told(meta, frames, path)
-    told.notes += notes
-    told.warnings += [*warnings, *contradictions(meta, frames, path)]
-    depth = _depth_of(meta, frames, path, config.unit, told)
-    shots = shots_of(meta, frames, path, partial(photo_at, path.parent, path=path), depth=depth, told=told)
-    told.warnings += _of_several(shots)
+    notes, warnings = key_notes(meta, frames, path)
+    messages.notes += notes
+    messages.warnings += [*warnings, *contradictions(meta, frames, path)]
+    depth = _depth_of(meta, frames, path, config.unit, messages)
+    shots = shots_of(meta, frames, path, partial(photo_at, path.parent, path=path), depth=depth, messages=messages)
+    messages.warnings += _of_several(shots)
     shots, gone = without_missing_maps(shots, path)
-    told.warnings += gone
-    return _with_masks_of_ngp(shots, told)
+    messages.warnings += gone
+    return _with_masks_of_ngp(shots, messages)
 
 
 def shots_of(
@@ -118,7 +118,7 @@ def shots_of(
     photo: Callable[[str], Path],
     mask: Callable[[str], Path] | None = None,
     depth: Callable[[Mapping[str, Any]], DepthMap | None] | None = None,
-    told: Told | None = None,
+    messages: Messages | None = None,
 ) -> list[Shot]:
     """The frames of a transforms.json, in natural order of their names.
 
@@ -127,12 +127,12 @@ def shots_of(
     Args:
         photo, mask: where a file is that a frame names.
         depth: of a frame; None: what nerfstudio names.
-        told: takes what a person should know.
+        messages: takes what a person should know.
 
     Raises:
         InputError: intrinsics that are no camera, a path out of the capture, a photo twice, or too many bad frames.
     """
-    told = told or Told()
+    messages = messages or Messages()
     lenses: dict[str, Any] = {}
     shots: dict[str, Shot] = {}
     bad: dict[str, str] = {}
@@ -168,9 +168,9 @@ def shots_of(
             if isinstance(hidden, str) and hidden
             else None,
         )
-    said = left_out(bad, len(frames), "frames without a usable name")
-    told.warnings += [f"{path}: {said}"] if said else []
-    told.notes += [f"{path}: {again} frames are there twice, and one of each is taken"] if again else []
+    message = left_out(bad, len(frames), "frames without a usable name")
+    messages.warnings += [f"{path}: {message}"] if message else []
+    messages.notes += [f"{path}: {again} frames are there twice, and one of each is taken"] if again else []
     return [shots[name] for name in natural(shots)]
 
 
@@ -233,7 +233,7 @@ def _check_same_world(meta: Mapping[str, Any], path: Path, more: Mapping[str, An
         )
 
 
-def _files(root: Path, told: Told) -> tuple[Path, list[Path]]:
+def _files(root: Path, messages: Messages) -> tuple[Path, list[Path]]:
     """The file to read, and the one of held-out photos beside it."""
     if root.is_file():
         return root, []
@@ -247,7 +247,7 @@ def _files(root: Path, told: Told) -> tuple[Path, list[Path]]:
     others = [other for other in HELD_OUT if other in found][:1] if name == NAMES[1] else []
     unread = [other for other in found if other not in (name, *others)]
     if unread:
-        told.notes.append(
+        messages.notes.append(
             f"{root / name} is read, {', '.join(unread)} beside it not; give scene.path=FILE to read that"
         )
     return root / name, [root / other for other in others]
@@ -292,7 +292,7 @@ def _depth(meta: Mapping[str, Any], path: Path, name: object, default: float = 0
     return depth_file(inside(path.parent, name, path), positive(meta, "depth_unit_scale_factor", path, default))
 
 
-def _default_unit(meta: Mapping[str, Any], frames: list[dict[str, Any]], path: Path, told: Told) -> float:
+def _default_unit(meta: Mapping[str, Any], frames: list[dict[str, Any]], path: Path, messages: Messages) -> float:
     """Metres of one unit of depth where no key tells: of fractions as small as metres are (.npy, .exr, float .tiff)
     it is one, else they are millimetres, as nerfstudio has it.
     """
@@ -311,7 +311,7 @@ def _default_unit(meta: Mapping[str, Any], frames: list[dict[str, Any]], path: P
             greatest.append(float(values[np.isfinite(values)].max(initial=0.0)))
     if not greatest or not 0 < max(greatest) < METRES_BELOW:
         return 0.001
-    told.notes.append(
+    messages.notes.append(
         f"depth: {path} has no depth_unit_scale_factor, and the maps hold fractions of at most {max(greatest):.3g}, "
         "which are read as metres"
     )
@@ -319,10 +319,10 @@ def _default_unit(meta: Mapping[str, Any], frames: list[dict[str, Any]], path: P
 
 
 def _depth_of(
-    meta: Mapping[str, Any], frames: list[dict[str, Any]], path: Path, unit: float | None, told: Told
+    meta: Mapping[str, Any], frames: list[dict[str, Any]], path: Path, unit: float | None, messages: Messages
 ) -> Callable[[Mapping[str, Any]], DepthMap | None]:
     """nerfstudio's depth_file_path, or instant-ngp's depth_path in units of the poses."""
-    default = _default_unit(meta, frames, path, told)
+    default = _default_unit(meta, frames, path, messages)
     ngp = [frame for frame in frames if frame.get("depth_path") and not frame.get("depth_file_path")]
     why = ""
     if meta.get("enable_depth_loading") is False:
@@ -330,7 +330,7 @@ def _depth_of(
     elif "integer_depth_scale" not in meta and "depth_unit_scale_factor" not in meta:
         why = "it has no integer_depth_scale, which tells its unit"
     if ngp and why:
-        told.warnings.append(f"{path} names depth_path in {len(ngp)} frames, which is not read: {why}")
+        messages.warnings.append(f"{path} names depth_path in {len(ngp)} frames, which is not read: {why}")
 
     def depth(frame: Mapping[str, Any]) -> DepthMap | None:
         if frame.get("depth_file_path"):
@@ -361,12 +361,12 @@ def _unnamed(folder: Path, shots: list[Shot]) -> list[str]:
     ]
 
 
-def _with_masks_of_ngp(shots: list[Shot], told: Told) -> list[Shot]:
+def _with_masks_of_ngp(shots: list[Shot], messages: Messages) -> list[Shot]:
     """instant-ngp's masks of what moves, dynamic_mask_<photo>.png beside it, which hide where they are not black."""
     folders = {folder: listed(folder) for folder in {shot.path.parent for shot in shots}}
     rays = [name for names in folders.values() for name in names if name.startswith("rays_") and name.endswith(".dat")]
     if rays:
-        told.warnings.append(f"{some(natural(rays))}: a ray for each pixel, as instant-ngp has them, is not read")
+        messages.warnings.append(f"{some(natural(rays))}: a ray for each pixel, as instant-ngp has them, is not read")
     names = [f"dynamic_mask_{shot.path.stem}.png" for shot in shots]
     return [
         replace(shot, mask=HiddenWhere(shot.path.parent / name))
@@ -384,17 +384,19 @@ def _split(meta: Mapping[str, Any]) -> frozenset[str] | None:
     return None
 
 
-def _points(meta: Mapping[str, Any], path: Path, told: Told) -> Callable[[], RawPoints] | None:
+def _points(meta: Mapping[str, Any], path: Path, messages: Messages) -> Callable[[], RawPoints] | None:
     name = meta.get("ply_file_path")
     if not isinstance(name, str) or not name:
         return None
     try:
         file = inside(path.parent, name, path)
     except InputError as error:
-        told.notes.append(f"ply_file_path is not read: {error}")
+        messages.notes.append(f"ply_file_path is not read: {error}")
         return None
     if absence(file) is not None:
-        told.notes.append(f"{path} names {name} as ply_file_path, which is not there; photos are matched for points")
+        messages.notes.append(
+            f"{path} names {name} as ply_file_path, which is not there; photos are matched for points"
+        )
         return None
     return partial(ply_points, file)
 

@@ -55,15 +55,15 @@ def poses_of_others(files: Listing) -> str | None:
         for folder in FOLDERS:
             found = natural(name for pattern in program.patterns for name in _matching(files, folder, pattern))
             if found:
-                return _told(folder + found[0], program)
+                return _advice(folder + found[0], program)
     for pattern, beginnings in BEGINNINGS.items():
         for name in [folder + name for folder in FOLDERS[:2] for name in _matching(files, folder, pattern)[:1]]:
             if any(beginning in _head(files.root / name) for beginning in beginnings):
-                return _told(name, REALITY_CAPTURE)
+                return _advice(name, REALITY_CAPTURE)
     return None
 
 
-def _told(name: str, program: Program) -> str:
+def _advice(name: str, program: Program) -> str:
     return f"has {name}, {program.what}, which is not read: {program.mend}"
 
 

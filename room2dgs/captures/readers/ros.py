@@ -134,7 +134,7 @@ def _read_through(
                 lens = lens_of(content, rectified(stream.sensor.topic), half, f"{bag.path} ({topic})")
                 stream.lenses.append((stamp_of(content.header, message.place.time), known.setdefault(lens, lens)))
         else:
-            poses.take(message, kind)
+            poses.add(message, kind)
     return streams[colour.topic], streams[depth.topic] if depth else None, poses
 
 

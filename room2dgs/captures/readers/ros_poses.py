@@ -97,7 +97,7 @@ class Collector:
             lambda: defaultdict(list)
         )
 
-    def take(self, message: Message, kind: str) -> None:
+    def add(self, message: Message, kind: str) -> None:
         """Keep what a message tells."""
         content, label = message.content, f"{self.label} ({message.topic})"
         if kind in TF:

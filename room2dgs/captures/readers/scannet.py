@@ -132,8 +132,8 @@ def _photos(folder: Path) -> tuple[list[tuple[int, Path]], list[str]]:
         photos[index] = path
     if not photos:
         raise InputError(f"{folder} has no photos; name them <number>.jpg or <number>.png")
-    told = f"{folder} has {len(other)} photos whose names are no numbers, which are not used: {some(other)}"
-    return sorted(photos.items()), [told] if other else []
+    message = f"{folder} has {len(other)} photos whose names are no numbers, which are not used: {some(other)}"
+    return sorted(photos.items()), [message] if other else []
 
 
 def _check_registered(path: Path, K: np.ndarray, first: Shot) -> None:

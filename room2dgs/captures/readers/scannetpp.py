@@ -142,8 +142,8 @@ def _iphone(folder: Path) -> Capture:
         lens = model.cameras[image.camera]
         shots.append(Shot(name, path, image.cam_from_world, lens, photo, depths(index, plain), mask))
     points = model.points if model.has_points else None
-    said = left_out(bad, len(images), "images of the model without a frame's number")
-    return Capture(folder, "scannetpp", shots, W2C_OPENCV, why=WHY, points=points, notes=[said] if said else [])
+    message = left_out(bad, len(images), "images of the model without a frame's number")
+    return Capture(folder, "scannetpp", shots, W2C_OPENCV, why=WHY, points=points, notes=[message] if message else [])
 
 
 def frame_number(image: ModelImage, folder: Path) -> int:

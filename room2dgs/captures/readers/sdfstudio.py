@@ -69,8 +69,8 @@ def read_sdfstudio(root: Path, config: SceneConfig) -> Capture:
             shots[shot.name] = shot
         except InputError as error:
             bad[f"frame {index}"] = str(error)
-    said = left_out(bad, len(frames), f"frames of {path.name}")
-    notes = [said, unknown_keys(meta, KEYS, path), unknown_in(frames, FRAME_KEYS, f"frames of {path}")]
+    message = left_out(bad, len(frames), f"frames of {path.name}")
+    notes = [message, unknown_keys(meta, KEYS, path), unknown_in(frames, FRAME_KEYS, f"frames of {path}")]
     found, warnings = without_missing_maps([shots[name] for name in natural(shots)], path)
     return Capture(
         root,

@@ -65,8 +65,8 @@ def read_sevenscenes(root: Path, config: SceneConfig) -> Capture:
     notes = [f"intrinsics: none in the layout, {COLOR} taken; scene.intrinsics=[fx,fy,cx,cy] gives others"]
     if config.intrinsics is not None:
         notes = []
-    test, told = _test(root, [shot.name for shot in shots])
-    notes += told
+    test, test_notes = _test(root, [shot.name for shot in shots])
+    notes += test_notes
     return Capture(
         root, "sevenscenes", shots, test=test, gt_mesh=gt_mesh_in(root), notes=notes, why="KinectFusion's poses"
     )

@@ -48,7 +48,7 @@ def read_stray(root: Path, config: SceneConfig) -> Capture:
     video = Video(root / "rgb.mp4")
     path = root / "odometry.csv"
     rows, columns = _table(path)
-    notes = [said for said in [unknown_keys(columns, KNOWN, path)] if said]
+    notes = [message for message in [unknown_keys(columns, KNOWN, path)] if message]
     if any(column not in columns for column in COLUMNS):
         raise InputError(f"{path} has no columns {', '.join(COLUMNS)}; copy the scan again")
     files = [] if video.path.exists() else photos_in(root / "rgb")  # taken out of the video
@@ -71,8 +71,8 @@ def read_stray(root: Path, config: SceneConfig) -> Capture:
             lines[line.frame] = line
         except InputError as error:
             bad[f"line {place + 2}"] = str(error)
-    said = left_out(bad, len(rows), f"lines of {path.name}")
-    notes += [said] if said else []
+    message = left_out(bad, len(rows), f"lines of {path.name}")
+    notes += [message] if message else []
     depths = alike([f"{index:06d}" for index in lines], [n for n in listed(root / "depth") if n.endswith(DEPTHS)])
     photos = alike([f"{index:06d}" for index in lines], files)
     if files and (len(photos) < len(files) or f"{min(lines, default=0):06d}" not in photos):  # FFmpeg counts from 1

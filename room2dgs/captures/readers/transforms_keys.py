@@ -47,7 +47,7 @@ NOT_READ = {
 }
 
 
-def keys_told(meta: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], path: Path) -> tuple[list[str], list[str]]:
+def key_notes(meta: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], path: Path) -> tuple[list[str], list[str]]:
     """Notes and warnings of keys that are not read.
 
     Raises:
@@ -64,10 +64,10 @@ def keys_told(meta: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], path
         )
     used = [key for key in NOT_READ if key in found or _says_something(meta.get(key))]
     warnings = [f"{path} has {key}, which is not used: {NOT_READ[key]}" for key in used]
-    told = (*NOT_READ, *OTHER_CAMERAS)
+    warned_of = (*NOT_READ, *OTHER_CAMERAS)
     sentences = [
-        unknown_keys(meta, (*READ, *OTHERWISE, *told), path),
-        unknown_keys(found, (*READ_OF_FRAME, *OTHERWISE_OF_FRAME, *told), f"{path} (frames)"),
+        unknown_keys(meta, (*READ, *OTHERWISE, *warned_of), path),
+        unknown_keys(found, (*READ_OF_FRAME, *OTHERWISE_OF_FRAME, *warned_of), f"{path} (frames)"),
     ]
     return [sentence for sentence in sentences if sentence], warnings
 

@@ -127,12 +127,12 @@ def _stamped(path: Path, depth: bool = False) -> tuple[list[tuple[float, str]], 
             bad[f"line {line}"] = str(error)
             continue
         found.append((seconds, name))
-    said = left_out(bad, len(lines), f"lines of {path.name}")
+    message = left_out(bad, len(lines), f"lines of {path.name}")
     if not found:
         raise InputError(f"{path} lists no files with times; copy the sequence again")
     stamps, notes = _seconds(np.array([seconds for seconds, _ in found]), path)
     found = [(float(stamp), name) for stamp, (_, name) in zip(stamps, found, strict=True)]
-    return sorted(found), [*([said] if said else []), *notes]
+    return sorted(found), [*([message] if message else []), *notes]
 
 
 def _seconds(stamps: np.ndarray, path: Path) -> tuple[np.ndarray, list[str]]:
@@ -162,12 +162,12 @@ def trajectory(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
         if np.isfinite(pose).all() and np.isfinite(stamp):
             stamps.append(stamp)
             poses.append(pose)
-    said = left_out(bad, len(lines), f"lines of {path.name}")
+    message = left_out(bad, len(lines), f"lines of {path.name}")
     if not poses:
         raise InputError(f"{path} has no poses; copy it again")
     order = np.argsort(stamps, kind="stable")
     seconds, notes = _seconds(np.array(stamps)[order], path)
-    return seconds, np.stack(poses)[order], [*([said] if said else []), *notes]
+    return seconds, np.stack(poses)[order], [*([message] if message else []), *notes]
 
 
 READER = Reader(is_tum, read_tum, LAYOUT)
