@@ -63,6 +63,8 @@ def _help(verb: str) -> str:
         body = body.partition("\npositional arguments:")[0]
         ends = rest[rest.find(EXAMPLES) :] if EXAMPLES in rest else ""
         text = f"{body}\n\nOptions: room2dgs {verb} --help\n{ends}"
+    head, examples, tail = text.partition(EXAMPLES)
+    text = re.sub(r"^ {4}(?=\S)", "", head, flags=re.MULTILINE) + examples + tail
     kept = [line.rstrip() for line in text.splitlines() if not SETTING.match(line)]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(kept)).strip()
 
