@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from room2dgs.geometry.arguments import whole_number
 from room2dgs.mesh.area import twice_areas
 from room2dgs.mesh.checks import check_mesh
+from room2dgs.mesh.vertex_colors import vertex_colors
 
 
 def clean(mesh: trimesh.Trimesh, min_triangles: int = 0, keep_clusters: int | None = None) -> trimesh.Trimesh:
@@ -48,8 +49,8 @@ def _sorted_vertices(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray | No
     vertices = np.asarray(mesh.vertices, dtype=np.float64) + 0.0  # -0.0 becomes 0.0
     index = np.int32 if len(vertices) <= np.iinfo(np.int32).max else np.int64  # sorting takes several copies
     faces = np.asarray(mesh.faces).astype(index).reshape(-1, 3)
-    colors = np.asarray(mesh.visual.vertex_colors) if mesh.visual.kind == "vertex" else None
-    finite = np.isfinite(vertices).all(axis=1)
+    colors = vertex_colors(mesh)
+    finite = np.asarray(np.isfinite(vertices).all(axis=1))
     if not finite.all():
         faces = faces[finite[faces].all(axis=1)]
     if not len(faces):

@@ -15,9 +15,11 @@ import trimesh
 
 from room2dgs.config import MeshConfig
 from room2dgs.geometry.arguments import check_points, number
+from room2dgs.geometry.cells import cell_indices, keys_of
 from room2dgs.mesh.marching import extracted
 from room2dgs.mesh.views import FusedView
-from room2dgs.mesh.voxel_table import BLOCK, VOXELS, Voxels, VoxelTable, block_coordinates, keys_of
+from room2dgs.mesh.voxel import voxel_side
+from room2dgs.mesh.voxel_table import BLOCK, VOXELS, Voxels, VoxelTable, block_coordinates
 
 INSIDE = 0.9  # of what the views see is nearer than the ball's radius
 MOST = 1.9  # of 2, in radii: what is contracted further is left out (ten radii away)
@@ -56,6 +58,7 @@ def integrate_contracted(views: Iterable[FusedView], config: MeshConfig) -> trim
         views: gone through several times, so that going through them should cost little.
         config: voxel_m is the side of a voxel within the room.
     """
+    side = voxel_side(config)
     seen, centres = [], []
     for view in views:
         seen.append(_points(view, config))
@@ -63,23 +66,23 @@ def integrate_contracted(views: Iterable[FusedView], config: MeshConfig) -> trim
     if not any(map(len, seen)):
         return trimesh.Trimesh(process=False)
     centre = np.mean(centres, axis=0)
-    centre = np.round(centre / config.voxel_m) * config.voxel_m
+    centre = np.round(centre / side) * side
     distances = np.concatenate([np.linalg.norm(points - centre, axis=1) for points in seen])
-    radius = max(float(np.quantile(distances, INSIDE)), config.voxel_m * BLOCK)
+    radius = max(float(np.quantile(distances, INSIDE)), side * BLOCK)
     table = VoxelTable()
     for view in views:
         table.rows_of(_blocks(view, centre, radius, config))
     for part, which, rows in table.in_parts(table.keys):
-        at = _voxels(table.keys[which]) * config.voxel_m
+        at = _voxels(table.keys[which]) * side
         size = np.linalg.norm(at, axis=1) / radius
         stretch = 1 / (2 - size.clip(1, MOST)) ** 2
         world = expanded(at, radius) + centre
-        fused = _fused(views, world, config.truncation_voxels * config.voxel_m * stretch, config)
+        fused = _fused(views, world, config.truncation_voxels * side * stretch, config)
         kept = size < MOST
         for part_of, values in zip(part, fused, strict=True):
             values[~kept] = 0
             part_of[rows] = values.reshape(len(rows), -1)
-    mesh = extracted(table, config.voxel_m, np.zeros(3), config.min_weight)
+    mesh = extracted(table, side, np.zeros(3), config.min_weight)
     if len(mesh.vertices):
         mesh.vertices = expanded(np.asarray(mesh.vertices), radius) + centre
     return mesh
@@ -96,15 +99,18 @@ def _fused(views: Iterable[FusedView], points: np.ndarray, truncation: np.ndarra
         inside = (z > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
         who = np.flatnonzero(inside)
         column, row = column[who].astype(np.int64), row[who].astype(np.int64)
-        depth = view.depth[row, column]
+        depth = np.asarray(view.depth)[row, column]
         off = (depth - z[who]) / truncation[who]
         good = (depth > 0) & (depth <= config.max_depth_m) & (off > -1)
         who, row, column = who[good], row[good], column[good]
-        merit = np.ones(len(who), np.float32) if view.weight is None else view.weight[row, column].astype(np.float32)
+        merit = np.ones(len(who), np.float32)
+        if view.weight is not None:
+            merit = np.asarray(view.weight)[row, column].astype(np.float32)
         total[who] += merit * np.minimum(off[good], 1)
         weight[who] += merit
         count[who] += merit > 0
-        picked = view.color[row, column] * np.float32(1 if view.color.dtype == np.uint8 else 255)
+        color = np.asarray(view.color)
+        picked = color[row, column] * np.float32(1 if color.dtype == np.uint8 else 255)
         shade[who] += merit[:, None] * picked
     many = np.maximum(weight, np.float32(1e-6))
     return Voxels(total / many, weight, count, shade / many[:, None])
@@ -120,11 +126,11 @@ def _points(view: FusedView, config: MeshConfig, step: int = STEP) -> np.ndarray
 def _blocks(view: FusedView, centre: np.ndarray, radius: float, config: MeshConfig) -> np.ndarray:
     """(N,) int64 keys of the blocks within the truncation of what the pixels see, rising."""
     points = contracted(_points(view, config, 2) - centre, radius)
-    side = config.voxel_m * BLOCK
-    reach = config.truncation_voxels * config.voxel_m
+    side = voxel_side(config) * BLOCK
+    reach = config.truncation_voxels * voxel_side(config)
     found = []
     for corner in np.stack(np.meshgrid(*[(-1, 0, 1)] * 3), axis=-1).reshape(-1, 3):
-        found.append(np.unique(keys_of(np.floor((points + corner * reach) / side))))
+        found.append(np.unique(keys_of(cell_indices(points + corner * reach, side))))
     return np.unique(np.concatenate(found))
 
 

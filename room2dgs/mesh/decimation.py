@@ -18,6 +18,7 @@ from room2dgs.geometry.arguments import number
 from room2dgs.mesh.checks import check_mesh
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.simplify import Measure, Simplified, colors_at
+from room2dgs.mesh.vertex_colors import vertex_colors
 
 CONTRAST = 24  # levels between the corners of a face, above which it stays: vertices hold all the colour there is
 FIRST = 0.25  # of the faces, tried first
@@ -80,7 +81,7 @@ def _searched(vertices: np.ndarray, faces: np.ndarray, max_error_m: float, share
         tried = fast_simplification.simplify(
             vertices, faces.astype(np.int32), target_count=int(target), agg=AGGRESSION, preserve_border=True
         )
-        found = measure(trimesh.Trimesh(*tried, process=False))
+        found = measure(trimesh.Trimesh(tried[0], tried[1], process=False))
         reached, ratio = float(len(tried[1])), round(found.most_m, 6) / max_error_m  # in micrometres: no less decides
         tries.append((reached, max(ratio, LEAST)))
         if ratio > 1:
@@ -131,9 +132,10 @@ def _piece(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def _contrasting(mesh: trimesh.Trimesh) -> np.ndarray:
     """(F,) bool."""
-    if mesh.visual.kind != "vertex":
+    colors = vertex_colors(mesh)
+    if colors is None:
         return np.zeros(len(mesh.faces), dtype=bool)
-    corners = np.asarray(mesh.visual.vertex_colors)[:, :3].astype(np.int16)[np.asarray(mesh.faces)]
+    corners = colors[:, :3].astype(np.int16)[np.asarray(mesh.faces)]
     return (corners.max(axis=1) - corners.min(axis=1)).max(axis=1) > CONTRAST
 
 
@@ -147,6 +149,6 @@ def _together(pieces: Sequence[tuple[np.ndarray, np.ndarray]]) -> trimesh.Trimes
 def _sewn(parts: trimesh.Trimesh, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """One mesh, joined where vertices are the same, with the whole mesh's colours."""
     joined = clean(parts)
-    if mesh.visual.kind == "vertex":
+    if vertex_colors(mesh) is not None:
         joined.visual = trimesh.visual.ColorVisuals(joined, vertex_colors=colors_at(mesh, np.asarray(joined.vertices)))
     return joined

@@ -14,12 +14,14 @@ import torch
 import trimesh
 from torch import Tensor
 
-from room2dgs.kernels.builds import Build, build_of
 from room2dgs.config import MeshConfig
+from room2dgs.geometry.cells import coordinates
+from room2dgs.kernels.builds import Build, build_of
 from room2dgs.mesh.marching import extracted
 from room2dgs.mesh.tsdf import STEPS, STRIDE, camera_in_volume, closer, local_from_cam, photo_as_floats, start_of
 from room2dgs.mesh.views import FusedView
-from room2dgs.mesh.voxel_table import BLOCK, NUMBERS, VoxelTable, coordinates
+from room2dgs.mesh.voxel import voxel_side
+from room2dgs.mesh.voxel_table import BLOCK, NUMBERS, VoxelTable
 from room2dgs.train.device import torch_device, upload
 
 FIRST_BLOCKS = 4096  # 12 kB each
@@ -71,11 +73,11 @@ def integrate_on_device(views: Iterable[FusedView], config: MeshConfig, device: 
     voxels, origin = None, np.zeros(3)
     for view in views:
         if voxels is None:
-            voxels, origin = DeviceTable(where), start_of(view.camera, config.voxel_m)
+            voxels, origin = DeviceTable(where), start_of(view.camera, voxel_side(config))
         _take_in(voxels, origin, view, config, build)
     if voxels is None or not len(voxels.keys):
         return trimesh.Trimesh(process=False)
-    return extracted(_on_cpu(voxels), config.voxel_m, origin, config.min_weight)
+    return extracted(_on_cpu(voxels), voxel_side(config), origin, config.min_weight)
 
 
 def touched(
@@ -106,15 +108,16 @@ def _take_in(voxels: DeviceTable, origin: np.ndarray, view: FusedView, config: M
     depth = torch.where(depth <= config.max_depth_m, depth, 0.0)
     normal = torch.zeros(*depth.shape, 3) if view.normal is None else view.normal
     normal = _there(normal, depth.device)
-    cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, config.voxel_m)
-    reach = config.voxel_m * config.truncation_voxels
-    keys = touched(depth, normal, view.camera.K, cam_from_local, config.voxel_m, reach, build)
+    side = voxel_side(config)
+    cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, side)
+    reach = side * config.truncation_voxels
+    keys = touched(depth, normal, view.camera.K, cam_from_local, side, reach, build)
     if not len(keys):
         return
     rows = voxels.rows_of(keys)
     trust = torch.ones_like(depth) if view.weight is None else _there(view.weight, depth.device)
     photo = _there(photo_as_floats(view.color), depth.device)
-    at = (pixel_from_voxel, config.voxel_m, reach)
+    at = (pixel_from_voxel, side, reach)
     blocks = torch.stack(coordinates(keys), dim=1).to(torch.int32)
     build.extension.fuse_depth(
         blocks, rows, *voxels.parts, depth, normal, trust, photo, *at, build.queue(depth)

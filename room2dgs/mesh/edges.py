@@ -20,11 +20,11 @@ def edges_and_faces(faces: np.ndarray, vertices: int) -> tuple[np.ndarray, np.nd
     """
     vertices = whole_number("vertices", vertices)
     faces = check_faces(faces, vertices)
-    keys = np.empty((3, len(faces)), dtype=np.int64)
+    of_sides = np.empty((3, len(faces)), dtype=np.int64)
     for side in range(3):
         a, b = faces[:, side], faces[:, (side + 1) % 3]
-        keys[side] = np.minimum(a, b) * vertices + np.maximum(a, b)
-    keys = keys.ravel()
+        of_sides[side] = np.minimum(a, b) * vertices + np.maximum(a, b)
+    keys = of_sides.ravel()
     keys.sort()  # in place, which numpy's unique does not
     first = np.flatnonzero(np.diff(keys, prepend=-1))
     count = np.diff(first, append=len(keys)).astype(np.int32)

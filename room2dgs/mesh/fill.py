@@ -8,8 +8,9 @@ from scipy.spatial import KDTree
 
 from room2dgs.geometry.arguments import number
 from room2dgs.mesh.checks import check_mesh, check_surface
-from room2dgs.mesh.open3d import o3c, o3d
+from room2dgs.mesh.open3d import o3c_tensor, o3d
 from room2dgs.mesh.poisson import screened_poisson
+from room2dgs.mesh.vertex_colors import vertex_colors
 
 MARGIN = 2.0  # of the octree's side to the room's: what bulges out where nothing was seen is cut by its box
 
@@ -26,7 +27,7 @@ def holes_filled(mesh: trimesh.Trimesh, hole_m: float) -> trimesh.Trimesh:
     check_mesh(mesh)
     number("hole_m", hole_m, least=0.0)
     whole = o3d.t.geometry.TriangleMesh(
-        o3c.Tensor(np.asarray(mesh.vertices).astype(np.float32)), o3c.Tensor(np.asarray(mesh.faces).astype(np.int64))
+        o3c_tensor(np.asarray(mesh.vertices).astype(np.float32)), o3c_tensor(np.asarray(mesh.faces).astype(np.int64))
     )
     filled = whole.fill_holes(hole_size=hole_m / 2)
     if "positions" not in filled.vertex or "indices" not in filled.triangle:  # open3d drops faces without an area
@@ -53,7 +54,7 @@ def watertight(mesh: trimesh.Trimesh, voxel_m: float) -> trimesh.Trimesh:
     points = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.asarray(mesh.vertices)))
     normals = -np.asarray(mesh.vertex_normals)
     points.normals = o3d.utility.Vector3dVector(normals)
-    points = points.select_by_index(np.flatnonzero(np.linalg.norm(normals, axis=1) > 0.5))
+    points = points.select_by_index(np.flatnonzero(np.linalg.norm(normals, axis=1) > 0.5).tolist())
     extent = float(np.ptp(np.asarray(mesh.vertices), axis=0).max())
     if not extent > 0 or not len(points.points):
         raise ValueError("the mesh has no size: all its faces are at one place or without an area")
@@ -75,8 +76,7 @@ def _largest(solid: o3d.geometry.TriangleMesh) -> o3d.geometry.TriangleMesh:
 def _colored(vertices: np.ndarray, faces: np.ndarray, source: trimesh.Trimesh) -> trimesh.Trimesh:
     """A mesh with the colours of the source's nearest vertices."""
     vertices = vertices.astype(np.float64)
-    colors = None
-    if source.visual.kind == "vertex":
-        nearest = KDTree(np.asarray(source.vertices)).query(vertices)[1]
-        colors = np.asarray(source.visual.vertex_colors)[nearest]
+    colors = vertex_colors(source)
+    if colors is not None:
+        colors = colors[KDTree(np.asarray(source.vertices)).query(vertices)[1]]
     return trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)

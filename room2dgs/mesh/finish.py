@@ -13,6 +13,7 @@ from room2dgs.mesh.area import area_m2
 from room2dgs.mesh.checks import check_mesh
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.edges import is_closed
+from room2dgs.mesh.voxel import voxel_side
 
 
 class NoSurface(InputError):
@@ -36,7 +37,7 @@ def cleaned(raw: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trime
         )
     log(
         f"mesh: {len(mesh.faces):,} faces, {len(raw.faces) - len(mesh.faces):,} dropped by cleaning "
-        f"(voxels of {100 * config.voxel_m:g} cm)"
+        f"(voxels of {100 * voxel_side(config):g} cm)"
     )
     return mesh
 
@@ -75,7 +76,7 @@ def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trim
     if config.fill == "holes":
         filled = clean(holes_filled(mesh, config.fill_hole_m))
     else:
-        filled = watertight(mesh, config.voxel_m)  # cleaning would tear it open where it was pressed flat
+        filled = watertight(mesh, voxel_side(config))  # cleaning would tear it open where it was pressed flat
     before, after = ((np.asarray(one.vertices), np.asarray(one.faces)) for one in (mesh, filled))
     added = max(area_m2(*after) - area_m2(*before), 0.0)  # of the same faces in another order it may be -1e-15
     closed = ", closed" if _closed(filled) else ", not closed everywhere" if config.fill == "watertight" else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+import numpy as np
 import trimesh
 
 from room2dgs.captures.cache import Cache
@@ -123,16 +124,18 @@ class _Kept:
     def __iter__(self) -> Iterator[FusedView]:
         if self._whole:
             for number, camera in enumerate(self._cameras):
-                depth, color, *weight = self._cache.get(number)
+                kept = self._cache.get(number)
+                assert kept is not None, "what is kept is not dropped before `clear`"
+                depth, color, *weight = kept
                 yield FusedView(camera, depth, color, *weight)
             return
         self._cameras = []
         for number, view in enumerate(self._views):
             there = view.on_cpu()
             self._cameras.append(there.camera)
-            weight = () if there.weight is None else (there.weight,)
-            self._cache.put(number, (there.depth, there.color, *weight))
-            yield FusedView(there.camera, there.depth, there.color, *weight)
+            maps = (there.depth, there.color) if there.weight is None else (there.depth, there.color, there.weight)
+            self._cache.put(number, tuple(map(np.asarray, maps)))
+            yield FusedView(there.camera, *maps)
         self._whole = True
 
     def clear(self) -> None:

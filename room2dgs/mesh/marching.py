@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 
-from room2dgs.mesh.open3d import o3c, o3d
-from room2dgs.mesh.voxel_table import BLOCK, VOXELS, VoxelTable, block_coordinates, keys_of
+from room2dgs.geometry.cells import cell_indices, keys_of
+from room2dgs.mesh.open3d import o3c, o3c_tensor, o3d
+from room2dgs.mesh.voxel_table import BLOCK, VOXELS, VoxelTable, block_coordinates
 
 # open3d takes 8 kB a block for its vertices, and a copy of what it meshes: some blocks at a time, and those around them
 # with them. Cubes of blocks have fewer around them than slabs.
@@ -70,7 +71,7 @@ def _zero_level(table: VoxelTable, keys: np.ndarray, voxel_m: float, min_weight:
     colors = np.round(np.clip(mesh.vertex.colors.numpy(), 0, 1) * 255).astype(np.uint8)
     if not whole:
         middle = vertices.astype(np.float64)[faces].mean(axis=1)
-        faces = faces[np.isin(keys_of(np.floor(middle / (BLOCK * voxel_m))), keys)]
+        faces = faces[np.isin(keys_of(cell_indices(middle, BLOCK * voxel_m)), keys)]
         used, faces = np.unique(faces, return_inverse=True)
         vertices, faces, colors = vertices[used], faces.reshape(-1, 3), colors[used]
     return _Piece(vertices, colors, faces.astype(np.int32))
@@ -78,9 +79,9 @@ def _zero_level(table: VoxelTable, keys: np.ndarray, voxel_m: float, min_weight:
 
 def _volume(table: VoxelTable, keys: np.ndarray, voxel_m: float, min_weight: float) -> o3d.t.geometry.VoxelBlockGrid:
     """Some blocks as open3d has them."""
-    kinds, numbers = (o3c.float32,) * len(ATTRIBUTES), ((1,), (1,), (3,))
+    kinds, numbers = (o3c.float32,) * len(ATTRIBUTES), [o3c.SizeVector([count]) for count in (1, 1, 3)]
     volume = o3d.t.geometry.VoxelBlockGrid(ATTRIBUTES, kinds, numbers, voxel_m, BLOCK, len(keys), DEVICE)
-    hashmap, blocks = volume.hashmap(), o3c.Tensor(block_coordinates(keys))
+    hashmap, blocks = volume.hashmap(), o3c_tensor(block_coordinates(keys))
     hashmap.activate(blocks)
     rows = hashmap.find(blocks)[0].numpy()
     tsdf, weight, color = (volume.attribute(name).numpy() for name in ATTRIBUTES)  # not copies

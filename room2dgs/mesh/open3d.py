@@ -9,6 +9,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
 
 class _Later(ModuleType):
     """Stands for a module until something of it is asked for."""
@@ -25,8 +27,12 @@ def _dash_later() -> Iterator[None]:
         yield
         return
     dash = ModuleType("dash")
-    dash.html, dash.dcc = _Later("dash.html"), _Later("dash.dcc")
-    dash.Dash = lambda *args, **more: import_module("dash").Dash(*args, **more)
+    later = {
+        "html": _Later("dash.html"),
+        "dcc": _Later("dash.dcc"),
+        "Dash": lambda *args, **more: import_module("dash").Dash(*args, **more),
+    }
+    dash.__dict__.update(later)
     sys.modules["dash"] = dash
     try:
         yield
@@ -38,4 +44,9 @@ with _dash_later():
     import open3d as o3d
     import open3d.core as o3c
 
-__all__ = ["o3c", "o3d"]
+__all__ = ["o3c", "o3c_tensor", "o3d"]
+
+
+def o3c_tensor(values: np.ndarray) -> o3c.Tensor:
+    """A copy of an array."""
+    return o3c.Tensor(values)  # type: ignore[call-overload]  # its stubs know no defaults

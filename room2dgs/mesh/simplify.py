@@ -16,7 +16,8 @@ from scipy.spatial import KDTree
 
 from room2dgs.geometry.arguments import check_points, number, whole_number
 from room2dgs.mesh.checks import check_mesh, check_surface
-from room2dgs.mesh.open3d import o3c, o3d
+from room2dgs.mesh.open3d import o3c_tensor, o3d
+from room2dgs.mesh.vertex_colors import vertex_colors
 
 FEWEST = 100  # faces
 STEP = 0.5  # of the faces stay, from one try to the next
@@ -110,7 +111,7 @@ def decimated(mesh: trimesh.Trimesh, faces: int, careful: bool = False) -> trime
         less = less.simplify_quadric_decimation(faces, boundary_weight=BOUNDARY_WEIGHT)
     less = less.remove_degenerate_triangles().remove_duplicated_triangles().remove_unreferenced_vertices()
     vertices = np.asarray(less.vertices)
-    colors = colors_at(mesh, vertices) if mesh.visual.kind == "vertex" and len(vertices) else None
+    colors = colors_at(mesh, vertices) if vertex_colors(mesh) is not None and len(vertices) else None
     return trimesh.Trimesh(vertices, np.asarray(less.triangles), vertex_colors=colors, process=False)
 
 
@@ -145,11 +146,12 @@ def colors_at(mesh: trimesh.Trimesh, vertices: np.ndarray) -> np.ndarray:
     """
     check_mesh(mesh)
     vertices = check_points("vertices", vertices)
-    if mesh.visual.kind != "vertex" or not len(mesh.vertices):
+    all_colors = vertex_colors(mesh)
+    if all_colors is None or not len(mesh.vertices):
         raise ValueError("the mesh has no colours of vertices")
     count = min(NEAR, len(mesh.vertices))
     distances, near = KDTree(np.asarray(mesh.vertices)).query(vertices, k=list(range(1, count + 1)))
-    colors = np.asarray(mesh.visual.vertex_colors)[near, :3]
+    colors = all_colors[near, :3]
     own = (distances[:, 0] == 0)[:, None]
     return np.where(own, colors[:, 0], np.round(np.median(colors, axis=1))).astype(np.uint8)
 
@@ -178,11 +180,11 @@ class Measure:
         """In float32, about the middle of the whole mesh."""
         tree = o3d.t.geometry.RaycastingScene()
         vertices = (np.asarray(mesh.vertices) - self.middle).astype(np.float32)
-        tree.add_triangles(o3c.Tensor(vertices), o3c.Tensor(np.asarray(mesh.faces).astype(np.uint32)))
+        tree.add_triangles(o3c_tensor(vertices), o3c_tensor(np.asarray(mesh.faces).astype(np.uint32)))
         return tree
 
     def _distances(self, tree: o3d.t.geometry.RaycastingScene, points: np.ndarray) -> np.ndarray:
-        return tree.compute_distance(o3c.Tensor((points - self.middle).astype(np.float32))).numpy()
+        return tree.compute_distance(o3c_tensor((points - self.middle).astype(np.float32))).numpy()
 
 
 def _tried(whole: Measure, best: Simplified, target: int, max_error_m: float) -> tuple[Simplified, int]:

@@ -13,6 +13,7 @@ from scipy.sparse import csr_matrix
 from room2dgs.geometry.arguments import whole_number
 from room2dgs.mesh.checks import check_mesh
 from room2dgs.mesh.edges import edges_and_faces
+from room2dgs.mesh.vertex_colors import vertex_colors
 
 SHRINK, GROW = 0.5, 0.53
 
@@ -41,8 +42,7 @@ def smoothed(mesh: trimesh.Trimesh, steps: int) -> trimesh.Trimesh:
         for share in (SHRINK, -GROW):
             mean = (later @ vertices + later.T @ vertices) / np.maximum(count, 1)
             vertices += np.where(free, share * (mean - vertices), 0.0)
-    colors = np.asarray(mesh.visual.vertex_colors) if mesh.visual.kind == "vertex" else None
-    return trimesh.Trimesh(vertices, np.array(mesh.faces), vertex_colors=colors, process=False)
+    return trimesh.Trimesh(vertices, np.array(mesh.faces), vertex_colors=vertex_colors(mesh), process=False)
 
 
 def _later_neighbours(edges: np.ndarray, vertices: int) -> csr_matrix:

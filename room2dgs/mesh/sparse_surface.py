@@ -15,6 +15,7 @@ from room2dgs.mesh.finish import NoSurface, cleaned, finished
 from room2dgs.mesh.open3d import o3d
 from room2dgs.mesh.point_normals import oriented_normals, towards_views
 from room2dgs.mesh.poisson import screened_poisson
+from room2dgs.mesh.voxel import voxel_side
 from room2dgs.sfm.capture_points import MIN_POINTS
 
 MARGIN = 1.1  # of the octree's side to the points'; open3d's default
@@ -51,7 +52,7 @@ def surface_of_points(
         )
     xyz, rgb = points.xyz[seen], points.rgb[seen]
     extent = float(np.ptp(xyz, axis=0).max())
-    if extent < config.voxel_m:
+    if extent < voxel_side(config):
         raise NoSurface(
             f"all {len(xyz)} sparse points lie within mesh.voxel_m={config.voxel_m:g} of each other; "
             "give points of a whole room"
@@ -60,7 +61,7 @@ def surface_of_points(
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(xyz - middle))
     cloud.normals = o3d.utility.Vector3dVector(oriented_normals(xyz - middle, towards[seen]))
     cloud.colors = o3d.utility.Vector3dVector(rgb / 255)
-    raw = _trimmed(*screened_poisson(cloud, extent, config.voxel_m, MARGIN))
+    raw = _trimmed(*screened_poisson(cloud, extent, voxel_side(config), MARGIN))
     if not len(raw.faces):
         raise NoSurface(f"no surface came out of {len(xyz)} sparse points; add photos of the same places")
     raw.vertices += middle

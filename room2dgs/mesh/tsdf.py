@@ -14,6 +14,7 @@ from room2dgs.config import MeshConfig
 from room2dgs.geometry.camera import Camera
 from room2dgs.mesh.marching import extracted
 from room2dgs.mesh.views import FusedView
+from room2dgs.mesh.voxel import voxel_side
 from room2dgs.mesh.voxel_table import BLOCK, VoxelTable, block_coordinates
 
 if TYPE_CHECKING:
@@ -57,11 +58,11 @@ def integrate(views: Iterable[FusedView], config: MeshConfig | Fusion) -> trimes
         if not (depth > 0).any():
             continue
         if origin is None:
-            origin = start_of(view.camera, config.voxel_m)
+            origin = start_of(view.camera, voxel_side(config))
         _integrate_one(table, origin, view, depth, config)
     if origin is None:
         return trimesh.Trimesh(process=False)
-    return extracted(table, config.voxel_m, origin, config.min_weight)
+    return extracted(table, voxel_side(config), origin, config.min_weight)
 
 
 def start_of(camera: Camera, voxel_m: float) -> np.ndarray:
@@ -118,17 +119,18 @@ def touched(
 def _integrate_one(
     table: VoxelTable, origin: np.ndarray, view: FusedView, depth: np.ndarray, config: MeshConfig | Fusion
 ) -> None:
-    reach = config.voxel_m * config.truncation_voxels
-    cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, config.voxel_m)
+    side = voxel_side(config)
+    reach = side * config.truncation_voxels
+    cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, side)
     normal = np.zeros((*depth.shape, 3), np.float32) if view.normal is None else view.normal
     normal = np.ascontiguousarray(normal, np.float32)
     weight = np.ones_like(depth) if view.weight is None else np.ascontiguousarray(view.weight, np.float32)
     photo = np.ascontiguousarray(photo_as_floats(view.color), np.float32)
-    keys = touched(depth, normal, view.camera.K, cam_from_local, config.voxel_m, reach)
+    keys = touched(depth, normal, view.camera.K, cam_from_local, side, reach)
     blocks = block_coordinates(keys)
     for part, which, rows in table.in_parts(keys):
         maps = (depth, normal, weight, photo)
-        _C.fuse_depth(blocks[which], rows, *part, *maps, pixel_from_voxel, config.voxel_m, reach)
+        _C.fuse_depth(blocks[which], rows, *part, *maps, pixel_from_voxel, side, reach)
 
 
 def photo_as_floats(color: np.ndarray | Tensor) -> np.ndarray | Tensor:

@@ -46,8 +46,13 @@ class FusedView:
         """With numpy's arrays alone."""
         if isinstance(self.depth, np.ndarray):
             return self
-        parts = (None if x is None else x.cpu().numpy() for x in (self.depth, self.color, self.weight, self.normal))
-        return FusedView(self.camera, *parts)
+        depth, color = _array(self.depth), _array(self.color)
+        weight, normal = (None if x is None else _array(x) for x in (self.weight, self.normal))
+        return FusedView(self.camera, depth, color, weight, normal)
+
+
+def _array(values: np.ndarray | Tensor) -> np.ndarray:
+    return values if isinstance(values, np.ndarray) else values.cpu().numpy()
 
 
 def chosen_depth(rendering: Rendering, config: MeshConfig) -> Tensor:
@@ -120,6 +125,7 @@ def trusted_view(maps: ViewMaps[np.ndarray], camera: Camera, color: np.ndarray, 
         maps: of the camera's size; `depth` is not None.
         color: (H, W, 3) uint8 or float 0..1.
     """
+    assert maps.depth is not None
     sure = np.ones_like(maps.depth) if maps.depth_confidence is None else maps.depth_confidence
     fit = maps.depth <= config.max_depth_m
     if config.max_expected_m is not None:

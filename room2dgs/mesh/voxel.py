@@ -4,16 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from room2dgs.config import MeshConfig
 from room2dgs.geometry.camera import Camera
 
+if TYPE_CHECKING:
+    from room2dgs.mesh.tsdf import Fusion
+
 PIXELS = 2.0  # of a photo, a side
 AT_M = 2.5  # how far a room's surfaces are from the camera, in the middle
 SMALLEST_M, LARGEST_M = 0.01, 0.02
 STEP_M = 0.001
+
+
+def voxel_side(config: MeshConfig | Fusion) -> float:
+    """Metres: the side of the voxels in settings that `with_voxel` has completed."""
+    assert config.voxel_m is not None
+    return config.voxel_m
 
 
 def with_voxel(config: MeshConfig, cameras: Sequence[Camera]) -> MeshConfig:

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from torch import Tensor
+from room2dgs.geometry.cells import KEY_BASE, coordinates
 
 BLOCK = 8  # voxels a block side
 VOXELS = BLOCK**3
-HALF = 2**20  # blocks on either side of the origin
-BASE = 2 * HALF  # of a key: ((x + half) base + y + half) base + z + half, as the kernel has them
 ROWS = 4096  # of a part, 12 kB each; those that nothing was written to take no memory
-AROUND = np.array([(x * BASE + y) * BASE + z for x, y, z in product((-1, 0, 1), repeat=3)])
+AROUND = np.array([(x * KEY_BASE + y) * KEY_BASE + z for x, y, z in product((-1, 0, 1), repeat=3)])
 
 
 class Voxels(NamedTuple):
@@ -35,7 +32,7 @@ class Voxels(NamedTuple):
     color: np.ndarray
 
 
-NUMBERS = Voxels(VOXELS, VOXELS, VOXELS, 3 * VOXELS)  # of a block
+NUMBERS = (VOXELS, VOXELS, VOXELS, 3 * VOXELS)  # of a block: the widths of `Voxels`
 
 
 class VoxelTable:
@@ -99,17 +96,6 @@ class VoxelTable:
         return near[self.has(near)]
 
 
-def coordinates(keys: np.ndarray | Tensor) -> tuple[np.ndarray, ...] | tuple[Tensor, ...]:
-    """x, y and z of blocks, from their keys."""
-    return keys // BASE**2 - HALF, keys // BASE % BASE - HALF, keys % BASE - HALF
-
-
 def block_coordinates(keys: np.ndarray) -> np.ndarray:
     """(N, 3) int32 of blocks, from their keys."""
     return np.stack(coordinates(keys), axis=1).astype(np.int32)
-
-
-def keys_of(blocks: np.ndarray) -> np.ndarray:
-    """(N,) int64 of (N, 3) coordinates."""
-    x, y, z = (blocks.astype(np.int64) + HALF).T
-    return (x * BASE + y) * BASE + z

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
+from room2dgs.geometry.cells import cell_indices
+
 UPRIGHT_DEG = 12.0  # faces that lean less are of walls
 LEVEL_DEG = 12.0
 BIN_DEG = 1.0
@@ -78,7 +80,7 @@ def _calm(middle: np.ndarray, cross: np.ndarray) -> np.ndarray:
     """
     side = np.abs(cross).argmax(axis=1)
     side = 2 * side + (cross[np.arange(len(cross)), side] > 0)
-    cell = np.floor(middle / CELL_M).astype(np.int64)
+    cell = cell_indices(middle, CELL_M)
     cell -= cell.min(axis=0, initial=0)
     keys = np.ravel_multi_index((*cell.T, side), (*(cell.max(axis=0, initial=0) + 1), 6))
     group = np.unique(keys, return_inverse=True)[1]

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from room2dgs.seeds.voxelise import BITS, HALF_RANGE
+from room2dgs.geometry.cells import HALF_RANGE, KEY_BITS
 
 RATIO_BITS = 2  # a level's edge is 4 times the next finer one's (Scaffold-GS: 16, 4 and 1 x delta)
-MASK = (1 << BITS) - 1
+MASK = (1 << KEY_BITS) - 1
 
 
 class Cells(NamedTuple):
@@ -59,7 +59,7 @@ def coarser(keys: np.ndarray, level: int, levels: int) -> np.ndarray:
     """
     shift = RATIO_BITS * (levels - 1 - level)
     packed = np.zeros_like(keys)
-    for place in (2 * BITS, BITS, 0):
+    for place in (2 * KEY_BITS, KEY_BITS, 0):
         cell = ((keys >> place) & MASK) - HALF_RANGE
         packed |= ((cell >> shift) + HALF_RANGE) << place
     return packed

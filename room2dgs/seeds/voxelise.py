@@ -8,9 +8,7 @@ import numpy as np
 
 from room2dgs.errors import InputError
 from room2dgs.geometry.arguments import check_points, number
-
-BITS = 21  # of a cell index; three of them fit a signed 64-bit key
-HALF_RANGE = 1 << (BITS - 1)
+from room2dgs.geometry.cells import HALF_RANGE, coordinates, keys_of
 
 
 class Voxels(NamedTuple):
@@ -50,8 +48,7 @@ def cell_keys(xyz: np.ndarray, voxel_m: float) -> np.ndarray:
             f"the points reach beyond {HALF_RANGE * voxel_m:.0f} m or are not finite, "
             f"too far for seeds.voxel_m={voxel_m:g}; remove the outliers or raise seeds.voxel_m"
         )
-    shifted = cells.astype(np.int64) + HALF_RANGE
-    return (shifted[:, 0] << (2 * BITS)) | (shifted[:, 1] << BITS) | shifted[:, 2]
+    return keys_of(cells)
 
 
 def cell_centres(keys: np.ndarray, voxel_m: float) -> np.ndarray:
@@ -59,8 +56,7 @@ def cell_centres(keys: np.ndarray, voxel_m: float) -> np.ndarray:
 
     The printed eq. 8 has the floor alone, which is a corner; the text says centre.
     """
-    mask = (1 << BITS) - 1
-    cells = np.stack([keys >> (2 * BITS), (keys >> BITS) & mask, keys & mask], axis=1) - HALF_RANGE
+    cells = np.stack(coordinates(keys), axis=1)
     return cells * voxel_m + 0.5 * voxel_m
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin, too_far_for_float32, xyz_in_world
 from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.cells import cell_indices
 
 
 class Cloud(NamedTuple):
@@ -40,7 +41,7 @@ def fused_cloud(views: Iterable[tuple[Camera, np.ndarray, np.ndarray, np.ndarray
         there = depth > 0
         xyz = camera.unproject_map(depth)[there]
         rows = np.concatenate([xyz, normal[there], color[there], np.ones((len(xyz), 1))], axis=1)
-        cells = np.floor(xyz / cell_m).astype(np.int64)
+        cells = cell_indices(xyz, cell_m)
         if kept is not None:
             cells, rows = np.concatenate([kept[0], cells]), np.concatenate([kept[1], rows])
         if len(cells):

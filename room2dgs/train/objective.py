@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import cache
+from typing import NamedTuple, cast
 
 from torch import Tensor
 
 from room2dgs.config import Config
+from room2dgs.registries.losses import LOSSES
 from room2dgs.splat.types import Rendering
 from room2dgs.train.neighbour_views import Pair
 from room2dgs.train.progress import StageClock
-from room2dgs.train.terms.registry import LOSS_TERMS
-from room2dgs.train.terms.term import TermContext
+from room2dgs.train.terms.term import LossTerm, TermContext
 from room2dgs.train.views import View
 
 
@@ -20,6 +21,12 @@ class Term(NamedTuple):
 
     weight: float
     value: Tensor
+
+
+@cache
+def known_terms() -> dict[str, LossTerm]:
+    """All terms by name, in the order of the registry."""
+    return {name: LOSSES.load(name) for name in LOSSES.names()}
 
 
 def loss_terms(
@@ -43,25 +50,26 @@ def loss_terms(
     context = TermContext(config, iteration, target, pair, tuple(weights))
     terms = {}
     for name, weight in weights.items():
-        terms[name] = Term(weight, LOSS_TERMS[name].value(rendering, view, context))
+        term = known_terms()[name]
+        terms[name] = Term(weight, term.value(rendering, view, context))
         if clock:
-            clock.lap(LOSS_TERMS[name].stage)
+            clock.lap(term.stage)
     return terms
 
 
 def needed_maps(view: View, config: Config, iteration: int, pair: Pair | None = None) -> dict[str, bool]:
     """Switches of `splat.render` for the outputs that cost time: only those that an active term reads."""
-    read = {name for term in _weights(view, config, iteration, pair) for name in LOSS_TERMS[term].reads}
+    read = {name for term in _weights(view, config, iteration, pair) for name in known_terms()[term].reads}
     return {"with_normal": "normal" in read, "with_distortion": "distortion" in read}
 
 
 def total_loss(terms: dict[str, Term]) -> Tensor:
-    """Weighted sum (scalar)."""
-    return sum(term.weight * term.value for term in terms.values())
+    """Weighted sum (scalar) of at least one term."""
+    return cast(Tensor, sum(term.weight * term.value for term in terms.values()))
 
 
 def _weights(view: View, config: Config, iteration: int, pair: Pair | None) -> dict[str, float]:
     """Of the terms that act."""
-    possible = {name: term for name, term in LOSS_TERMS.items() if term.applies(view, pair)}
+    possible = {name: term for name, term in known_terms().items() if term.applies(view, pair)}
     weights = {name: term.weight_at(name, config, iteration) for name, term in possible.items()}
     return {name: weight for name, weight in weights.items() if weight > 0}

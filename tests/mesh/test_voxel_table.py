@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from room2dgs.geometry.cells import keys_of
 from room2dgs.mesh import marching, voxel_table
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.marching import extracted
-from room2dgs.mesh.voxel_table import BLOCK, VoxelTable, block_coordinates, keys_of
+from room2dgs.mesh.voxel_table import BLOCK, VoxelTable, block_coordinates
 
 PLACES = st.lists(st.tuples(*[st.integers(-(2**20), 2**20 - 1)] * 3), min_size=1, max_size=50)
 

@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from room2dgs.geometry.cells import HALF_RANGE
 from room2dgs.seeds.hierarchy import cells_of, coarser, in_grid, level_edge
-from room2dgs.seeds.voxelise import HALF_RANGE, cell_centres, cell_keys
+from room2dgs.seeds.voxelise import cell_centres, cell_keys
 
 VOXEL = 0.02
 

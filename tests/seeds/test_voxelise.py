@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from room2dgs.errors import InputError
-from room2dgs.seeds.voxelise import HALF_RANGE, cell_centres, cell_keys, voxelise
+from room2dgs.geometry.cells import HALF_RANGE
+from room2dgs.seeds.voxelise import cell_centres, cell_keys, voxelise
 
 clouds = st.integers(1, 60).flatmap(
     lambda n: arrays(np.float64, (n, 3), elements=st.floats(-50, 50, allow_nan=False, width=64))

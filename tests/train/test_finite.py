@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from room2dgs.train import Hook, load_surfels, train
-from room2dgs.train.terms.registry import LOSS_TERMS
+from room2dgs.train.objective import known_terms
 
 CAMERA_Z_M = -1.5  # the cameras look along z from there
 
@@ -73,7 +73,7 @@ def test_a_run_that_would_diverge_stops_with_term_and_frame(
         good = rendering.distortion.mean()
         return value(rendering) if context.iteration >= 2 else good
 
-    monkeypatch.setitem(LOSS_TERMS, "distortion", replace(LOSS_TERMS["distortion"], value=later))
+    monkeypatch.setitem(known_terms(), "distortion", replace(known_terms()["distortion"], value=later))
     distortion = ["loss.distortion.enabled=true", "loss.distortion.weight=1", "loss.distortion.start=0"]
     with pytest.raises(RuntimeError, match=sentence) as stopped:
         train(*capture, configure(*distortion), tmp_path, log)

@@ -8,8 +8,8 @@ from room2dgs.registries.primitives import PRIMITIVES
 from room2dgs.registries.strategies import STRATEGIES
 from room2dgs.registry import Entry
 from room2dgs.train import train
+from room2dgs.train.objective import known_terms
 from room2dgs.train.strategies.registry import new_strategy
-from room2dgs.train.terms.registry import LOSS_TERMS
 from room2dgs.train.terms.term import LossTerm
 
 both = lambda config, scene: (config, scene)  # noqa: E731
@@ -36,7 +36,7 @@ def test_a_strategy_added_to_the_registry_is_the_one_that_is_used(capture, confi
 def test_every_loss_term_has_its_settings_and_every_settings_their_term(configure):
     loss = configure().loss
     scheduled = {name for name, value in vars(loss).items() if hasattr(value, "ramp")}
-    assert scheduled == LOSS_TERMS.keys() - {"rgb"}
+    assert scheduled == known_terms().keys() - {"rgb"}
 
 
 def test_a_term_added_to_the_registry_acts_by_its_weight_and_gets_what_it_reads(
@@ -54,7 +54,7 @@ def test_a_term_added_to_the_registry_acts_by_its_weight_and_gets_what_it_reads(
 
     off = ["loss.normal_consistency.enabled=false", "train.log_every=1"]
     plain = train(*capture, configure(*off), tmp_path / "plain", log)
-    monkeypatch.setitem(LOSS_TERMS, "upward", LossTerm(upward, reads=("normal",), weight=ramp))
+    monkeypatch.setitem(known_terms(), "upward", LossTerm(upward, reads=("normal",), weight=ramp))
     log.lines.clear()
     result = train(*capture, configure(*off), tmp_path / "more", log)
     assert ["upward" in line for line in log.lines if ": loss" in line] == [False] * 4 + [True] * 4

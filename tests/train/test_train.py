@@ -11,8 +11,8 @@ from room2dgs.seeds.decoders.explicit import ExplicitDecoder
 from room2dgs.splat import Surfels
 from room2dgs.train import checkpoint, load_surfels, train
 from room2dgs.train.checkpoint import folder_of
+from room2dgs.train.objective import known_terms
 from room2dgs.train.surfel_file import surfels_meta
-from room2dgs.train.terms.registry import LOSS_TERMS
 from room2dgs.train.terms.term import LossTerm
 
 
@@ -183,7 +183,7 @@ def test_a_loss_that_is_not_a_number_stops_the_run_and_saves_nothing_broken(
     capture, configure, log, tmp_path, monkeypatch
 ):
     monkeypatch.setitem(
-        LOSS_TERMS,
+        known_terms(),
         "normal_consistency",
         LossTerm(lambda rendering, view, context: rendering.alpha.sum() * torch.nan),
     )
@@ -210,7 +210,7 @@ def test_a_gradient_that_is_not_a_number_names_iteration_parameter_and_term(
     capture, configure, log, tmp_path, monkeypatch
 ):
     monkeypatch.setitem(
-        LOSS_TERMS,
+        known_terms(),
         "normal_consistency",
         LossTerm(lambda rendering, view, context: NanGradient.apply(rendering.depth)),
     )

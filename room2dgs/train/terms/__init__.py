@@ -1,1 +1,1 @@
-"""The loss terms as training uses them: one file a kind, all in `registry.LOSS_TERMS`."""
+"""The loss terms as training uses them: one file a kind, all registered in `room2dgs.registries.losses`."""

@@ -102,8 +102,9 @@ def _term(name: str, reads: tuple[str, ...] = ()) -> LossTerm:
 
     def value(rendering: Rendering, view: View, context: TermContext) -> Tensor:
         names = [name for name in (GEOMETRIC, PHOTOMETRIC) if name in context.active]
-        settings = context.config.loss.multiview
-        values = context.shared("multiview", lambda: multiview_terms(rendering, view, context.pair, settings, names))
+        settings, pair = context.config.loss.multiview, context.pair
+        assert pair is not None  # `applies`
+        values = context.shared("multiview", lambda: multiview_terms(rendering, view, pair, settings, names))
         return values[name]
 
     return LossTerm(value, reads, lambda view, pair: pair is not None, stage="multiview")

@@ -14,13 +14,16 @@ from room2dgs.train.views import View
 
 
 def _depth_prior(rendering: Rendering, view: View, context: TermContext) -> Tensor:
-    confidence, align = view.maps.depth_confidence, context.config.loss.depth_refit
-    maps = (rendering.depth, rendering.alpha, view.maps.depth, confidence > 0)
+    prior, confidence = view.maps.depth, view.maps.depth_confidence
+    assert prior is not None and confidence is not None  # `applies`
+    align = context.config.loss.depth_refit
+    maps = (rendering.depth, rendering.alpha, prior, confidence > 0)
     return depth_prior_loss(*maps, align=align, confidence=confidence, step=COMPARED_STEP)
 
 
 def _normal_prior(rendering: Rendering, view: View, context: TermContext) -> Tensor:
     prior, confidence = view.maps.normal, view.maps.normal_confidence
+    assert prior is not None and confidence is not None  # `applies`
     valid = confidence > 0
     config = context.config
     width_deg = reweighting_deg(context.iteration, config.loss.normal_reweighting, config.train.iterations)

@@ -48,7 +48,7 @@ def always(view: View, pair: Pair | None) -> bool:
 
 @dataclass(frozen=True)
 class LossTerm:
-    """An entry of `registry.LOSS_TERMS`; its name there is also that of its settings, `config.loss.<name>`.
+    """What `registries.losses` names; the name there is also that of its settings, `config.loss.<name>`.
 
     Attributes:
         value: the unweighted loss (scalar) of a rendering of a view; differentiable in the rendering.
