@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 
 import pytest
 
-from tests.docs.pages import blocks, pages
+from tests.docs.pages import DOCS, blocks, pages
 
 SNIPPETS = [block for page in pages() for block in blocks(page) if block.language == "python"]
 
@@ -30,3 +31,12 @@ def test_a_snippet_imports_what_there_is(snippet):
 
 def test_the_pages_have_snippets():
     assert len(SNIPPETS) >= 4
+
+
+def test_what_the_python_page_documents_is_there():
+    named = re.findall(r"^::: ([\w.]+)", (DOCS / "reference/python.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(named) > 15
+    for name in (f"room2dgs.{one}" if one.startswith("eval.") else one for one in named):
+        module, _, last = name.rpartition(".")
+        if not hasattr(importlib.import_module(module), last):
+            importlib.import_module(name)
