@@ -8,15 +8,19 @@ from room2dgs.registries.decoders import DECODERS
 from room2dgs.registries.exporters import EXPORTERS
 from room2dgs.registries.meshers import MESHERS
 from room2dgs.registries.primitives import PRIMITIVES
+from room2dgs.registries.protocols import PROTOCOLS
+from room2dgs.registries.readers import READERS
 from room2dgs.registries.strategies import STRATEGIES
 from room2dgs.registry import Registry
 
 if TYPE_CHECKING:
-    DecoderName = MesherName = PrimitiveName = QuickFormatName = StrategyName = str
+    DecoderName = LayoutName = MesherName = PrimitiveName = ProtocolName = QuickFormatName = StrategyName = str
 else:
     DecoderName = Literal[DECODERS.names()]
+    LayoutName = Literal[("auto", *READERS.names())]
     MesherName = Literal[MESHERS.names()]
     PrimitiveName = Literal[PRIMITIVES.names()]
+    ProtocolName = Literal[PROTOCOLS.names()]
     QuickFormatName = Literal[tuple(one.name for one in EXPORTERS.entries() if one.facts.get("after_run"))]
     StrategyName = Literal[STRATEGIES.names()]
 

@@ -8,15 +8,15 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from room2dgs.config.fields import GROUP, Float, Int, PathText
+from room2dgs.config.names import ProtocolName, described
+from room2dgs.registries.protocols import PROTOCOLS
 
 
 @dataclass(config=GROUP)
 class EvalConfig:
     """Scores against a ground truth."""
 
-    protocols: list[Literal["area", "neuris", "manhattan"]] = Field(
-        min_length=1, description="area | neuris | manhattan"
-    )
+    protocols: list[ProtocolName] = Field(min_length=1, description=described("The protocols to score by.", PROTOCOLS))
     gt: PathText | None = Field(description="ground-truth mesh (null: the scene's)")
     pred: PathText | None = Field(description="mesh to score (null: the run's)")
     threshold_m: Float = Field(ge=1e-4, description="of precision, recall and F-score")

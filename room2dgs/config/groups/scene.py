@@ -8,6 +8,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from room2dgs.config.fields import GROUP, Float, Folder, Int, PathText
+from room2dgs.config.names import LayoutName
 
 
 @dataclass(config=GROUP)
@@ -15,27 +16,7 @@ class SceneConfig:
     """Which frames of which capture, at which size; and what its numbers mean, where its layout does not tell."""
 
     path: Folder = Field(description="the capture's folder, or the file that it is")
-    layout: Literal[
-        "auto",
-        "sens",
-        "ros",
-        "record3d",
-        "scannetpp",
-        "polycam",
-        "stray",
-        "arkitscenes",
-        "scannet",
-        "replica",
-        "tum",
-        "sevenscenes",
-        "monosdf",
-        "sdfstudio",
-        "nerfstudio",
-        "neuralrgbd",
-        "colmap",
-        "open3d",
-        "metashape",
-    ] = Field(description="auto: by the files' names; docs/reference/captures.md lists what is read")
+    layout: LayoutName = Field(description="auto: by the files' names; docs/reference/captures.md lists what is read")
     frames: Int | None = Field(ge=3, description="use this many, evenly spaced (null: all)")
     stride: Int = Field(ge=1, description="use every n-th frame on disk")
     keyframes: Float = Field(
