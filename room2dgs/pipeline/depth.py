@@ -11,6 +11,7 @@ from room2dgs.captures.scene import Scene
 from room2dgs.config import Config
 from room2dgs.pipeline.points import find_points, points_may_lack
 from room2dgs.pipeline.run_folder import RunFolder
+from room2dgs.pipeline.surfels import use_threads
 from room2dgs.pipeline.units import check_unit
 from room2dgs.runs.folder import KEPT, PRIOR_MAPS, PRIORS, TRUST
 from room2dgs.runs.metrics import StageTimes, by_stage, timed
@@ -27,6 +28,7 @@ def points_and_priors(scene: Scene, config: Config, run: RunFolder) -> tuple[Poi
     """
     from room2dgs.runs.kept_priors import keep_priors, key_of
 
+    use_threads(config)
     some = f", {len(scene.keyframes)} of them keyframes" if scene.beside else ""
     run.log(f"{len(scene.train)} training views{some}, {len(scene.test)} held out")
     points = find_points(scene, config, run, may_lack=points_may_lack(config))

@@ -43,8 +43,15 @@ def find_points_alone(scene: Scene, config: Config, run: RunFolder, depth_source
         f"{len(scene.train)} training views, {len(scene.test)} held out; no priors (mesh.source={config.mesh.source})"
     )
     points = find_points(scene, config, run, instead="mesh.source=depth prior=room_prior")
-    none: dict[str, Any] = {"priors": "none", "depth_source": depth_source, "prior_networks": {}, "stereo_coverage": None}
-    run.record({"points": len(points), **none})
+    run.record(
+        {
+            "points": len(points),
+            "priors": "none",
+            "depth_source": depth_source,
+            "prior_networks": {},
+            "stereo_coverage": None,
+        }
+    )
     return points
 
 

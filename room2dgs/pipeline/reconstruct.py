@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Scene
 from room2dgs.config import Config, load_config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.owner import owned
+from room2dgs.pipeline.depth import points_and_priors
 from room2dgs.pipeline.evaluate import evaluate_run, ground_truth
 from room2dgs.pipeline.export import export_after_run
 from room2dgs.pipeline.mesh import make_mesh
@@ -20,9 +22,12 @@ from room2dgs.pipeline.report import write_run_report
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.scene import photos_cached, read_capture
 from room2dgs.pipeline.summary import summary
-from room2dgs.pipeline.train import train_surfels
+from room2dgs.pipeline.train import train_surfels, training_hooks
 from room2dgs.runs.folder import CAPTURE, absolute, check_out, claimed, last_value, new_run
 from room2dgs.runs.metrics import StageTimes, timed
+
+if TYPE_CHECKING:
+    from room2dgs.primitives.primitive import Splats
 
 
 def start_run(overrides: Sequence[str], show: Log | None = None) -> Path:
@@ -62,7 +67,7 @@ def run_steps(scene: Scene, config: Config, run: RunFolder) -> None:
         InputError: as the steps.
     """
     scene = refine_poses(scene, config, run, with_priors=config.mesh.with_priors)
-    surfels = train_surfels(scene, config, run) if config.mesh.of_surfels else None
+    surfels = train_steps(scene, config, run) if config.mesh.of_surfels else None
     make_mesh(scene, surfels, config, run)
     if surfels is not None:
         export_after_run(scene, surfels, config, run)
@@ -70,6 +75,20 @@ def run_steps(scene: Scene, config: Config, run: RunFolder) -> None:
     evaluate_run(scene, surfels, config, run)
     if config.report.enabled:
         write_run_report(scene, surfels, config, run)
+
+
+def train_steps(scene: Scene, config: Config, run: RunFolder) -> Splats:
+    """Points, depth and training.
+
+    Args:
+        scene: with the poses to train with.
+
+    Raises:
+        InputError: as the steps.
+    """
+    hooks = training_hooks(config)  # reported now if a library is missing, not after hours of work
+    points, priors = points_and_priors(scene, config, run)
+    return train_surfels(scene, points, priors, config, run, hooks)
 
 
 def start_training(overrides: Sequence[str], show: Log | None = None) -> RunFolder:
@@ -80,8 +99,7 @@ def start_training(overrides: Sequence[str], show: Log | None = None) -> RunFold
         scene = read_capture(config, keep_photos=True)
     with claimed(config) as out, photos_cached(scene, out):
         run = RunFolder.with_log(out, times, show)
-        scene = refine_poses(scene, config, run)
-        train_surfels(scene, config, run)
+        train_steps(refine_poses(scene, config, run), config, run)
     return run
 
 

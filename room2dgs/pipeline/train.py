@@ -2,33 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Scene
 from room2dgs.config import Config
-from room2dgs.pipeline.depth import points_and_priors
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.surfels import load_run_surfels, use_threads
 from room2dgs.runs.metrics import IMAGE_SCORES, cleared
 
 if TYPE_CHECKING:
+    from room2dgs.depth import Priors
     from room2dgs.primitives.primitive import Splats
     from room2dgs.train import Hook
 
 
-def train_surfels(scene: Scene, config: Config, run: RunFolder) -> Splats:
-    """Points, priors and training; checkpoints and surfels go to the run's folder, figures to its metrics.json.
+def train_surfels(
+    scene: Scene,
+    points: PointCloud,
+    priors: Priors,
+    config: Config,
+    run: RunFolder,
+    hooks: Sequence[Hook] | None = None,
+) -> Splats:
+    """Trains; checkpoints and surfels go to the run's folder, figures to its metrics.json.
+
+    Args:
+        scene: with the poses to train with.
+        points, priors: as `points_and_priors` gives them.
+        hooks: what is called in each iteration; None: those of `training_hooks`.
+
+    Returns:
+        The surfels as they are in the file, in the scene's frame.
 
     Raises:
-        InputError: as `points_and_priors` and `train`.
+        InputError: as `train`.
     """
     from room2dgs.train import train
 
     use_threads(config)
-    watchers = _watchers(config)
-    points, priors = points_and_priors(scene, config, run)
+    hooks = training_hooks(config) if hooks is None else hooks
     with run.timed("train"):
-        result = train(scene, points, config, run.path, run.log, priors.by_frame, watchers)
+        result = train(scene, points, config, run.path, run.log, priors.by_frame, hooks)
         scene.cache.clear()  # nothing after the training wants maps, and photos are read again
     # The loop's own clock also has what an interrupted run took before it was resumed.
     run.times["train"] = max(run.times["train"], round(sum(result.seconds.values()), 3))
@@ -44,7 +60,12 @@ def train_surfels(scene: Scene, config: Config, run: RunFolder) -> Splats:
     return load_run_surfels(run.path)
 
 
-def _watchers(config: Config) -> list[Hook]:
+def training_hooks(config: Config) -> list[Hook]:
+    """What the settings want to be called in each iteration.
+
+    Raises:
+        InputError: train.viewer is on, and a library is missing.
+    """
     if not config.train.viewer:
         return []
     from room2dgs.viewer.hook import ShowTraining

@@ -78,7 +78,7 @@ def refused(capsys, argv: list[str]) -> str:
 
 
 def test_nothing_of_the_training_is_in_memory_when_the_mesh_is_made(scene, tmp_path, monkeypatch):
-    from room2dgs.pipeline import reconstruct, train
+    from room2dgs.pipeline import reconstruct
 
     in_memory = {}
 
@@ -90,7 +90,7 @@ def test_nothing_of_the_training_is_in_memory_when_the_mesh_is_made(scene, tmp_p
 
         return watching
 
-    monkeypatch.setattr(train, "points_and_priors", watched("priors", train.points_and_priors))
+    monkeypatch.setattr(reconstruct, "points_and_priors", watched("priors", reconstruct.points_and_priors))
     monkeypatch.setattr(reconstruct, "train_surfels", watched("training", reconstruct.train_surfels))
     assert cli.main(["run", *settings(scene, tmp_path / "run"), "report.enabled=false"]) == 0
     assert in_memory["priors"] > 0 and in_memory["training"] == 0
