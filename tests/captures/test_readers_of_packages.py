@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -67,6 +71,22 @@ def test_a_broken_reader_is_told_and_does_not_stop_captures_of_other_layouts(
     assert any(said in line for line in logged_warnings.messages)
     with pytest.raises(InputError, match=said):
         READERS.load("ours")
+
+
+def test_a_setting_names_the_reader_of_a_package(capture, made, installed, tmp_path):
+    """Settings are checked in a process that has the package from its start."""
+    installed("named_reader", TEXT, POINTS.format(package="named_reader"))
+    code = (
+        "from room2dgs.captures.read import read_scene\n"
+        "from room2dgs.config import load_config\n"
+        f"settings = load_config(['scene.path={capture}', 'out=unused', 'scene.layout=ours'])\n"
+        "print(len(read_scene(settings.scene).frames))"
+    )
+    path = str(tmp_path / "installed" / "named_reader")
+    found = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path}
+    )
+    assert int(found.stdout) == len(made.poses)
 
 
 def test_each_of_our_own_readers_is_where_the_list_says():
