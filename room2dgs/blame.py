@@ -57,7 +57,7 @@ PLACES = {
     errno.EPERM: "may not be changed by this user; change its rights, or choose another place",
 }
 # What libraries say instead of an errno: SQLite, C++'s streams and threads, OpenCV, PyTorch, ONNX Runtime, NumPy.
-WORDS = (
+LIBRARY_MESSAGES = (
     (Lack.ROOM, r"no space left on device|database or disk is full|disk quota exceeded|is the disk full"),
     (Lack.SIZE, r"file too large|file size limit exceeded"),
     (Lack.DISK, r"disk i/o error|input/output error"),
@@ -83,7 +83,7 @@ def by_the_machine(error: BaseException) -> bool:
     return lack(error) is not None
 
 
-def told(error: BaseException, again: str = "") -> str | None:
+def error_sentence(error: BaseException, again: str = "") -> str | None:
     """One sentence for what is no mistake of ours; None where it may be one.
 
     Args:
@@ -127,7 +127,7 @@ def _lack_of(error: BaseException) -> Lack | None:
     if isinstance(error, MemoryError):
         return Lack.MEMORY
     text = str(error).lower()
-    return next((kind for kind, words in WORDS if re.search(words, text)), None)
+    return next((kind for kind, pattern in LIBRARY_MESSAGES if re.search(pattern, text)), None)
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:

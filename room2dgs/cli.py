@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from room2dgs import __version__
-from room2dgs.blame import told
+from room2dgs.blame import error_sentence
 from room2dgs.commands.examples import examples
 from room2dgs.commands.verbs import VERBS
 from room2dgs.errors import InputError, RunFailed
@@ -88,7 +88,7 @@ def _sentence(error: Exception, again: str) -> tuple[str, int]:
     """What is said of an error, and the exit code."""
     if isinstance(error, RunFailed):
         return f"room2dgs: a run failed: {error}", error.code
-    cause = NOBODY if isinstance(error, RuntimeError) and NO_HOME in str(error) else told(error, again)
+    cause = NOBODY if isinstance(error, RuntimeError) and NO_HOME in str(error) else error_sentence(error, again)
     return (_our_fault(error), OUR_FAULT) if cause is None else (f"room2dgs: {shown(cause)}", BAD_INPUT)
 
 

@@ -9,7 +9,7 @@ import sqlite3
 import pytest
 
 from room2dgs import files
-from room2dgs.blame import Lack, by_the_machine, lack, told
+from room2dgs.blame import Lack, by_the_machine, error_sentence, lack
 from room2dgs.errors import InputError
 
 
@@ -50,14 +50,14 @@ def of_sqlite(tmp_path) -> Exception:
 )
 def test_what_the_machine_lacks_is_one_sentence_with_what_to_do(error, kind):
     assert lack(error) is kind
-    said = told(error, "room2dgs run out=r resume=true")
+    said = error_sentence(error, "room2dgs run out=r resume=true")
     assert said.startswith(kind.value) and said.endswith("then go on with: room2dgs run out=r resume=true")
     assert "\n" not in said and said.count(";") == 1
-    assert told(error).endswith("then type the same command again")
+    assert error_sentence(error).endswith("then type the same command again")
 
 
 def test_a_database_that_is_full_is_a_full_disk(tmp_path):
-    assert told(of_sqlite(tmp_path)).startswith("the disk is full: database or disk is full; make room")
+    assert error_sentence(of_sqlite(tmp_path)).startswith("the disk is full: database or disk is full; make room")
 
 
 def test_a_sentence_of_ours_keeps_what_it_names():
@@ -68,7 +68,7 @@ def test_a_sentence_of_ours_keeps_what_it_names():
             raise InputError("r/a.ply cannot be written (No space left on device); choose another out=DIR") from error
     except InputError as error:
         assert by_the_machine(error)
-        assert told(error) == (
+        assert error_sentence(error) == (
             "the disk is full: r/a.ply cannot be written (No space left on device); make room, then type the same "
             "command again"
         )
@@ -85,7 +85,7 @@ def test_a_sentence_of_ours_keeps_what_it_names():
     ],
 )
 def test_what_may_be_our_mistake_is_not_explained_away(error):
-    assert told(error) is None and not by_the_machine(error)
+    assert error_sentence(error) is None and not by_the_machine(error)
 
 
 def place_of_a_folder(tmp_path) -> None:
@@ -111,19 +111,22 @@ def place_in_a_file(tmp_path) -> None:
 def test_what_lies_in_the_way_is_one_sentence_that_names_the_place(tmp_path, happens, said):
     with pytest.raises(OSError) as caught:
         happens(tmp_path)
-    told_of_it = told(caught.value)
+    told_of_it = error_sentence(caught.value)
     assert said in told_of_it and told_of_it.isprintable() and told_of_it.count(";") == 1 and len(told_of_it) < 420
     assert not by_the_machine(caught.value)
 
 
 def test_rights_that_lack_are_told_with_the_place():
     error = PermissionError(errno.EACCES, "Permission denied", "r/x.png")
-    assert told(error) == "r/x.png may not be read or written by this user; change its rights, or choose another place"
+    assert (
+        error_sentence(error)
+        == "r/x.png may not be read or written by this user; change its rights, or choose another place"
+    )
 
 
 def test_bad_input_is_told_as_it_is():
     error = InputError("a.png has no disk full of stars; replace it")
-    assert told(error) == str(error) and not by_the_machine(error)
+    assert error_sentence(error) == str(error) and not by_the_machine(error)
 
 
 def test_what_an_error_was_raised_in_place_of_does_not_count():
