@@ -1,7 +1,7 @@
 """What losses are given: images, points and cameras as tensors of one device, in floating point, with values.
 
-Types and shapes are looked at, a microsecond a tensor; values only where a kernel would read outside of its arrays or
-divide by a focal length of 0, and only on the CPU: elsewhere a look is a wait.
+Types and shapes are checked, which takes a microsecond a tensor. Values are checked only where a kernel would read
+outside of its arrays or divide by a focal length of 0, and only on the CPU: on a GPU reading a value is a wait.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ def check_grey(**images: Tensor) -> None:
     for name, image in images.items():
         if image.device.type == "cpu":
             values = image.detach().reshape(-1)
-            power = torch.dot(values, values).item()  # the quickest look at all of them
+            power = torch.dot(values, values).item()  # the quickest check of all of them
             # a NaN fails the comparison
             if not power < BRIGHTEST**2 * image.numel():
                 raise ValueError(f"{name} has levels that are not finite, or far from 0..1")

@@ -19,7 +19,7 @@ from room2dgs.losses.known_gradients import with_gradients
 from room2dgs.splat.constants import MIN_COVERED_ALPHA
 
 LEVELS = 4  # of the kernels' differences, at most
-MIN_PIXELS = 64  # fewer say nothing about scale and shift
+MIN_PIXELS = 64  # fewer fix no scale and shift
 MIN_SPREAD = 1e-4  # standard deviation over mean; a flatter map fixes no scale and shift
 ROUNDING = 1e-6  # smaller differences of relative residuals are what float32 left of the maps: they have no sign
 MIN_CORRELATION = 0.1  # of rendering and prior; below it the fitted scale is noise, or upside down
@@ -51,7 +51,7 @@ def depth_prior_loss(
     float32 takes compiled kernels at up to four scales, the same bits on any number of threads.
 
     w is the prior's confidence; a pair of neighbours has the smaller of its two. Means are over numbers
-    of pixels and not over weights: a map that doubts itself everywhere has little to say. s and t are fitted with the
+    of pixels and not over weights: a map with low confidence everywhere counts little. s and t are fitted with the
     same weights.
 
     Compared are pixels that are `valid`, with a positive finite prior, a positive depth and alpha >= 0.5. With fewer
@@ -214,12 +214,12 @@ def _penalty(
     levels = min(scales, max(residual.shape).bit_length())  # the rest have no pairs
     for level in range(levels if gradient_weight else 0):
         r, m, w, g = (t[:: 2**level, :: 2**level] for t in (r_all, compared, weight, gradient))
-        for along, there, trust, push in ((r, m, w, g), (r.T, m.T, w.T, g.T)):
-            share = gradient_weight / max(1, int(torch.count_nonzero(there[1:] & there[:-1])))
-            trusted = torch.minimum(trust[1:], trust[:-1])  # 0 where one of the two is not compared
-            difference = hardshrink(along[1:] - along[:-1], ROUNDING).mul_(trusted)
+        for along, used, confidence, push in ((r, m, w, g), (r.T, m.T, w.T, g.T)):
+            share = gradient_weight / max(1, int(torch.count_nonzero(used[1:] & used[:-1])))
+            smaller = torch.minimum(confidence[1:], confidence[:-1])  # 0 where one of the two is not compared
+            difference = hardshrink(along[1:] - along[:-1], ROUNDING).mul_(smaller)
             value += share * difference.abs().sum()
-            sign = difference.sign_().mul_(trusted).mul_(share)
+            sign = difference.sign_().mul_(smaller).mul_(share)
             push[1:] += sign
             push[:-1] -= sign
     return with_gradients(value, [residual], [gradient], again=True)

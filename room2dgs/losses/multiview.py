@@ -83,7 +83,7 @@ def round_trip_error(
     return torch.linalg.vector_norm(back - pixels, dim=-1), seen
 
 
-def agreement(error: Tensor, seen: Tensor) -> Tensor:
+def round_trip_weight(error: Tensor, seen: Tensor) -> Tensor:
     """Weight exp(-e) of each pixel where it is seen and e < 1 px, 0 elsewhere; (M,), no gradient.
 
     Raises:
@@ -99,7 +99,7 @@ def multiview_geometric(error: Tensor, weight: Tensor) -> Tensor:
 
     Args:
         error: (M,) `round_trip_error`.
-        weight: (M,) `agreement`.
+        weight: (M,) `round_trip_weight`.
 
     Returns:
         scalar, pixels; differentiable in the error.

@@ -23,8 +23,8 @@ TINY = 1e-3  # normals that cancel along the ray have no direction; their gradie
 def reweighting(normal: Tensor, prior: Tensor, width_deg: float) -> Tensor:
     """Weight of each prior normal by its angle to the rendered one: 1 where they agree, a quarter at `width_deg`.
 
-    (1 + (1 - n . n_p) / (1 - cos width))^-2, the weight of Geman and McClure's robust cost. Where views tell the
-    surface, the rendered normal keeps its angle to a wrong prior; where nothing else tells it, it follows the prior.
+    (1 + (1 - n . n_p) / (1 - cos width))^-2, the weight of Geman and McClure's robust cost. Where the photos
+    determine the surface, the rendered normal keeps its angle to a wrong prior; elsewhere it follows the prior.
 
     Args:
         normal: (H, W, 3) rendered, alpha-weighted, not normalised; no gradient.

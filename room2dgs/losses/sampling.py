@@ -24,8 +24,8 @@ def bilinear(image: Tensor, x: Tensor, y: Tensor) -> Tensor:
         TypeError, ValueError: no tensors in floating point; an empty image; points of different shapes.
     """
     check_images(image=image)
-    for name, place in (("x", x), ("y", y)):
-        check_tensor(name, place, tuple(x.shape) if isinstance(x, Tensor) and x.ndim == 2 else (None, None))
+    for name, points in (("x", x), ("y", y)):
+        check_tensor(name, points, tuple(x.shape) if isinstance(x, Tensor) and x.ndim == 2 else (None, None))
     x, y = x.to(image.dtype), y.to(image.dtype)
     height, width = image.shape
     # what lies beyond the border has its value anyway; torch's backward reads far outside for what no index can hold
@@ -59,17 +59,17 @@ def patches_at(image: Tensor, column: Tensor, row: Tensor, size: int) -> Tensor:
         column, row: (M,) int64.
 
     Raises:
-        TypeError, ValueError: no such tensors; a patch that leaves the image (looked at on the CPU alone).
+        TypeError, ValueError: no such tensors; a patch that leaves the image (checked on the CPU alone).
     """
     check_images(image=image)
     size = check_patch(size)
-    for name, place, end in (("column", column, image.shape[1]), ("row", row, image.shape[0])):
-        if not isinstance(place, Tensor) or place.dtype not in (torch.int32, torch.int64):
+    for name, index, end in (("column", column, image.shape[1]), ("row", row, image.shape[0])):
+        if not isinstance(index, Tensor) or index.dtype not in (torch.int32, torch.int64):
             raise TypeError(f"{name} is no tensor of whole numbers")
-        if place.ndim != 1 or place.shape != column.shape or place.device.type == "meta":
-            raise ValueError(f"{name} has shape {tuple(place.shape)}; column and row are (M,)")
-        if place.device.type == "cpu" and len(place):
-            low, high = (value.item() for value in torch.aminmax(place))
+        if index.ndim != 1 or index.shape != column.shape or index.device.type == "meta":
+            raise ValueError(f"{name} has shape {tuple(index.shape)}; column and row are (M,)")
+        if index.device.type == "cpu" and len(index):
+            low, high = (value.item() for value in torch.aminmax(index))
             if low < size // 2 or high >= end - (size - 1) // 2:
                 raise ValueError(f"patches of {size} pixels at {name} {low} to {high} leave the image")
     reach = torch.arange(size) - size // 2

@@ -106,8 +106,8 @@ def _large_pieces(faces: np.ndarray, vertices: int, min_triangles: int, keep_clu
     _, labels = connected_components(graph, directed=False)
     piece = labels[faces[:, 0]]
     sizes = np.bincount(piece, minlength=labels.max() + 1)
-    stays = sizes >= max(min_triangles, 1)
+    kept = sizes >= max(min_triangles, 1)
     if keep_clusters is not None:
         largest = np.argsort(-sizes, kind="stable")[:keep_clusters]
-        stays &= np.isin(np.arange(len(sizes)), largest)
-    return stays[piece]
+        kept &= np.isin(np.arange(len(sizes)), largest)
+    return kept[piece]

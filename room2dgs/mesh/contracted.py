@@ -23,7 +23,7 @@ from room2dgs.mesh.voxel_table import BLOCK, VOXELS, Voxels, VoxelTable, block_c
 
 INSIDE = 0.9  # of what the views see is nearer than the ball's radius
 MOST = 1.9  # of 2, in radii: what is contracted further is left out (ten radii away)
-STEP = 4  # pixels between those that say how large the room is
+STEP = 4  # pixels between those that the room's size is found from
 
 
 def contracted(points: np.ndarray, radius: float) -> np.ndarray:
@@ -103,15 +103,15 @@ def _fused(views: Iterable[FusedView], points: np.ndarray, truncation: np.ndarra
         off = (depth - z[who]) / truncation[who]
         good = (depth > 0) & (depth <= config.max_depth_m) & (off > -1)
         who, row, column = who[good], row[good], column[good]
-        merit = np.ones(len(who), np.float32)
+        pixel_weight = np.ones(len(who), np.float32)
         if view.weight is not None:
-            merit = np.asarray(view.weight)[row, column].astype(np.float32)
-        total[who] += merit * np.minimum(off[good], 1)
-        weight[who] += merit
-        count[who] += merit > 0
+            pixel_weight = np.asarray(view.weight)[row, column].astype(np.float32)
+        total[who] += pixel_weight * np.minimum(off[good], 1)
+        weight[who] += pixel_weight
+        count[who] += pixel_weight > 0
         color = np.asarray(view.color)
         picked = color[row, column] * np.float32(1 if color.dtype == np.uint8 else 255)
-        shade[who] += merit[:, None] * picked
+        shade[who] += pixel_weight[:, None] * picked
     many = np.maximum(weight, np.float32(1e-6))
     return Voxels(total / many, weight, count, shade / many[:, None])
 

@@ -74,7 +74,7 @@ def integrate_on_device(views: Iterable[FusedView], config: MeshConfig, device: 
     for view in views:
         if voxels is None:
             voxels, origin = DeviceTable(where), start_of(view.camera, voxel_side(config))
-        _take_in(voxels, origin, view, config, build)
+        _integrate_one(voxels, origin, view, config, build)
     if voxels is None or not len(voxels.keys):
         return trimesh.Trimesh(process=False)
     return extracted(_on_cpu(voxels), voxel_side(config), origin, config.min_weight)
@@ -103,7 +103,7 @@ def touched(
     return found[found >= 0].unique()
 
 
-def _take_in(voxels: DeviceTable, origin: np.ndarray, view: FusedView, config: MeshConfig, build: Build) -> None:
+def _integrate_one(voxels: DeviceTable, origin: np.ndarray, view: FusedView, config: MeshConfig, build: Build) -> None:
     depth = _there(view.depth, voxels.keys.device)
     depth = torch.where(depth <= config.max_depth_m, depth, 0.0)
     normal = torch.zeros(*depth.shape, 3) if view.normal is None else view.normal
@@ -115,12 +115,12 @@ def _take_in(voxels: DeviceTable, origin: np.ndarray, view: FusedView, config: M
     if not len(keys):
         return
     rows = voxels.rows_of(keys)
-    trust = torch.ones_like(depth) if view.weight is None else _there(view.weight, depth.device)
+    weight = torch.ones_like(depth) if view.weight is None else _there(view.weight, depth.device)
     photo = _there(photo_as_floats(view.color), depth.device)
     at = (pixel_from_voxel, side, reach)
     blocks = torch.stack(coordinates(keys), dim=1).to(torch.int32)
     build.extension.fuse_depth(
-        blocks, rows, *voxels.parts, depth, normal, trust, photo, *at, build.queue(depth)
+        blocks, rows, *voxels.parts, depth, normal, weight, photo, *at, build.queue(depth)
     )  # fmt: skip
 
 

@@ -58,19 +58,19 @@ def watertight(mesh: trimesh.Trimesh, voxel_m: float) -> trimesh.Trimesh:
     extent = float(np.ptp(np.asarray(mesh.vertices), axis=0).max())
     if not extent > 0 or not len(points.points):
         raise ValueError("the mesh has no size: all its faces are at one place or without an area")
-    solid, _ = screened_poisson(points, extent, voxel_m, MARGIN)
-    solid.triangles = o3d.utility.Vector3iVector(np.asarray(solid.triangles)[:, ::-1])
-    solid = _largest(solid)
+    surface, _ = screened_poisson(points, extent, voxel_m, MARGIN)
+    surface.triangles = o3d.utility.Vector3iVector(np.asarray(surface.triangles)[:, ::-1])
+    surface = _largest(surface)
     low, high = np.asarray(mesh.vertices).min(axis=0), np.asarray(mesh.vertices).max(axis=0)
-    solid.vertices = o3d.utility.Vector3dVector(np.asarray(solid.vertices).clip(low, high))
-    return _colored(np.asarray(solid.vertices), np.asarray(solid.triangles), mesh)
+    surface.vertices = o3d.utility.Vector3dVector(np.asarray(surface.vertices).clip(low, high))
+    return _colored(np.asarray(surface.vertices), np.asarray(surface.triangles), mesh)
 
 
-def _largest(solid: o3d.geometry.TriangleMesh) -> o3d.geometry.TriangleMesh:
+def _largest(surface: o3d.geometry.TriangleMesh) -> o3d.geometry.TriangleMesh:
     """Its largest piece: Poisson leaves bubbles where there are no points."""
-    piece, count, _ = solid.cluster_connected_triangles()
-    solid.remove_triangles_by_mask(np.asarray(piece) != int(np.argmax(np.asarray(count))))
-    return solid.remove_unreferenced_vertices()
+    piece, count, _ = surface.cluster_connected_triangles()
+    surface.remove_triangles_by_mask(np.asarray(piece) != int(np.argmax(np.asarray(count))))
+    return surface.remove_unreferenced_vertices()
 
 
 def _colored(vertices: np.ndarray, faces: np.ndarray, source: trimesh.Trimesh) -> trimesh.Trimesh:

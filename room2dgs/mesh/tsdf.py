@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 # pixels between those that say which blocks are near, and points at each, as the kernel has them
 STRIDE, STEPS = 2, 4
-APART = 0.8  # of a block's side: how far apart the points may be that say which blocks are near
+APART = 0.8  # of a block's side: the largest distance between the points that blocks are found from
 
 
 class Fusion(NamedTuple):

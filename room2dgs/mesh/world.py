@@ -34,6 +34,6 @@ def mesh_in_scene(mesh: trimesh.Trimesh, origin_m: Origin) -> trimesh.Trimesh:
 def _shifted(mesh: trimesh.Trimesh, by: np.ndarray) -> trimesh.Trimesh:
     if tuple(by) == AT_ORIGIN:  # -0.0 is 0.0 too
         return mesh
-    moved = mesh.copy()
-    moved.vertices = np.asarray(mesh.vertices, np.float64) + by
-    return moved
+    shifted = mesh.copy()
+    shifted.vertices = np.asarray(mesh.vertices, np.float64) + by
+    return shifted

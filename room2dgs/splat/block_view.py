@@ -1,7 +1,7 @@
 """One view by block code: on a GPU (`_cuda`), or the same source as plain C++ (`_C.device`). Tensors in, tensors out.
 
 What `cpu_view` is to the CPU's own kernels. Values are checked after the kernels have seen them, from numbers that come
-back with the counts that the host waits for: a look before would be a wait of its own.
+back with the counts that the host waits for: checking them before would be another wait.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ def forward(
     """Images as in `Rendering`, and the state that the backward pass needs (`frames`)."""
     images = cpu_view.empty_images(centers, width, height)
     kind = frames.Kind(build.extension.BlockFrame, centers.device)
-    frame = frames.take(kind)
+    frame = frames.acquire(kind)
     number = _draw(
         build, frame, [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)],
         cam_from_world, K, background, center_px, images, width, height, near_m, opacity_floor,
         with_normal, with_distortion,
     )  # fmt: skip
-    return *images, frames.hold(kind, frame, number)
+    return *images, frames.keep(kind, frame, number)
 
 
 def _draw(
@@ -39,13 +39,13 @@ def _draw(
     check_near(near_m)
     check_floor(opacity_floor)
     *others, normal, distortion = images
-    moved = None if center_px is None else center_px.detach().to(torch.float32).contiguous()
+    shift = None if center_px is None else center_px.detach().to(torch.float32).contiguous()
     number = call(
         frame.forward, *parameters, *(x.detach().to(torch.float64).contiguous() for x in (cam_from_world, K)),
         width, height, near_m, opacity_floor,
         background.detach().to(torch.float32).contiguous(), *others,
         normal if with_normal or with_distortion else None, distortion if with_distortion else None,
-        moved, queue=build.queue(parameters[0]),
+        shift, queue=build.queue(parameters[0]),
     )  # fmt: skip
     pose, intrinsics, behind = (torch.tensor(x, dtype=torch.float64) for x in frame.camera())
     check_values(intrinsics.reshape(3, 3), pose.reshape(4, 4), behind, near_m, opacity_floor)
@@ -71,7 +71,7 @@ def backward(
     if known is not None:
         frame, number = known
     else:  # the state is a copy
-        frame = frames.take(kind)
+        frame = frames.acquire(kind)
         number = _draw(
             build, frame, parameters, cam_from_world, K, background, None,
             cpu_view.empty_images(centers, width, height), width, height, near_m, opacity_floor,
@@ -88,7 +88,7 @@ def backward(
         to_background if with_background and to_color is not None else None, queue=build.queue(centers),
     )  # fmt: skip
     if known is None:
-        frames.give(kind, frame)
+        frames.release(kind, frame)
     *to, to_center_px = to
     cameras = ((to_pose, cam_from_world), (to_K, K), (to_background, background))
     # an operator's outputs may not share memory

@@ -21,12 +21,12 @@ def forward(
     check_values(K, cam_from_world, background, near_m, opacity_floor)
     check_center_px(center_px)
     images = empty_images(centers, width, height)
-    frame = frames.take(CPU)
+    frame = frames.acquire(CPU)
     number = _draw(
         frame, (centers, rotations, scales, opacities, sh), cam_from_world, K, background, images,
         width, height, near_m, opacity_floor, with_normal, with_distortion,
     )  # fmt: skip
-    return *images, frames.hold(CPU, frame, number)
+    return *images, frames.keep(CPU, frame, number)
 
 
 def empty_images(like: Tensor, width: int, height: int) -> list[Tensor]:
@@ -69,7 +69,7 @@ def backward(
     if known is not None:
         frame, number = known
     else:  # the state is a copy
-        frame = frames.take(CPU)
+        frame = frames.acquire(CPU)
         number = _draw(
             frame, parameters, cam_from_world, K, background, empty_images(centers, width, height),
             width, height, near_m, opacity_floor, with_normal, with_distortion,
@@ -90,7 +90,7 @@ def backward(
         to_background if with_background and to_color is not None else None,
     )  # fmt: skip
     if known is None:
-        frames.give(CPU, frame)
+        frames.release(CPU, frame)
     *to, to_center_px = to
     return (
         *to,

@@ -1,6 +1,6 @@
 """Who owns the buffers that a view's backward pass needs, and for how long.
 
-A custom operator passes tensors and nothing else, so the owner is a tensor: the operator's last output, `state`, a tiny
+An operator passes tensors and nothing else, so the owner is a tensor: the operator's last output, `state`, a tiny
 one whose memory carries the frame in a table here. While any tensor shares that memory the frame is kept; then it
 goes back to the shelf for the next view. A copy of `state` is another piece of memory and finds nothing: the backward
 pass then renders again, to the same bits.
@@ -32,24 +32,24 @@ class Kind(NamedTuple):
 
 
 _shelves: dict[Kind, list[Any]] = defaultdict(list)
-_held: dict[int, tuple[Any, int]] = {}
+_kept: dict[int, tuple[Any, int]] = {}
 
 
-def take(kind: Kind) -> Any:
+def acquire(kind: Kind) -> Any:
     """A frame to render into, used or new."""
-    try:  # not a look before the leap: another thread may take the last one
+    try:  # without asking first: another thread may pop the last one
         return _shelves[kind].pop()
     except IndexError:
         return kind.make()
 
 
-def give(kind: Kind, frame: Any) -> None:
+def release(kind: Kind, frame: Any) -> None:
     """Back to the shelf; its contents are done with."""
     if len(_shelves[kind]) < SHELF:
         _shelves[kind].append(frame)
 
 
-def hold(kind: Kind, frame: Any, view: int) -> Tensor:
+def keep(kind: Kind, frame: Any, view: int) -> Tensor:
     """Keep a rendered frame for as long as the tensor returned lives.
 
     Args:
@@ -60,20 +60,20 @@ def hold(kind: Kind, frame: Any, view: int) -> Tensor:
     """
     memory = np.array([frame.visible, frame.entries], dtype=np.int64)
     key = memory.ctypes.data
-    _held[key] = (frame, view)
-    weakref.finalize(memory, _release, kind, key).atexit = False  # runs before the memory can serve another
+    _kept[key] = (frame, view)
+    weakref.finalize(memory, _release_key, kind, key).atexit = False  # runs before the memory can serve another
     return torch.from_numpy(memory)
 
 
 def find(state: Tensor) -> tuple[Any, int] | None:
-    """The frame and view that `hold` gave this memory for; None for a copy."""
-    return _held.get(state.data_ptr())
+    """The frame and view that `keep` stored with this memory; None for a copy."""
+    return _kept.get(state.data_ptr())
 
 
-def held() -> int:
+def num_kept() -> int:
     """How many frames wait for a backward pass."""
-    return len(_held)
+    return len(_kept)
 
 
-def _release(kind: Kind, key: int) -> None:
-    give(kind, _held.pop(key)[0])
+def _release_key(kind: Kind, key: int) -> None:
+    release(kind, _kept.pop(key)[0])

@@ -24,7 +24,7 @@ TILE = 16
 class _Drawn(NamedTuple):
     rendering: Rendering
     color: Tensor
-    places: Footprint
+    footprint: Footprint
 
 
 def rasterization_2dgs(
@@ -110,7 +110,9 @@ def rasterization_2dgs(
     for index in indices:
         one = index[:-1]  # the element of the batch
         surfels = Surfels(means[one], quats[one], scales[one], opacities[one], means.new_zeros(N, 1, 3))
-        view = _View(Ks[index], viewmats[index], width, height, near_plane, far_plane, gradient_2dgs[index], distloss)
+        view = _DrawOptions(
+            Ks[index], viewmats[index], width, height, near_plane, far_plane, gradient_2dgs[index], distloss
+        )
         values = scene.colors[index] if "RGB" in render_mode else None
         drawn.append(_draw_view(surfels, values, scene.backgrounds[index], sh_degree, view))
 
@@ -129,11 +131,11 @@ def rasterization_2dgs(
         pairs = zip(depths, indices, strict=True)
         surf_normals = stacked([depth_to_normals(depth, Ks[index], viewmats[index]) for depth, index in pairs])
     distort = stacked([r.distortion for r in firsts])[..., None]
-    places = [d.places for d in drawn]
+    footprints = [d.footprint for d in drawn]
     meta = {
         "camera_ids": None, "gaussian_ids": None,
-        "means2d": stacked([p.center_px for p in places]), "depths": stacked([p.depth for p in places]),
-        "radii": stacked([p.radius_px for p in places]),
+        "means2d": stacked([p.center_px for p in footprints]), "depths": stacked([p.depth for p in footprints]),
+        "radii": stacked([p.radius_px for p in footprints]),
         "opacities": opacities.detach()[..., None, :].expand(*batch, C, N),
         "gradient_2dgs": gradient_2dgs, "render_distort": distort,
         "width": width, "height": height, "tile_size": TILE, "n_cameras": C, "n_batches": batch.numel(),
@@ -194,7 +196,7 @@ def _checked(
     return _Scene(batch, colors, backgrounds)
 
 
-class _View(NamedTuple):
+class _DrawOptions(NamedTuple):
     """One camera and how it is drawn; see `rasterization_2dgs`."""
 
     K: Tensor
@@ -208,13 +210,13 @@ class _View(NamedTuple):
 
 
 def _draw_view(
-    surfels: Surfels, values: Tensor | None, background: Tensor, sh_degree: int | None, view: _View
+    surfels: Surfels, values: Tensor | None, background: Tensor, sh_degree: int | None, view: _DrawOptions
 ) -> _Drawn:
     """One view; `values` (N, D) or coefficients (N, K, 3), or None where no colour is wanted."""
     like = surfels.centers.dtype
     K, pose = view.K.to(like), view.cam_from_world.to(like)
-    places = footprint(surfels, K, pose, view.width, view.height, view.near_plane, view.far_plane)
-    beyond = places.depth > view.far_plane
+    where = footprint(surfels, K, pose, view.width, view.height, view.near_plane, view.far_plane)
+    beyond = where.depth > view.far_plane
     if beyond.any():
         surfels = surfels._replace(opacities=torch.where(beyond, 0.0, surfels.opacities))
 
@@ -226,9 +228,9 @@ def _draw_view(
         )  # fmt: skip
 
     if values is not None and sh_degree is None:
-        return _Drawn(*_draw_values(draw, values, background), places)
+        return _Drawn(*_draw_values(draw, values, background), where)
     rendering = draw(surfels.sh, background.new_zeros(3), True) if values is None else draw(values, background, True)
-    return _Drawn(rendering, rendering.color, places)
+    return _Drawn(rendering, rendering.color, where)
 
 
 def _draw_values(

@@ -13,7 +13,7 @@ from room2dgs.splat.constants import MIN_COVERED_ALPHA
 class Surfels(NamedTuple):
     """2D Gaussian discs in the world frame (eq. 1), activated: metres and probabilities, not logits.
 
-    Values are not looked at when surfels are drawn, which would cost as much as drawing: a surfel whose centre,
+    Values are not checked when surfels are drawn, which would cost as much as drawing: a surfel whose centre,
     rotation, scale or opacity is NaN is not drawn, and NaN among its `sh` counts as black.
 
     Attributes:

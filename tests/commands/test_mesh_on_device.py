@@ -43,9 +43,9 @@ def discs(wall) -> Surfels:
 
 def test_blocks_make_the_cpus_mesh(wall, tmp_path, monkeypatch):
     surfels, drawn, fused = discs(wall), [], []
-    draw, take_in = BY_BLOCK_CODE["rasterize"], device_volume._take_in
+    draw, take_in = BY_BLOCK_CODE["rasterize"], device_volume._integrate_one
     monkeypatch.setitem(BY_BLOCK_CODE, "rasterize", lambda *view: (drawn.append(view[0] is PLAIN), draw(*view))[1])
-    monkeypatch.setattr(device_volume, "_take_in", lambda *view: (fused.append(1), take_in(*view))[1])
+    monkeypatch.setattr(device_volume, "_integrate_one", lambda *view: (fused.append(1), take_in(*view))[1])
     made = {}
     for device, kernels in {"cpu": nullcontext, "blocks": cuda_kernels_on_cpu}.items():
         config = settings(wall, tmp_path / device, "cpu")

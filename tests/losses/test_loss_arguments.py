@@ -9,12 +9,12 @@ import torch
 from room2dgs.losses.compared_pixels import Neighbour, Photo, multiview_losses
 from room2dgs.losses.depth_prior import depth_prior_loss, edge_band, scale_and_shift
 from room2dgs.losses.multiview import (
-    agreement,
     correlation,
     multiview_geometric,
     multiview_photometric,
     neighbour_patches,
     round_trip_error,
+    round_trip_weight,
 )
 from room2dgs.losses.normal_prior import normal_prior_loss, reweighting
 from room2dgs.losses.photometric import rgb_loss
@@ -76,7 +76,7 @@ DOORS = {
         lambda distortion_map: distortion(Rendering(*[distortion_map] * 6)), {"distortion_map": some(H, W)}
     ),
     "round_trip_error": (round_trip_error, {**ROWS, "neighbour_inverse_depth": 1 / DEPTH, **CAMERAS, "step": 1}),
-    "agreement": (agreement, {"error": some(M), "seen": some(M) > 0.5}),
+    "round_trip_weight": (round_trip_weight, {"error": some(M), "seen": some(M) > 0.5}),
     "multiview_geometric": (multiview_geometric, {"error": some(M), "weight": some(M)}),
     "multiview_photometric": (
         multiview_photometric, {"reference": some(M, 25), "neighbour": some(M, 25), "weight": some(M)}
@@ -239,8 +239,8 @@ def test_any_finite_depth_gives_finite_gradients(special, shift):
     error, seen = round_trip_error(PIXELS, depth, 1 / DEPTH, pose, K, K)
     patches, whole = neighbour_patches(GREY, PIXELS, depth, normal.requires_grad_(), pose, K, K, 5)
     terms = (
-        multiview_geometric(error, agreement(error, seen)),
-        multiview_photometric(some(M, 25), patches, agreement(error, seen & whole)),
+        multiview_geometric(error, round_trip_weight(error, seen)),
+        multiview_photometric(some(M, 25), patches, round_trip_weight(error, seen & whole)),
     )
     for value in terms:
         gradients = torch.autograd.grad(value, [depth, normal], allow_unused=True, retain_graph=True)

@@ -6,12 +6,12 @@ import torch
 
 from room2dgs.geometry.homography import relative_pose, transfer
 from room2dgs.losses.multiview import (
-    agreement,
     correlation,
     multiview_geometric,
     multiview_photometric,
     neighbour_patches,
     round_trip_error,
+    round_trip_weight,
 )
 from room2dgs.losses.sampling import patches_at
 
@@ -92,7 +92,7 @@ def photometric(depth, normal, image=None):
 def test_the_round_trip_of_a_true_plane_ends_where_it_began(step):
     error, seen = error_of(true_depth(), step=step)
     assert seen.all() and error.max() < 1e-9
-    assert multiview_geometric(error, agreement(error, seen)) < 1e-9
+    assert multiview_geometric(error, round_trip_weight(error, seen)) < 1e-9
 
 
 def test_a_wrong_depth_has_the_error_that_geometry_says():
@@ -109,7 +109,7 @@ def test_a_wrong_depth_has_the_error_that_geometry_says():
     error, seen = error_of(depth)
     assert seen.all() and wanted.min() > 0.05
     torch.testing.assert_close(error, wanted, rtol=1e-9, atol=1e-9)
-    weight = agreement(error, seen)
+    weight = round_trip_weight(error, seen)
     expected = (torch.exp(-wanted) * wanted).mean().item()
     assert multiview_geometric(error, weight).item() == pytest.approx(expected, rel=1e-9)
 
@@ -117,7 +117,7 @@ def test_a_wrong_depth_has_the_error_that_geometry_says():
 def test_the_weight_falls_with_the_error_and_hidden_pixels_have_none():
     error = torch.tensor([0.0, 0.5, 0.999, 1.0, 0.2], dtype=torch.float64, requires_grad=True)
     seen = torch.tensor([True, True, True, True, False])
-    weight = agreement(error, seen)
+    weight = round_trip_weight(error, seen)
     assert weight.tolist() == pytest.approx([1, np.exp(-0.5), np.exp(-0.999), 0, 0])
     assert not weight.requires_grad
     multiview_geometric(error, weight).backward()
@@ -129,7 +129,7 @@ def test_what_something_hides_from_the_neighbour_has_no_weight():
     inverse_depth[:, 32:] = 1 / 1.2  # a board before the plane
     relative = relative_pose(REFERENCE, NEIGHBOUR)
     there, _ = transfer(chosen()[2].double(), true_depth(), relative, K_R, K_N)
-    weight = agreement(*error_of(true_depth(), inverse_depth))
+    weight = round_trip_weight(*error_of(true_depth(), inverse_depth))
     hidden, free = there[:, 0] > 32.5, there[:, 0] < 30.5  # between them the kept pixels are mixed
     assert hidden.any() and free.any()
     assert (weight[hidden] == 0).all() and (weight[free] > 0.999).all()
@@ -144,7 +144,7 @@ def test_points_that_the_neighbour_cannot_see_do_not_count_and_have_finite_gradi
     error, seen = round_trip_error(pixels, depth, inverse_depth, relative, K_R, K_N)
     # in its centre, behind it, on its image plane's horizon, outside its image, before it
     assert seen.tolist() == [False, False, False, False, True]
-    multiview_geometric(error, agreement(torch.zeros(5), seen)).backward()
+    multiview_geometric(error, round_trip_weight(torch.zeros(5), seen)).backward()
     assert torch.isfinite(depth.grad).all() and (depth.grad[:4] == 0).all() and depth.grad[4] != 0
     # where the neighbour has no depth
     nothing = round_trip_error(pixels, depth, torch.zeros(H, W, dtype=torch.float64), relative, K_R, K_N)[1]
@@ -225,7 +225,7 @@ def test_patches_that_leave_the_image_or_are_seen_edge_on_are_told():
 
 def test_gradcheck_geometric():
     depth = (1.01 * true_depth()).requires_grad_()
-    weight = agreement(*error_of(depth))
+    weight = round_trip_weight(*error_of(depth))
 
     def geometric(depth):
         return multiview_geometric(error_of(depth)[0], weight)

@@ -57,21 +57,21 @@ def test_torch_compile_takes_it_whole(leaves):
 
 def test_a_view_holds_its_buffers_as_long_as_its_graph_lives(leaves):
     gc.collect()
-    before = frames.held()
+    before = frames.num_kept()
     with torch.no_grad():
         images = drawn(leaves)
-    assert frames.held() == before  # nothing to go back to
+    assert frames.num_kept() == before  # nothing to go back to
     views = [drawn(leaves) for _ in range(7)]
-    assert frames.held() == before + 7
+    assert frames.num_kept() == before + 7
     total = total_of(views[0])
     torch.autograd.grad(total, leaves, retain_graph=True)
-    assert frames.held() == before + 7
+    assert frames.num_kept() == before + 7
     torch.autograd.grad(total, leaves)
-    assert frames.held() == before + 6
+    assert frames.num_kept() == before + 6
     kept = views[1].alpha.detach()
     del views, total, images
     gc.collect()
-    assert frames.held() == before
+    assert frames.num_kept() == before
     assert torch.isfinite(kept).all()
 
 
@@ -89,9 +89,9 @@ def test_saved_tensors_that_were_copied_give_the_same_gradients(leaves):
     expected = torch.autograd.grad(total_of(drawn(leaves)), leaves)
     with torch.autograd.graph.saved_tensors_hooks(lambda x: x.clone(), lambda x: x):
         total = total_of(drawn(leaves))
-    before = frames.held()
+    before = frames.num_kept()
     actual = torch.autograd.grad(total, leaves)
-    assert frames.held() == before
+    assert frames.num_kept() == before
     assert all(torch.equal(a, b) for a, b in zip(actual, expected, strict=True))
 
 

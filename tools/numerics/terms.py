@@ -15,11 +15,11 @@ from room2dgs.geometry.homography import relative_pose
 from room2dgs.losses import reference
 from room2dgs.losses.depth_prior import depth_prior_loss
 from room2dgs.losses.multiview import (
-    agreement,
     multiview_geometric,
     multiview_photometric,
     neighbour_patches,
     round_trip_error,
+    round_trip_weight,
 )
 from room2dgs.losses.normal_prior import normal_prior_loss
 from room2dgs.losses.photometric import rgb_loss
@@ -321,7 +321,7 @@ def _round_trip(depth: Tensor, inverse: Tensor, dtype: torch.dtype) -> Result:
 
     def loss(depth: Tensor, inverse: Tensor) -> Tensor:
         error, seen = round_trip_error(pixels, depth, inverse, relative, K, K)
-        return multiview_geometric(error, agreement(error, seen))
+        return multiview_geometric(error, round_trip_weight(error, seen))
 
     return _differentiated(loss, depth=depth.to(dtype), inverse_depth=inverse.to(dtype))
 

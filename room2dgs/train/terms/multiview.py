@@ -13,11 +13,11 @@ from room2dgs.geometry.homography import relative_pose
 from room2dgs.kernels.operators import has_kernels
 from room2dgs.losses.compared_pixels import Neighbour, Photo, multiview_losses
 from room2dgs.losses.multiview import (
-    agreement,
     multiview_geometric,
     multiview_photometric,
     neighbour_patches,
     round_trip_error,
+    round_trip_weight,
 )
 from room2dgs.losses.sampling import patches_at
 from room2dgs.splat.constants import MIN_COVERED_ALPHA
@@ -57,7 +57,7 @@ def multiview_terms(
             error, seen = round_trip_error(pixels, depth, pair.inverse_depth, pose, K, other_K, STEP)
         found = {}
         if GEOMETRIC in names:
-            found[GEOMETRIC] = multiview_geometric(error, agreement(error, seen))
+            found[GEOMETRIC] = multiview_geometric(error, round_trip_weight(error, seen))
         if PHOTOMETRIC in names:
             normal = normal @ view.cam_from_world[:3, :3].T
             normal = normal * torch.rsqrt(normal.square().sum(-1, keepdim=True) + TINY**2)
@@ -68,7 +68,7 @@ def multiview_terms(
                     usable = pair.neighbour.mask.to(image.dtype)
                     shares, _ = neighbour_patches(usable, pixels, depth, normal, pose, K, other_K, config.patch)
                     whole &= (shares > WHOLE_SHARE).all(-1)
-            found[PHOTOMETRIC] = multiview_photometric(reference, patches, agreement(error, seen & whole))
+            found[PHOTOMETRIC] = multiview_photometric(reference, patches, round_trip_weight(error, seen & whole))
         return [found[name] for name in names]
 
     results = _WithGradients.apply(values, rendering.depth[row, column], rendering.normal[row, column])
