@@ -46,7 +46,7 @@ def keep_mesh(out: Path, key: str) -> None:
 
 
 def mesh_is_kept(out: Path, key: str) -> bool:
-    """Is mesh.ply, byte for byte, what `keep_mesh` was told of?"""
+    """Whether mesh.ply is, byte for byte, the one that `keep_mesh` noted."""
     try:
         noted = json.loads((out / KEPT / MARK).read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -14,7 +14,7 @@ from room2dgs import cli
 from room2dgs.captures.read import read_scene
 from room2dgs.commands.ablate import DEFAULTS as ABLATE
 from room2dgs.config import load_config
-from room2dgs.depth import load_priors
+from room2dgs.depth import depth_of_frames
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.tools.prior_error.__main__ import DEFAULTS as PRIOR_ERROR
 
@@ -66,7 +66,7 @@ def test_a_capture_with_depth_is_run_with_it_and_says_so(finished):
 def test_what_training_gets_is_what_the_files_say(capture, finished):
     config = load_config([], finished / "config.yaml")
     scene = read_scene(config.scene)
-    priors = load_priors(scene.train, sparse_points(scene, config.points, finished / "points"), config.prior)
+    priors = depth_of_frames(scene.train, sparse_points(scene, config.points, finished / "points"), config.prior)
     for frame in scene.train:
         if frame.depth_path is not None:
             depth = priors.by_frame[frame.name].depth

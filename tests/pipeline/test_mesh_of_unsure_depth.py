@@ -12,7 +12,7 @@ from room2dgs.config import load_config
 from room2dgs.pipeline.mesh import make_mesh
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.runs.trust import read_trust, write_trust
-from tests.commands.test_mesh_on_device import discs
+from tests.pipeline.test_mesh_on_device import discs
 
 WALL_Z = 2.0
 
