@@ -1,4 +1,4 @@
-"""How two models of one capture lie to each other, by the points that matches between their photos say are the same."""
+"""Similarity between two models of one capture, from points that their photos have in common."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Common(NamedTuple):
 
 
 def bridged(base: pycolmap.Reconstruction, other: pycolmap.Reconstruction, database: Path) -> pycolmap.Sim3d | None:
-    """base_from_other; None: too few points agree on one."""
+    """base_from_other by RANSAC over common points; None: too few are inliers."""
     common = common_points(base, other, database)
     if len(common.base) < LEAST_POINTS:
         return None
@@ -97,7 +97,7 @@ def _add(
 
 
 def _tolerance(base: pycolmap.Reconstruction, common: Common) -> float:
-    """`MAX_ERROR_PX` at the common points' distance, in the base's unit; depths are surer than that by no more."""
+    """RANSAC's threshold in the base's unit: `MAX_ERROR_PX` at the common points' distance."""
     centres = np.array([base.image(int(i)).projection_center() for i in common.base_image])
     camera = base.image(int(common.base_image[0])).camera
     assert camera is not None  # as of all images of a reconstruction
@@ -115,14 +115,14 @@ def _consistent(
     common: Common,
     base_from_other: pycolmap.Sim3d,
 ) -> np.ndarray:
-    """(N,) bool: each model's point lies where the photo of the other sees it."""
+    """(N,) bool: inliers, whose reprojection errors are small in both models."""
     there = _errors(base, common.base_image, base_from_other * common.other, common.base_pixel)
     back = _errors(other, common.other_image, base_from_other.inverse() * common.base, common.other_pixel)
     return np.maximum(there, back) < MAX_ERROR_PX
 
 
 def _errors(model: pycolmap.Reconstruction, images: np.ndarray, xyz: np.ndarray, pixel: np.ndarray) -> np.ndarray:
-    """(N,) pixels; infinite behind the camera."""
+    """(N,) reprojection errors, pixels; infinite behind the camera."""
     errors = np.full(len(xyz), np.inf)
     for image_id in np.unique(images):
         image, which = model.image(int(image_id)), images == image_id

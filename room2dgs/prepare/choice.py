@@ -1,4 +1,4 @@
-"""Which frames of a video to use: the sharpest of each piece of the way."""
+"""Frames of a video to use: the sharpest of each piece of the camera's path."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ MIDDLE = 0.7  # of a piece: so that neighbours are neither next to each other no
 def chosen_frames(sharpness: np.ndarray, steps: np.ndarray, spacing: float, most: int) -> np.ndarray:
     """Frames that keep a distance from each other, and are sharp.
 
-    The way of the picture is cut into equal pieces of about `spacing`, or longer ones if they were more than `most`;
-    each gives the sharpest frame of its middle. Who stands still gives one frame.
+    The path of the picture is cut into equal pieces of about `spacing`, longer if there were more than `most`; each
+    piece gives the sharpest frame of its middle. A camera that stands still gives one frame.
 
     Args:
         sharpness: (N,).

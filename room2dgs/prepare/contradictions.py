@@ -1,4 +1,4 @@
-"""Pairs of photos whose matches contradict the poses: the sign of a model that was put together wrongly."""
+"""Pairs of photos whose matches contradict the poses, as in a model with wrong loop closures."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def contradictions(model: pycolmap.Reconstruction, database: Path, most: int = 3
 
 
 def _sampson(one: pycolmap.Image, other: pycolmap.Image, matches: np.ndarray) -> np.ndarray:
-    """(N,) pixels from the epipolar lines that the poses give."""
+    """(N,) Sampson distances under the poses, pixels."""
     rays = []
     for image, features in ((one, matches[:, 0]), (other, matches[:, 1])):
         points = image.points2D

@@ -1,4 +1,4 @@
-"""Photos that a model holds by hardly anything: their poses are guesses."""
+"""Photos that are connected to a model by too few points for a sure pose."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from itertools import combinations
 from room2dgs.colmap import pycolmap
 
 TIED = 25  # points that two photos share when they belong together
-# A group of photos is held by the rest if they share half of its points, or so many; and no fewer than the first.
+# A group is connected to the rest if they share half of its points, at least the first and at most the second number.
 CONNECTED = (20, 60)
 
 
 def loose_photos(model: pycolmap.Reconstruction) -> list[int]:
-    """Image ids of groups of photos that the largest group does not hold.
+    """Image ids of groups of photos that are not connected well to the largest group.
 
-    Two photos of a blank wall may find each other and be hung into the room by a handful of wrong matches.
+    Two photos of a blank wall may match each other and be registered by a handful of wrong matches.
     """
     tracks = [
         sorted({element.image_id for element in point.track.elements}) for _, point in sorted(model.points3D.items())
@@ -42,7 +42,7 @@ def _is_connected(group: set[int], connected: set[int], tracks: list[list[int]])
 
 
 def _groups(ids: list[int], pairs: list[tuple[int, int]]) -> list[set[int]]:
-    """What hangs together by some pairs."""
+    """Connected components of the graph of some pairs."""
     group = {image_id: {image_id} for image_id in ids}
     for first, second in pairs:
         if group[first] is not group[second]:
@@ -53,6 +53,6 @@ def _groups(ids: list[int], pairs: list[tuple[int, int]]) -> list[set[int]]:
 
 
 def remove_photos(model: pycolmap.Reconstruction, image_ids: list[int]) -> None:
-    """Remove photos and what only they saw."""
+    """Remove photos and the points that only they observe."""
     for image_id in image_ids:
         model.deregister_frame(model.image(image_id).frame_id)

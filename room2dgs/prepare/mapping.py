@@ -1,4 +1,4 @@
-"""Poses and points from verified matches: incremental mapping by pycolmap, the pieces put together where they meet."""
+"""Poses and points from verified matches: incremental mapping by pycolmap, partial models merged."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FIRST_ANGLES_DEG = (16.0, 6.0)
 def mapped(
     database: Path, images: Path, count: int, config: PrepareConfig, known_camera: bool, work: Path, log: Log
 ) -> list[pycolmap.Reconstruction]:
-    """Models of the photos, largest first; none if no two photos tell a depth.
+    """Models of the photos, largest first; none if no two photos have parallax.
 
     Args:
         count: of the photos.

@@ -1,4 +1,4 @@
-"""Models of one capture that share photos or what they show, as one model."""
+"""Merges models of one capture that share photos or points."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEAST_INLIERS = 0.3
 def merged(
     models: list[pycolmap.Reconstruction], database: Path, images: Path, work: Path, log: Log
 ) -> tuple[pycolmap.Reconstruction, list[pycolmap.Reconstruction]]:
-    """The largest model with those that meet it, adjusted as one; and the others.
+    """The largest model merged with those that share points with it, adjusted as one; and the others.
 
     Args:
         models: largest first.
@@ -45,7 +45,7 @@ def merged(
 def _between(
     base: pycolmap.Reconstruction, other: pycolmap.Reconstruction, database: Path
 ) -> tuple[pycolmap.Sim3d | None, str]:
-    """base_from_other and what says so."""
+    """base_from_other, and how it was found."""
     common = names_of(base) & names_of(other)
     if len(common) >= LEAST_COMMON:
         with quiet():
@@ -63,7 +63,7 @@ def _united(
     images: Path,
     work: Path,
 ) -> pycolmap.Reconstruction:
-    """All poses in the base's frame, points made anew from the matches, everything adjusted together."""
+    """All poses in the base's frame, points triangulated anew, and one bundle adjustment of everything."""
     moved = pycolmap.Reconstruction(other)
     moved.transform(base_from_other)
     union = pycolmap.Reconstruction()

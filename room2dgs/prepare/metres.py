@@ -1,4 +1,4 @@
-"""How long one unit of a reconstruction is: by a sensor's depth, a length that is known, or the depth network."""
+"""Metres of one unit of a reconstruction, from a sensor's depth, a known length or the depth network."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class Scale:
         metres: of one unit.
         source: "sensor", "length" or "network".
         sigma: relative; None: unknown.
-        photos: that told it.
-        words: for a person.
+        photos: number of photos that it was measured in.
+        words: a sentence for the verdict.
     """
 
     metres: float
@@ -143,7 +143,7 @@ def scale_by_length(
 
 
 def height_over_floor(xyz: np.ndarray, centres: np.ndarray) -> float | None:
-    """How far the cameras are over the lowest level that points crowd in; None without one.
+    """Height of the cameras over the lowest level with many points; None without one.
 
     Args:
         xyz, centres: (P, 3) points and (N, 3) cameras, z up, any unit.

@@ -23,7 +23,7 @@ class Motion:
         self._last: np.ndarray | None = None
 
     def step(self, grey: np.ndarray) -> float:
-        """What the picture moved since the last frame, as a share of its width; NaN: nothing to tell by.
+        """Motion of the picture since the last frame, as a share of its width; NaN: too few corners.
 
         Args:
             grey: (H, W) uint8.
@@ -54,7 +54,7 @@ def _followed(one: np.ndarray, other: np.ndarray, corners: np.ndarray) -> tuple[
 
 
 def filled(steps: np.ndarray) -> np.ndarray:
-    """(N,) steps without NaN: where nothing tells, the camera goes on as before and after."""
+    """(N,) steps with NaN replaced by interpolation between those before and after."""
     known = np.isfinite(steps)
     if not known.any():
         return np.zeros(len(steps))

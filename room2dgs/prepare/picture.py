@@ -18,7 +18,7 @@ INSIDE = (0.02, 0.98)  # quantiles of the points that the picture shows
 def draw_path(
     path: Path, xyz: np.ndarray, centres: np.ndarray, forwards: np.ndarray, weak: Sequence[bool], metric: bool
 ) -> None:
-    """Points in grey, cameras in order from blue to yellow with their view, those that hang on few points as crosses.
+    """Points in grey, cameras in order from blue to yellow with their view, those with few points as crosses.
 
     Args:
         xyz: (P, 3) points; z up.

@@ -1,4 +1,4 @@
-"""The whole way from a video or a folder of photos to a capture with poses, points and metres."""
+"""From a video or a folder of photos to a capture with poses, points and metric scale."""
 
 from __future__ import annotations
 

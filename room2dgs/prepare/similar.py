@@ -1,4 +1,4 @@
-"""Photos that look alike, by how often each kind of feature occurs in them."""
+"""Similar photos by bags of visual words."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ROUNDS = 8
 
 
 def similarity(count: int, descriptors: Callable[[int], np.ndarray]) -> np.ndarray:
-    """(N, N) cosines between the photos' histograms of words, rare words weighing more.
+    """(N, N) cosines between the photos' histograms of visual words, weighted by inverse frequency.
 
     The words are centres of these photos' own descriptors, so nothing has to be downloaded.
 

@@ -1,4 +1,4 @@
-"""Where a placed photo's depth in metres comes from: a sensor's files, or the network that comes with room2dgs."""
+"""Metric depth of placed photos from a sensor's files or the network that comes with room2dgs."""
 
 from __future__ import annotations
 

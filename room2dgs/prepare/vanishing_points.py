@@ -1,4 +1,4 @@
-"""Which way is up and where the walls face, from straight edges in the photos."""
+"""The up axis and the walls' directions from vanishing points of straight edges in photos."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ MIN_PEAK = 5.0
 
 
 class RoomFrame(NamedTuple):
-    """How the room stands.
+    """The room's axes.
 
     Attributes:
         room_from_world: (3, 3) rotation; z up, and x, y along the walls if `walls`.
-        vertical_edges: how many tell what is up; 0: how the cameras were held does.
-        walls: whether edges agree on two perpendicular directions.
+        vertical_edges: number of edges that up was measured from; 0: it is from the cameras' x axes.
+        walls: whether many edges have one of two perpendicular directions.
     """
 
     room_from_world: np.ndarray
@@ -39,7 +39,7 @@ class RoomFrame(NamedTuple):
 
 
 def room_frame(cameras: Sequence[Camera], pictures: Iterable[np.ndarray]) -> RoomFrame:
-    """Vertical edges refine what up is by the way people hold cameras; level ones then say where walls face.
+    """Up from the cameras' x axes, refined by vertical edges; the walls' directions from horizontal ones.
 
     An edge and the camera span a plane; edges of one direction have planes that all contain it.
 
@@ -66,7 +66,7 @@ def room_frame(cameras: Sequence[Camera], pictures: Iterable[np.ndarray]) -> Roo
 
 
 def _edges_cluster(normals: np.ndarray, weights: np.ndarray, up: np.ndarray) -> bool:
-    """Whether edges crowd about upright, more than edges of a rough texture do."""
+    """Whether edges cluster about vertical more than those of a random texture would."""
     sine = np.abs(normals @ up)
     around, close = (weights[sine < np.sin(np.radians(angle))].sum() for angle in (NARROWING_DEG[0], NARROWING_DEG[-1]))
     return bool(close > LEAST_SHARE * around)
@@ -94,7 +94,7 @@ def edge_planes(cameras: Sequence[Camera], pictures: Iterable[np.ndarray]) -> tu
 
 
 def _heading(normals: np.ndarray, weights: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, bool]:
-    """A level direction that most level edges have, up to quarter turns; and whether they do agree."""
+    """The horizontal direction of most edges, up to quarter turns; and whether enough edges have it."""
     first = np.cross(up, np.eye(3)[np.abs(up).argmin()])
     first /= np.linalg.norm(first)
     second = np.cross(up, first)

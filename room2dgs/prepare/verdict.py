@@ -1,4 +1,4 @@
-"""What became of a capture, for a person who may film again."""
+"""The quality of a reconstruction, for a person who may film again."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LEAST_MISSING, LEAST_WEAK = 2, 3
 def weak_stretches(
     photos: Sequence[ChosenPhoto], placed_points: dict[str, int], features: Sequence[int]
 ) -> list[dict[str, Any]]:
-    """Parts of the capture that are missing or hang on little, in order.
+    """Parts of the capture that are missing or have few points, in order.
 
     Args:
         placed_points: of each placed photo, the points that it sees.
@@ -106,7 +106,7 @@ def verdict_lines(verdict: dict[str, Any]) -> list[str]:
 
 
 def doubts(found: dict[str, Any] | None) -> list[str]:
-    """Says that parts may lie wrongly to each other, if too many matches contradict the poses."""
+    """A warning if too many matches contradict the poses."""
     if found is None or found["share"] < DOUBTFUL:
         return []
     pairs = ", ".join(f"{one} and {other}" for one, other in found["pairs"])

@@ -1,1 +1,1 @@
-"""Which photos to match, and the sparse points that they give."""
+"""Structure from motion with known poses: matching, pose refinement and sparse points."""

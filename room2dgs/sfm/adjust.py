@@ -1,4 +1,4 @@
-"""Rounds of triangulation and bundle adjustment: from poses that are a little off to ones that fit the tracks."""
+"""Pose refinement by rounds of triangulation and bundle adjustment, from poses with small errors."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def adjusted(
 ) -> tuple[list[Camera], np.ndarray]:
     """Poses that fit the tracks, in the frame and scale of the given ones.
 
-    Each round triangulates with the poses of the one before, drops the observations that are far off by then, adjusts,
-    and puts the result back into the given frame. The more the centres have moved the less they are held.
+    Each round triangulates with the poses of the round before, drops the observations with large errors, runs a bundle
+    adjustment and aligns its result to the given frame. The more the centres have moved, the weaker is their prior.
 
     Args:
         given: cameras, a little off: degrees and centimetres.
@@ -44,7 +44,7 @@ def adjusted(
         rounds: at most; the last two have errors of a pixel or less.
 
     Returns:
-        The cameras, and (V,) bool: which of them the tracks could tell anything of; the others are as given.
+        The cameras, and (V,) bool: those that had tracks enough to be adjusted; the others are as given.
     """
     cameras, known = list(start or given), np.zeros(len(given), bool)
     if len(tracks):
@@ -68,7 +68,7 @@ def adjusted(
 
 
 def consistent(cameras: Sequence[Camera], tracks: Tracks) -> tuple[Tracks, np.ndarray, float]:
-    """The observations that agree with the cameras, of points with parallax.
+    """The inlier observations of points with enough parallax.
 
     Returns:
         The tracks, (M, 3) their points, and the scale of errors in pixels, at least `LOSS_PX`.
@@ -88,7 +88,7 @@ def consistent(cameras: Sequence[Camera], tracks: Tracks) -> tuple[Tracks, np.nd
 
 
 def spread_of(cameras: Sequence[Camera], given: Sequence[Camera], known: np.ndarray, tracks: Tracks) -> Spread:
-    """By how far the cameras went, and by the errors that are left."""
+    """Standard deviations from how far the cameras moved and from the errors that remain."""
     metres, degrees = (float(np.median(way[known])) / MEDIAN_LENGTH for way in moves(cameras, given))
     error = track_errors(cameras, tracks)
     pixels = float(np.nanmedian(error)) / MEDIAN_IN_PLANE
@@ -96,7 +96,7 @@ def spread_of(cameras: Sequence[Camera], given: Sequence[Camera], known: np.ndar
 
 
 def _groups(tracks: Tracks, count: int) -> np.ndarray:
-    """(V,) number of the group of photos that tracks join, -1 for photos and groups that are too few."""
+    """(V,) number of each photo's connected group, -1 in groups of too few photos or tracks."""
     points = int(tracks.point.max()) + 1 if len(tracks) else 0
     seen = np.bincount(tracks.frame, minlength=count)
     graph = coo_array(

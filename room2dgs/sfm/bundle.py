@@ -1,4 +1,4 @@
-"""Bundle adjustment by pycolmap, held at the given poses, and the frame that these define."""
+"""Bundle adjustment by pycolmap with priors at the given poses, and alignment to their frame."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from room2dgs.sfm.matching import pinhole, quiet
 
 ITERATIONS = 50
 FAR_M = 1e4
-PRIOR_IDS = 1_000_000  # from here on numbers of what holds rotations, above those of photos and their cameras
+PRIOR_IDS = 1_000_000  # ids of the rotation priors' images and cameras begin here, above those of photos
 PRIOR_PX = 1000
 ALIGNMENT_ROUNDS = 4
 
 
 class Spread(NamedTuple):
-    """Standard deviations of what a bundle adjustment weighs against each other.
+    """Standard deviations by which a bundle adjustment weighs its terms.
 
     Attributes:
         metres: of each coordinate of a given centre.
@@ -44,12 +44,11 @@ def bundle_adjusted(
     loss_px: float,
     spread: Spread,
 ) -> list[Camera]:
-    """Poses and points that lower the reprojection errors; centres and rotations are drawn to the given ones.
+    """Poses and points that minimise the reprojection errors, with priors at the given centres and rotations.
 
-    Least is the sum of Cauchy's loss of the errors over `loss_px`, and of the squared way of each centre and rotation
-    over its spread: each counts as much as is known by it. (Where photos see little depth a turn is almost a shift, and
-    a rotation that is held too tightly moves the centre.) Intrinsics stay. One thread, since the order of Ceres' sums
-    depends on their number.
+    The cost is Cauchy's loss of the errors over `loss_px`, plus the squared change of each centre and rotation over its
+    spread. (Where photos see little depth, a rotation looks almost like a shift, so too strong a rotation prior moves
+    the centre.) Intrinsics are constant. One thread, since the order of Ceres' sums depends on the number of threads.
 
     Args:
         cameras: with poses to start from.
@@ -70,9 +69,11 @@ def lens_adjusted(
     loss_px: float,
     spread: Spread,
 ) -> tuple[list[Camera], Lens]:
-    """As `bundle_adjusted`, with the one lens that all photos were taken through: focal lengths, radial and tangential
-    distortion (COLMAP's OPENCV), from the first camera's K and no distortion on. The principal point stays: moving it
-    is almost a turn."""
+    """As `bundle_adjusted`, and with one lens for all photos: focal lengths, radial and tangential distortion.
+
+    The lens is COLMAP's OPENCV and begins with the first camera's K and no distortion. The principal point is constant,
+    since moving it is almost the same as a rotation.
+    """
     options = _options(loss_px)
     options.refine_focal_length = options.refine_extra_params = True
     model = pinhole(cameras[0])
@@ -139,7 +140,7 @@ def _solved(
 
 
 def _with_poses(cameras: Sequence[Camera], rebuilt: pycolmap.Reconstruction) -> list[Camera]:
-    """The cameras where their photos were adjusted to, the others as they are."""
+    """The cameras with their adjusted poses; those without one as they are."""
     found = list(cameras)
     for index, camera in enumerate(cameras):
         if index + 1 in rebuilt.images:
@@ -150,10 +151,10 @@ def _with_poses(cameras: Sequence[Camera], rebuilt: pycolmap.Reconstruction) -> 
 
 
 def rotation_prior_camera(spread: Spread) -> pycolmap.Camera:
-    """A camera of so short a focal length that what it sees of its `far_points` holds a rotation as its spread asks.
+    """The virtual camera whose observations of `far_points` act as a prior of a photo's rotation.
 
     pycolmap has no prior for rotations. Four observations of points far away, by a camera that is rigidly joined to the
-    photo's own, cost (2 f angle)^2 pixels^2: that of the spread, measured in an observation's noise, for this f.
+    photo's own, cost (2 f angle)^2 pixels^2. The focal length f makes that the cost of the spread's angle.
     """
     focal = spread.pixels / (2 * np.radians(spread.degrees))
     return pycolmap.Camera(
@@ -168,7 +169,7 @@ def far_points(given: Camera, prior_camera: pycolmap.Camera) -> np.ndarray:
 
 
 def _prior_pixels(prior_camera: pycolmap.Camera) -> np.ndarray:
-    """(2, 2), to the left and to the right of the axis, so that they hold the roll, too."""
+    """(2, 2) pixels to the left and to the right of the axis, which fix the roll, too."""
     middle, focal = PRIOR_PX / 2, prior_camera.focal_length_x
     return np.array([(middle - focal / 2, middle), (middle + focal / 2, middle)])
 
@@ -180,7 +181,7 @@ def _add(
     model: pycolmap.Camera,
     prior_camera: pycolmap.Camera,
 ) -> None:
-    """A photo, and beside it, in one rig, what holds its rotation; photos that share intrinsics share the rig."""
+    """Add a photo and, in the same rig, the virtual image of its rotation prior; shared intrinsics share a rig."""
     index, number = image.image_id - 1, image.camera_id
     model.camera_id, prior_camera.camera_id = number, PRIOR_IDS + number - 1
     prior_image = pycolmap.Image(
@@ -210,11 +211,10 @@ def _add(
 def aligned(cameras: Sequence[Camera], given: Sequence[Camera], which: np.ndarray) -> list[Camera]:
     """The cameras in the frame of the given ones: turned, shifted and scaled as a whole.
 
-    Centres and rotations decide together, each weighed by its own scatter, and those that moved much more than
-    others not at all.
+    Centres and rotations are used together, each weighed by its own scatter; outliers do not count.
 
     Args:
-        which: (V,) bool, the cameras that belong together and are moved; the others stay.
+        which: (V,) bool, the cameras that are aligned as one group; the others are returned as they are.
     """
     index = np.flatnonzero(which).tolist()
     to, found_centres = (np.stack([some[i].centre for i in index]) for some in (given, cameras))

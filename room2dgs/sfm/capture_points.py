@@ -1,4 +1,4 @@
-"""Sparse points that the capture brings, where they are good enough to spare matching its photos."""
+"""The sparse points of the capture itself, used without matching where they are good enough."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ MAX_ERROR = 2 / 640  # of the photo's longer side
 
 
 def capture_points(scene: Scene, config: PointsConfig, log: Log) -> PointCloud | None:
-    """The capture's points that `config.min_track` training views saw close to where they project.
+    """The capture's points with at least `config.min_track` inlier observations in training views.
 
-    Held-out views helped to place them when the capture was made; their observations are not used.
+    Observations of held-out views are not used here, although the capture's maker triangulated with them.
 
     Returns:
         With tracks; None if the capture has none, or too few points.
@@ -70,7 +70,7 @@ def capture_points(scene: Scene, config: PointsConfig, log: Log) -> PointCloud |
 
 
 def reprojected(points: PointCloud, frames: Sequence[Frame]) -> tuple[np.ndarray, np.ndarray]:
-    """Whether observations lie where the camera sees the point.
+    """Which observations are inliers: near the projection of their point.
 
     Returns:
         (O,) bool: in front of the camera and within `MAX_ERROR`, at least a pixel; (O,) float64 distance in pixels.

@@ -1,9 +1,9 @@
-"""Whether photos contradict their poses, or only say little about them.
+"""Tells wrong poses from photos whose matches are too few or too wrong to judge poses by.
 
-Few matches on the epipolar lines of the poses mean wrong poses or wrong matches: photos that hardly overlap, repeated
-patterns. So only matches are asked that a geometry of their own holds together, whatever the poses say: of right poses
-nearly all of these agree, of wrong ones few. Cameras that stand in one place have no epipolar lines; there a match has
-to lie where the rotation takes it.
+Few matches near the epipolar lines of the poses mean either wrong poses or wrong matches (little overlap, repeated
+patterns). So poses are judged only by matches that are inliers of an essential matrix of their own: with right poses
+nearly all of these fit, with wrong poses few. Cameras in one place have no epipolar lines; there a match has to lie
+where the rotation takes it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from room2dgs.sfm.matching import Matches, epipolar_error, essential_inliers
 from room2dgs.sfm.pairs import MIN_BASELINE_M
 
 MOST_PAIRS = 24  # those with most matches
-OWN_SHARE, OWN_MATCHES = 0.5, 30  # of a pair's matches, that an essential matrix must hold: fewer may do so by chance
+OWN_SHARE, OWN_MATCHES = 0.5, 30  # inliers of a pair's essential matrix: fewer may be chance
 MAX_PX = 2.0
 TRIALS = 500  # of five matches: enough where half of them are right
 ENOUGH = 200  # matches to judge by
@@ -27,11 +27,11 @@ MIN_INLIER_SHARE = 0.5
 
 
 class Verdict(NamedTuple):
-    """What the matches with a geometry of their own say of the poses.
+    """How well the poses fit the matches that are inliers of an essential matrix of their own.
 
     Attributes:
-        matches: how many they are.
-        agreeing: share of them that agree with the poses; NaN without any.
+        matches: their number.
+        inlier_share: share of them that fits the poses; NaN without any.
     """
 
     matches: int
@@ -39,17 +39,17 @@ class Verdict(NamedTuple):
 
     @property
     def confirmed(self) -> bool:
-        """The photos agree with the poses."""
+        """The photos confirm the poses."""
         return self.matches >= ENOUGH and self.inlier_share >= MIN_INLIER_SHARE
 
     @property
     def contradicted(self) -> bool:
-        """They do not; neither this nor `confirmed` holds where they say too little."""
+        """The photos contradict the poses. With too few matches, neither this nor `confirmed` is true."""
         return self.matches >= ENOUGH and self.inlier_share < MIN_INLIER_SHARE
 
 
 def verdict(matches: Matches, cameras: Sequence[Camera], pairs: Iterable[tuple[int, int]]) -> Verdict:
-    """Ask the pairs with most matches; the same input gives the same answer."""
+    """Judge poses by the pairs with most matches; the same input gives the same answer."""
     known = [pair for pair in pairs if pair in matches.of_pair]
     best_matched = sorted(known, key=lambda pair: -len(matches.of_pair[pair]))[:MOST_PAIRS]
     count = inliers = 0
@@ -62,8 +62,11 @@ def verdict(matches: Matches, cameras: Sequence[Camera], pairs: Iterable[tuple[i
 
 
 def pose_error(first: Camera, second: Camera, first_px: np.ndarray, second_px: np.ndarray) -> np.ndarray:
-    """(M,) pixels by which matches (M, 2) contradict two posed cameras: distance from the epipolar lines, or, of
-    cameras in one place, from where the rotation takes them; infinite where it takes them out of sight."""
+    """(M,) errors of matches (M, 2) under two posed cameras, pixels.
+
+    The Sampson distance; for cameras in one place the distance to where the rotation takes the pixel, infinite where
+    that is behind the camera.
+    """
     if np.linalg.norm(first.centre - second.centre) > MIN_BASELINE_M:
         return epipolar_error(first, second, first_px, second_px)
     # any depth will do
@@ -72,9 +75,9 @@ def pose_error(first: Camera, second: Camera, first_px: np.ndarray, second_px: n
 
 
 def _own_geometry(first: Camera, second: Camera, first_px: np.ndarray, second_px: np.ndarray) -> np.ndarray:
-    """(M,) bool: matches that one essential matrix holds, whatever the poses; none if it holds too few to mean much.
+    """(M,) bool: inliers of the essential matrix that fits most matches, whatever the poses; none if these are few.
 
-    A rotation is no special case: any direction of the shift serves it.
+    A pure rotation is no special case: any translation direction explains it.
     """
     nothing = np.zeros(len(first_px), bool)
     if len(first_px) < OWN_MATCHES:

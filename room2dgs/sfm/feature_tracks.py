@@ -1,4 +1,4 @@
-"""Tracks from matches alone: no pose decides which features belong together."""
+"""Tracks from matches alone, without poses."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def feature_tracks(matches: Matches, cameras: Sequence[Camera], pairs: IndexPair
 
 
 def pair_inliers(matches: Matches, pair: tuple[int, int], first: Camera, second: Camera) -> np.ndarray:
-    """(M, 2) int64 matched features that fit the pair's own relative pose; none where that is far from the cameras'."""
+    """(M, 2) int64 inliers of the pair's own relative pose; none where it is far from the given cameras'."""
     none = np.zeros((0, 2), np.int64)
     if len(matches.of_pair.get(pair, none)) < MIN_PAIR_INLIERS:
         return none
@@ -94,7 +94,7 @@ def pair_inliers(matches: Matches, pair: tuple[int, int], first: Camera, second:
 
 
 def covering(tracks: Tracks, wanted: int) -> np.ndarray:
-    """(M,) bool: the longest tracks, as many as give each photo `wanted` observations."""
+    """(M,) bool: the longest tracks, enough to give each photo `wanted` observations."""
     length = np.bincount(tracks.point)
     start = np.concatenate([[0], np.cumsum(length)])
     have = np.zeros(len(tracks.frames), np.int64)
@@ -119,6 +119,6 @@ def some(tracks: Tracks, which: np.ndarray) -> Tracks:
 
 
 def judges_and_used(tracks: Tracks) -> tuple[Tracks, Tracks]:
-    """Tracks that take no part in an adjustment and judge it, every fifth one, and the others."""
+    """Held-out tracks that an adjustment is judged by, every fifth one, and the others, which it uses."""
     held_out = np.arange(int(tracks.point.max()) + 1) % HELD_OUT == 0
     return some(tracks, held_out), some(tracks, ~held_out)

@@ -1,4 +1,4 @@
-"""The lens that photos were taken through, where it is not the pinhole camera that a capture gives."""
+"""Estimates a distorted lens where the pinhole camera that a capture gives is wrong."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ MOST = 0.1  # of the photo's width and of the focal length: more is no correctio
 
 
 class LensFound(NamedTuple):
-    """What photos say of their lens.
+    """The lens estimated from photos.
 
     Attributes:
         lens: at the cameras' size.
         before_px, after_px: median reprojection errors of held-out tracks with adjusted poses, without and with it.
-        moved_px: root mean square over the photo, of where it images what the given camera has at a pixel.
+        moved_px: root mean square over the photo of the distance between its and the given camera's projections.
         focal: its focal lengths over the given ones, horizontal and vertical.
     """
 
@@ -42,9 +42,9 @@ class LensFound(NamedTuple):
 
 
 def found_lens(given: Sequence[Camera], tracks: Tracks) -> LensFound | None:
-    """The lens through which all photos were taken, where it fits them clearly better than the given pinhole camera.
+    """One lens for all photos, where it fits held-out tracks clearly better than the given pinhole camera.
 
-    Better by tracks that took no part. None also where cameras differ, or where tracks are few.
+    None if it does not, if the cameras differ, or if there are few tracks.
 
     Args:
         given: pinhole cameras; their poses may be a little off.
@@ -77,6 +77,6 @@ def found_lens(given: Sequence[Camera], tracks: Tracks) -> LensFound | None:
 
 
 def straightened(tracks: Tracks, lens: Lens, camera: Camera) -> Tracks:
-    """The observations where a pinhole camera with this K would have them."""
+    """The observations without distortion: where a pinhole camera with this K sees them."""
     pixel = lens.rays_at(tracks.pixel.astype(np.float64)) * camera.K[(0, 1), (0, 1)] + camera.K[:2, 2]
     return Tracks(tracks.frames, tracks.frame, tracks.point, pixel)

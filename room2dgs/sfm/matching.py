@@ -1,4 +1,4 @@
-"""Features of photos and their matches by pycolmap, before any pose is asked."""
+"""Features of photos and their matches by pycolmap; poses play no part."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def match(
         frames: at their working size.
         pairs: (i, j) of the frames to match.
         work: a folder for images and database; the caller removes it.
-        extracted: called when the features are there, which took all cores, and matching begins, which takes one.
+        extracted: called between extraction, which uses all cores, and matching, which uses one.
     """
     images, database = work / "images", work / "database.db"
     with quiet():
@@ -165,7 +165,7 @@ def epipolar_error(first: Camera, second: Camera, first_px: np.ndarray, second_p
 def essential_inliers(
     first: Camera, second: Camera, first_px: np.ndarray, second_px: np.ndarray, options: pycolmap.RANSACOptions
 ) -> np.ndarray:
-    """(M,) bool: matched pixels (M, 2) that one essential matrix holds, whatever the poses; none if there is none."""
+    """(M,) bool: inliers among matched pixels (M, 2) of one essential matrix, whatever the poses."""
     found = pycolmap.estimate_essential_matrix(first_px, second_px, pinhole(first), pinhole(second), options)
     return np.zeros(len(first_px), bool) if found is None else np.asarray(found["inlier_mask"], bool)
 

@@ -1,4 +1,4 @@
-"""Whether the poses say that all photos were taken from one place, from where they tell no depth."""
+"""Whether all photos were taken from one place by their poses, so that there is no parallax."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def reach(scene: Scene) -> float:
 
 
 def _depth(scene: Scene) -> float | None:
-    """Median depth of the points that the capture brings; None: nobody knows."""
+    """Median depth of the points that the capture brings; None where it brings none."""
     if scene.given_points is None:
         return None
     try:

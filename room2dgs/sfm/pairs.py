@@ -14,7 +14,7 @@ MIN_BASELINE_M = 1e-3
 
 
 def match_pairs(cameras: Sequence[Camera], overlap: int) -> list[tuple[int, int]]:
-    """Pairs worth matching: half of `overlap` successors in capture order, and half chosen by pose.
+    """Pairs to match: half of `overlap` successors in capture order, and half chosen by pose.
 
     Successors carry tracks along the path; the ones chosen by pose give parallax and close loops.
 

@@ -1,7 +1,7 @@
-"""Poses of views that no track tells anything of: corrected as the views before and after them were.
+"""Corrections propagated to views without tracks from the views before and after them.
 
-A camera that is tracked while it is carried drifts: one correction is like the next. How alike they are is measured on
-the views whose corrections are known; where each is off by itself, nothing is carried over.
+The pose of a tracked, hand-held camera drifts, so corrections of neighbouring views are similar. How similar is
+measured on the views whose corrections are known; where they are independent, nothing is propagated.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ LEAST_COMPARED = 8  # views whose corrections are compared with those of others,
 
 
 class Propagated(NamedTuple):
-    """Poses in place of unknown ones.
+    """All cameras after propagation.
 
     Attributes:
-        cameras: all of them; those that are known, and those of which nothing can be said, as they were.
-        remaining: (V,) of the given rotations' errors, the share that is expected to remain: 0 for known views, 1
-            where nothing was carried over.
+        cameras: the adjusted cameras, and the others with propagated corrections where there are any.
+        remaining: (V,) expected share of the given rotation error that remains: 0 for adjusted views, 1 where nothing
+            was propagated.
     """
 
     cameras: list[Camera]
@@ -34,7 +34,7 @@ class Propagated(NamedTuple):
 
 
 def propagated(cameras: Sequence[Camera], given: Sequence[Camera], known: np.ndarray) -> Propagated:
-    """Give unknown views the corrections between which they lie, as far as the known ones follow from their neighbours.
+    """Correct the views that were not adjusted as their neighbours were, where corrections predict each other.
 
     Args:
         cameras: in capture order; adjusted where they are known, as given elsewhere.

@@ -1,4 +1,4 @@
-"""Poses that do not fit their photos: would they, if they meant something else, or with another focal length?"""
+"""Poses that do not fit their photos: whether another pose convention or focal length would make them fit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.poses import inverse_pose
 from room2dgs.sfm.matching import IndexPairs, Matches, epipolar_inlier_share
 
-# What is asked: pairs with most matches, enough to tell 90 % from 10 %.
+# Pairs with most matches that are tried, enough to tell 90 % from 10 %.
 MOST_PAIRS = 12
 LEAST_SHARE = 0.5  # of the matches; true poses reach 0.7
 COARSE, FINE = 1.1, 1.015  # steps of the focal length
@@ -29,15 +29,15 @@ POSE_DESCRIPTIONS: dict[Poses, str] = {
 def better_reading(
     matches: Matches, cameras: Sequence[Camera], pairs: IndexPairs, max_px: float
 ) -> tuple[Poses, float] | None:
-    """What the poses on disk mean instead, by how many matches then lie on their epipolar lines.
+    """The pose convention with which most matches lie on their epipolar lines.
 
-    Asked are the four readings: camera-to-world or world-to-camera, OpenCV's axes or OpenGL's.
+    Tried are the four conventions: camera-to-world or world-to-camera, OpenCV's axes or OpenGL's.
 
     Args:
         cameras: as they were read.
 
     Returns:
-        `scene.poses` and its share of the matches; None if no reading fits.
+        The value of `scene.poses` and its share of inliers; None if no other convention fits.
     """
     best_matched = _best_matched(matches, pairs)
     read_as = [frame.poses for frame in matches.frames]
@@ -79,7 +79,7 @@ def _zoomed(camera: Camera, factor: float) -> Camera:
 
 
 def intrinsics_setting(frame: Frame, factor: float) -> str:
-    """How to give a photo's intrinsics with another focal length."""
+    """The setting that gives a photo's intrinsics another focal length."""
     if frame.lens is not None:
         return f"focal lengths {factor:.2f} times those of the capture"
     K = _zoomed(frame.camera, factor).K
@@ -96,6 +96,6 @@ def _best_matched(matches: Matches, pairs: IndexPairs) -> IndexPairs:
 
 
 def read_again(camera: Camera, was: Poses, poses: Poses) -> Camera:
-    """A camera whose pose on disk was read as one thing, read as another."""
+    """The camera that another pose convention gives for the same numbers on disk."""
     pose = world_from_cam(disk_pose(camera.world_from_cam, was), poses)
     return replace(camera, cam_from_world=inverse_pose(pose))

@@ -1,4 +1,4 @@
-"""Poses that are a little off, adjusted to the photos where that clearly lowers reprojection errors."""
+"""Pose refinement, used where it clearly lowers the reprojection errors of held-out tracks."""
 
 from __future__ import annotations
 
@@ -48,18 +48,17 @@ JUMP, JUMP_M, JUMP_DEG = 5.0, 0.03, 1.5
 
 @dataclass(frozen=True)
 class PoseReport:
-    """What was found about the poses.
+    """Result of the refinement, for log and report.
 
     Attributes:
-        refined: whether other poses than the given ones count from now on.
+        refined: whether the refined poses are used.
         why: one sentence for the log.
         before_px, after_px: median reprojection error of held-out tracks, with the given and the adjusted poses.
         agree_before, agree_after: share of the matches within 2 px of their epipolar lines.
         moved_m, turned_deg: medians over the training views.
-        left: views that their photos did not place, by name; where corrections are alike from one view to the next
-            they have that of those before and after, else their given poses.
-        left_out: those of them that take no part in what follows.
-        lens: that the photos were found to have been taken through, as `poses_file` reads it, and what speaks for it.
+        left: names of views that could not be refined; they have propagated corrections or their given poses.
+        left_out: those of them that are removed from the scene.
+        lens: the distorted lens that was found, as `poses_file` reads it, with its errors.
     """
 
     refined: bool
@@ -85,17 +84,17 @@ def refined_poses(
 ) -> tuple[Scene, dict[str, Any]]:
     """The scene with poses that fit its photos, in the frame and scale of the given poses.
 
-    Poses of training views come from training photos alone. Held-out views are then placed among the points that
-    training views give, one by one. The result is kept in `cache` under a hash of photos, poses and settings, with the
-    sparse points that it gives, so that photos are matched once.
+    Poses of training views come from training photos alone. Held-out views are then registered to the training views'
+    points, one by one. The result is cached under a hash of photos, poses and settings, with the sparse points, so that
+    photos are matched once.
 
     Args:
-        config: `refine_poses` false: nothing is done; true: the adjusted poses count even where they gain little;
-            auto: only where they clearly do, and not if points are given, by a file or by the capture with tracks.
-            `leave_out`: views whose poses cannot be adjusted are not in the scene, where the others' were clearly off
-            and others see the same.
+        config: `refine_poses` false: nothing is done; true: refined poses are used even if they gain little; auto:
+            only if they gain clearly, and not if points are given by a file or by the capture with tracks.
+            `leave_out`: removes views that could not be refined if the other views' poses were clearly wrong and other
+            views see the same surfaces.
         log: takes one line at a time.
-        extracted: as in `match`.
+        extracted: called once the features are extracted; from then on a core is free (see `match`).
 
     Returns:
         The scene, and `PoseReport` as plain values.
@@ -134,7 +133,7 @@ def refined_poses(
 
 
 def _points_are_given(scene: Scene, config: PointsConfig) -> bool:
-    """Then no photo is matched, unless somebody asks for it; the capture's own points are tracks of its poses."""
+    """Whether points come from a file or from the capture, so that photos need no matching."""
     if config.source == "auto" and scene.given_points is not None:
         return capture_points(scene, config, lambda line: None) is not None
     return config.source == "file"
@@ -192,7 +191,7 @@ def _matched(
 
 
 def _may_be_distorted(scene: Scene) -> bool:
-    """All photos are taken for those of one pinhole camera, and no sensor's depth is registered to it."""
+    """Whether all photos have one pinhole camera and no depth map that is registered to it."""
     first = scene.train[0].camera
     return all(
         frame.lens is None
@@ -212,8 +211,8 @@ def _as_report(found: LensFound) -> dict[str, Any]:
 def propagated_to_unplaced(
     given: Scene, refined: Scene, left: Collection[str]
 ) -> tuple[dict[str, Camera], dict[str, float]]:
-    """Cameras, by name, of views that were left at their given poses, corrected as training views before and after them
-    were; and of each view the share of a rotation's error that is expected to remain."""
+    """By name, the cameras of views that were not refined with corrections propagated from training views, and the
+    expected share of each view's rotation error that remains."""
     training = {frame.name for frame in given.train}
     cameras: dict[str, Camera] = {}
     off: dict[str, float] = {}
@@ -229,7 +228,7 @@ def propagated_to_unplaced(
 
 
 def dispensable(scene: Scene, left: Collection[str]) -> tuple[str, ...]:
-    """Those of the views whose poses are not known whose surfaces training views see, too, whose poses are."""
+    """Those of the views that could not be refined whose surfaces refined training views see, too."""
     others = [frame.camera for frame in scene.train if frame.name not in left]
     cameras = {frame.name: frame.camera for frame in scene.frames}
     return tuple(name for name in left if seen_by_others(cameras[name], others) >= SEEN_BY_OTHERS)
@@ -238,9 +237,9 @@ def dispensable(scene: Scene, left: Collection[str]) -> tuple[str, ...]:
 def judged(
     given: Sequence[Camera], tracks: Tracks, matches: Matches, pairs: IndexPairs, forced: bool
 ) -> tuple[list[Camera], PoseReport]:
-    """Adjusted poses if they are better, else the given ones, and why.
+    """The adjusted poses if held-out tracks fit them better, else the given ones, and the reason.
 
-    Better are they by tracks that took no part in the adjustment; cameras that jumped stay where they were.
+    Cameras that moved much farther than the others keep their given poses.
     """
     count = int(tracks.point.max()) + 1 if len(tracks) else 0
     if count < LEAST_TRACKS:

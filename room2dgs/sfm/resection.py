@@ -1,4 +1,4 @@
-"""The pose of one more photo, from points whose places are known."""
+"""Registration of one more photo to known points (resection)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def resected(
     cameras: Sequence[Camera],
     sigma_m: float,
 ) -> Camera | None:
-    """The pose from which a photo sees the points where its matches with other photos say; nothing else moves.
+    """The photo's pose that fits the points of the tracks its features match; nothing else is adjusted.
 
     Args:
         photo: index in `matches`.

@@ -31,7 +31,7 @@ NEXT = 2  # photos after each that it is compared with where there is no paralla
 
 
 class MayLack(Enum):
-    """When too few points are no reason to stop; photos that contradict their poses always are one."""
+    """Whether too few points are only a warning; photos that contradict their poses always stop a run."""
 
     NEVER = "never"
     IN_ONE_PLACE = "in one place"  # where no photo could tell a depth: that there is none is the answer

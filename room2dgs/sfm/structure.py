@@ -1,4 +1,4 @@
-"""Points of tracks for given cameras, and how well they agree with their pixels."""
+"""Triangulated points of tracks for given cameras, and their reprojection errors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NEAR_M = 0.05
 
 
 def triangulated(cameras: Sequence[Camera], tracks: Tracks) -> np.ndarray:
-    """The points where reprojection errors are least, with Cauchy's loss: from the midpoint of the rays, Gauss-Newton.
+    """Points with least reprojection errors under Cauchy's loss, by Gauss-Newton from the midpoint of the rays.
 
     Args:
         tracks: observations sorted by point; every point has one at least.
@@ -60,7 +60,7 @@ def reprojection_errors(cameras: Sequence[Camera], xyz: np.ndarray, tracks: Trac
 
 
 def track_errors(cameras: Sequence[Camera], tracks: Tracks) -> np.ndarray:
-    """(O,) pixels between observations and the points that they give together."""
+    """(O,) reprojection errors of tracks after triangulation, pixels."""
     return reprojection_errors(cameras, triangulated(cameras, tracks), tracks)
 
 

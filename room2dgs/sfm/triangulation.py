@@ -1,4 +1,4 @@
-"""Sparse points by pycolmap, from matches and known poses; the poses never move."""
+"""Sparse points by pycolmap from matches and known poses, which are constant."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def triangulate(frames: Sequence[Frame], config: PointsConfig, work: Path, log: 
 def triangulate_matches(
     matches: Matches, frames: Sequence[Frame], pairs: IndexPairs, config: PointsConfig, model: Path
 ) -> PointCloud:
-    """The same of photos that are matched already.
+    """`triangulate` for photos that are matched already.
 
     Args:
         frames: the first of `matches.frames`, with the poses that count.

@@ -1,4 +1,4 @@
-"""Which intrinsics put points beside where photos saw them: a shift of all pixels, or one factor about the middle."""
+"""Wrong intrinsics recognised by points: one shift or one scale explains most reprojection errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SAME_FOCAL = 0.02  # relative
 
 
 class Off(NamedTuple):
-    """What all photos' intrinsics are off by, as their points tell.
+    """The error of all photos' intrinsics, estimated from points.
 
     Attributes:
         focal: factor of the focal lengths that would be right.
@@ -29,7 +29,7 @@ class Off(NamedTuple):
 
 
 def intrinsics_off(points: PointCloud, frames: Sequence[Frame], limit_px: float) -> Off | None:
-    """One factor and one shift that explain what most photos saw; None: nothing so simple does.
+    """The focal factor and principal point shift that explain most observations; None: none does.
 
     Args:
         points: with tracks.
