@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 LONGEST = 300  # characters of one name
 
 
@@ -19,6 +21,11 @@ def shown(text: object, longest: int | None = None) -> str:
 def shown_name(name: object) -> str:
     """The same for a file's name or a key, cut at `LONGEST` characters."""
     return shown(name, LONGEST)
+
+
+def some_of(names: Sequence[str]) -> str:
+    """The first five, and how many more."""
+    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
 def _escaped(letter: str) -> str:

@@ -1,6 +1,8 @@
-"""Depth and normal priors: maps of each photo, aligned to the scene."""
+"""Depth and normals of each photo before training: proposed, compared, aligned, optimised, completed, corrected.
 
-from room2dgs.depth.estimate import StereoViews, estimate_depth
-from room2dgs.depth.load import Priors, load_priors
+`stages.py` is the method, `estimate.py` its entry.
+"""
 
-__all__ = ["Priors", "StereoViews", "estimate_depth", "load_priors"]
+from room2dgs.depth.estimate import Priors, StereoViews, depth_of_frames, estimate_depth
+
+__all__ = ["Priors", "StereoViews", "depth_of_frames", "estimate_depth"]

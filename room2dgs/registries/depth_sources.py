@@ -1,9 +1,33 @@
-"""Where prior depth comes from: the values of `prior.depth.source`."""
+"""Where prior depth and normals come from: the values of `prior.depth.source` and `prior.normal.source`.
+
+Each entry is a `DepthSource` (room2dgs.depth.sources.source). A new one is a module with a `DepthSource` and one entry
+here. Its facts:
+
+    normals: it gives normals, too.
+    network: a network makes its maps, as `onnx` describes it.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from room2dgs.registry import Registry
 
-DEPTH_SOURCES: Registry[Any] = Registry("depth source")
+if TYPE_CHECKING:
+    from room2dgs.depth.sources.source import DepthSource
+
+DEPTH_SOURCES: Registry[DepthSource] = Registry("depth source")
+
+_AT = "room2dgs.depth.sources"
+DEPTH_SOURCES.register("none", f"{_AT}.nothing:NOTHING", "No maps.", normals=True, network=False)
+DEPTH_SOURCES.register("files", f"{_AT}.files:FILES", "Maps of your own, in a folder.", normals=True, network=False)
+DEPTH_SOURCES.register("onnx", f"{_AT}.networks:NETWORK", "A network of your own, in ONNX.", normals=True, network=True)
+DEPTH_SOURCES.register(
+    "room_prior", f"{_AT}.networks:NETWORK", "The network that comes with room2dgs.", normals=True, network=True
+)
+DEPTH_SOURCES.register(
+    "sensor", f"{_AT}.sensor:SENSOR", "The depth files of the capture's own camera.", normals=False, network=False
+)
+DEPTH_SOURCES.register(
+    "auto", f"{_AT}.sensor:AUTO", "The depth camera where there is one, else room_prior.", normals=False, network=False
+)

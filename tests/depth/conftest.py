@@ -14,7 +14,12 @@ import pytest
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.config import load_config
+from room2dgs.depth.align.scale_shift import Fit
+from room2dgs.depth.completion.stages import reduce_resolution
 from room2dgs.depth.joint import optimise as joint
+from room2dgs.depth.sources.source import Proposal
+from room2dgs.depth.stages import STAGES
+from room2dgs.depth.state import DepthSettings, first_state
 from room2dgs.geometry.camera import Camera
 
 FEWER = 5  # times fewer steps of the joint optimisation than a run takes: these rooms are small
@@ -115,6 +120,34 @@ def prior_config():
 def png8(normal: np.ndarray) -> np.ndarray:
     """BGR bytes as cv2 writes them."""
     return np.round((normal + 1.0) * 127.5).astype(np.uint8)[..., ::-1]
+
+
+class ExactMaps(dict):
+    """Maps that are kept as they are; those of a run are rounded."""
+
+    put = dict.__setitem__
+
+
+@pytest.fixture
+def complete_views(prior_config):
+    """`complete_views(frames, depths, normals, points, ...)` runs completion's stages alone.
+
+    Gives frame name -> (H, W) depth and weight. residuals: of each view's prior at the points. settings: of
+    `prior.depth`.
+    """
+
+    def run(frames, depths, normals, points, *, stereo=None, residuals=None, space=None, correct=None, **settings):
+        config = prior_config(**{f"depth__{key}": value for key, value in {"joint": True, **settings}.items()})
+        fits = {name: Fit(1.0, 0.0, residual, 100) for name, residual in (residuals or {}).items()}
+        state = replace(
+            first_state(frames, points), proposal=Proposal(config), maps=ExactMaps(), stereo=stereo or {}, fits=fits,
+            free_space=space, depths=depths, normals=normals,
+        )  # fmt: skip
+        for stage in STAGES[STAGES.index(reduce_resolution) :]:
+            state = stage(state, DepthSettings(config, correct=correct, log=lambda line: None))
+        return {name: (maps.depth, maps.depth_confidence) for name, maps in state.maps.items()}
+
+    return run
 
 
 @pytest.fixture

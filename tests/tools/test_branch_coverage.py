@@ -16,7 +16,7 @@ def entry(lines: int, covered: int, branches: int, taken: int) -> dict[str, dict
 
 def test_files_belong_to_the_package_whose_folder_they_lie_in():
     assert package_of(Path("room2dgs/mesh/sub/fuse.py")) == "mesh"
-    assert package_of(ROOT / "room2dgs" / "depth" / "load.py") == "depth"
+    assert package_of(ROOT / "room2dgs" / "depth" / "state.py") == "depth"
     assert package_of(Path("eval/scoring.py")) == "eval"
     assert package_of(Path("room2dgs/cli.py")) == "(modules)"
 

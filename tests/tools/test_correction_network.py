@@ -66,7 +66,7 @@ def test_a_mirrored_sample_has_its_normals_rays_and_truth_mirrored():
         mirrored = bool((changed.shift == truth.shift.flip(-1)).all())
         seen.add(mirrored)
         sign = -1 if mirrored else 1
-        for channel in (evidence.RAYS, evidence.RAYS + 1, evidence.ANCHOR, evidence.NORMAL):
+        for channel in (evidence.RAYS, evidence.RAYS + 1, evidence.SAMPLE, evidence.NORMAL):
             wanted = inputs[:, channel].flip(-1) if mirrored else inputs[:, channel]
             wanted = sign * wanted if channel in (evidence.RAYS, evidence.NORMAL) else wanted
             kept = other[:, channel] == wanted
@@ -90,7 +90,7 @@ def data(tmp_path):
         inputs = np.zeros((6, evidence.CHANNELS, HEIGHT, WIDTH), np.float16)
         off = random.random((6, HEIGHT // 8, WIDTH // 8)) < 0.5
         shift = np.log(1.05) * np.kron(off, np.ones((8, 8)))
-        inputs[:, evidence.ANCHOR], inputs[:, evidence.ANCHOR_TRUST], inputs[:, evidence.LN_MEDIAN] = shift, 1, 1
+        inputs[:, evidence.SAMPLE], inputs[:, evidence.SAMPLE_WEIGHT], inputs[:, evidence.LN_MEDIAN] = shift, 1, 1
         (tmp_path / "data" / name).mkdir(parents=True)
         np.save(tmp_path / "data" / name / "evidence.npy", inputs)
         np.save(tmp_path / "data" / name / "shift.npy", shift.astype(np.float16))

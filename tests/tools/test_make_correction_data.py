@@ -32,8 +32,8 @@ def test_a_room_becomes_evidence_and_truth_of_both_looks_and_is_kept(tmp_path, m
     found, shift = room.evidence.astype(np.float32), room.shift.astype(np.float32)
     assert np.isfinite(found).all() and np.isfinite(shift).mean() > 0.8
     # truth and completed depth are of the same pixels: stereo's, where it is trusted, leads to the truth
-    held = np.isfinite(shift) & (found[:, evidence.ANCHOR_TRUST] > 0.4)
-    assert held.mean() > 0.05 and np.median(np.abs(shift - found[:, evidence.ANCHOR])[held]) < 0.02
+    held = np.isfinite(shift) & (found[:, evidence.SAMPLE_WEIGHT] > 0.4)
+    assert held.mean() > 0.05 and np.median(np.abs(shift - found[:, evidence.SAMPLE])[held]) < 0.02
     before = (folder / "shift.npy").stat().st_mtime_ns
     assert make_correction_data.make_room(tmp_path / "data", 5, 1) == folder
     assert (folder / "shift.npy").stat().st_mtime_ns == before

@@ -11,7 +11,7 @@ import pytest
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.read import read_scene
 from room2dgs.config import load_config
-from room2dgs.depth import load_priors
+from room2dgs.depth import depth_of_frames
 from room2dgs.errors import InputError
 from room2dgs.tools.prior_errors import image_field, turned
 from room2dgs.tools.simulate_priors import PriorOptions, main, simulate_priors
@@ -75,7 +75,7 @@ def test_the_loader_takes_them_and_knows_them(made, plain):
     )
     xyz = np.concatenate([plain.points(i)[::9, ::9][plain.depths[i][::9, ::9] > 0] for i in range(len(plain.depths))])
     points = PointCloud(xyz, np.zeros(xyz.shape, np.uint8))
-    priors = load_priors(read_scene(config.scene).train, points, config.prior, lambda line: None)
+    priors = depth_of_frames(read_scene(config.scene).train, points, config.prior, lambda line: None)
     assert priors.label == "simulated"
     assert len(priors.by_frame) == len(plain.depths)
     off = [fit.residual for fit in priors.fits.values()]

@@ -18,7 +18,7 @@ from room2dgs.config import NETWORK_SOURCES, Config, PriorConfig
 from room2dgs.depth import Priors, StereoViews, estimate_depth
 from room2dgs.depth.align.scale_shift import Fit
 from room2dgs.depth.completion.on_planes import on_planes
-from room2dgs.depth.completion.views import LEAST_STEREO
+from room2dgs.depth.completion.restore import LEAST_CONSISTENT
 from room2dgs.depth.files import read_depth, read_normal
 from room2dgs.depth.network.map_cache import read_array
 from room2dgs.depth.network.maps import predicted_maps, read_models
@@ -146,7 +146,7 @@ def _completed(frame: Frame, view: DenseView, priors: Priors, truth: Truth) -> I
         return
     sure = np.maximum(maps.depth_confidence, 1e-3)
     relative = np.where(maps.depth_confidence > 0, completed_sigma(sure), np.inf)
-    by_stereo = view.num_consistent >= LEAST_STEREO
+    by_stereo = view.num_consistent >= LEAST_CONSISTENT
     on_plane = np.zeros(by_stereo.shape, bool)
     if priors.planes and maps.normal is not None:
         on_plane = on_planes(maps.depth, maps.normal, frame.camera, priors.planes)[1] >= ON_PLANE

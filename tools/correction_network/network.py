@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from room2dgs.depth.completion.evidence import ANCHOR, CHANNELS, PRIOR
+from room2dgs.depth.completion.evidence import CHANNELS, PRIOR, SAMPLE
 from room2dgs.tools.prior_network.context import ContextBlock
 
 WIDTHS = (16, 40, 80, 128)  # by scale, 1/1 to 1/8
@@ -67,7 +67,7 @@ class CorrectionNetwork(nn.Module):
         Args:
             evidence: (B, CHANNELS, h, w); h and w multiples of STRIDE.
         """
-        fine = torch.tanh(FINE * torch.cat([evidence[:, PRIOR : PRIOR + 1], evidence[:, ANCHOR : ANCHOR + 1]], dim=1))
+        fine = torch.tanh(FINE * torch.cat([evidence[:, PRIOR : PRIOR + 1], evidence[:, SAMPLE : SAMPLE + 1]], dim=1))
         features = [self.finest(F.relu(self.stem(torch.cat([evidence, fine], dim=1))))]
         for down, encoder in zip(self.down, self.encoder, strict=True):
             features.append(encoder(F.relu(down(features[-1]))))
@@ -89,12 +89,16 @@ class CorrectionNetwork(nn.Module):
                 if isinstance(module, ResidualUnit):
                     for convolution in (module.first, module.second):
                         nn.init.kaiming_normal_(convolution.weight, nonlinearity="relu")
+                        assert convolution.bias is not None
                         nn.init.zeros_(convolution.bias)
                     module.second.weight.mul_(0.1)
                 elif isinstance(module, ContextBlock):
                     module.joined.weight.mul_(0.1)
-                    module.perceptron[-1].weight.mul_(0.1)
+                    last = module.perceptron[-1]
+                    assert isinstance(last, nn.Linear)
+                    last.weight.mul_(0.1)
             self.head.weight.mul_(0.05)
+            assert self.head.bias is not None
             self.head.bias.copy_(torch.tensor([0.0, START_LN_SCALE]))
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -15,23 +14,22 @@ from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import likely_points
 from room2dgs.config import DepthPriorConfig
 from room2dgs.depth.align.neighbours import FEW_POINTS, align_to_neighbours
-from room2dgs.depth.align.one_view import RawMap, RawMaps, add_aligned, pairs_at_points, shift_sigma
+from room2dgs.depth.align.one_view import RawMaps, add_aligned, pairs_at_points, shift_sigma
 from room2dgs.depth.align.scale_shift import Fit, fit_scale_shift, residual
 from room2dgs.depth.align.usual_scale import UsualScale, usual_scale
-from room2dgs.depth.confidence import read_confidence
-from room2dgs.depth.files import read_depth
 from room2dgs.logs import Log
 from room2dgs.parallel_map import parallel_map
 
 
 def aligned_depths(
-    frames: Sequence[Frame], files: Mapping[str, Path], points: PointCloud, settings: DepthPriorConfig, log: Log
+    frames: Sequence[Frame], raw: RawMaps, points: PointCloud, settings: DepthPriorConfig, log: Log
 ) -> tuple[LazyMaps[np.ndarray], dict[str, Fit]]:
-    """Read every map and bring it to metres.
+    """Bring every map to metres.
 
     Args:
         frames: training views.
-        files: frame name -> map; frames may have none.
+        raw: frame name -> map; frames may have none.
+        points: sparse points and depth samples, metres.
 
     Returns:
         Frame name -> (H, W) float32 metres, 0 = invalid, read when asked for; frame name -> fit; of the maps that
@@ -40,10 +38,7 @@ def aligned_depths(
     Raises:
         InputError: an unusable map.
     """
-    frames = [frame for frame in frames if frame.name in files]
-    raw: LazyMaps[RawMap] = LazyMaps()
-    for frame in frames:
-        raw.add(frame.name, partial(_read, files[frame.name], settings, frame))
+    frames = [frame for frame in frames if frame.name in raw]
     depths, fits = _align_to_points(frames, raw, points, settings, log)
     if settings.align:
         align_to_neighbours(frames, raw, points, settings, depths, fits, log)
@@ -60,12 +55,6 @@ def aligned_depths(
             f"(median view), {max(off):.1%} (worst); median scale {np.median([fit.scale for fit in with_points]):.3g}"
         )
     return depths, fits
-
-
-def _read(path: Path, settings: DepthPriorConfig, frame: Frame) -> RawMap:
-    values, valid = read_depth(path, settings, frame.camera)
-    confidence = read_confidence(path, settings.onnx)
-    return RawMap(values, valid if confidence is None else valid & (confidence > 0))
 
 
 def _align_to_points(

@@ -29,14 +29,14 @@ class SeenPlanes(NamedTuple):
         camera: of its size.
         grey: (h, w) float32 0..1, the photo.
         which: (h, w) int, the plane that each pixel shows; -1: none.
-        anchor, trust: (h, w) metres, 0 = none, and trust 0..1: what stereo and the sparse points have there.
+        sample, sample_weight: (h, w) metres, 0 = none, and weight 0..1: what stereo and the sparse points have there.
     """
 
     camera: Camera
     grey: np.ndarray
     which: np.ndarray
-    anchor: np.ndarray
-    trust: np.ndarray
+    sample: np.ndarray
+    sample_weight: np.ndarray
 
 
 class Creases(NamedTuple):

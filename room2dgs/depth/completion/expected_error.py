@@ -11,9 +11,9 @@ from room2dgs.stereo.geometric_consistency import GeometricConsistency
 # follows it closely) and redkitchen, whose errors are about twice as large; not calibrated on others. Columns: how many
 # of ten other views are consistent, 0 or 1, 2 or 3, 4 to 6, 7 or more.
 COUNTS = (2, 4, 7)
-# No trusted anchor near.
+# No depth sample near.
 FREE = np.array([0.13, 0.014, 0.009, 0.009], np.float32)
-# Trusted anchors near; rows: what share of them the depth contradicts.
+# Depth samples near, by their weight; rows: what share of them the depth contradicts.
 SHARES = np.array([0.0, 0.1, 0.3, 0.5, 0.7, 1.0])
 HELD = np.array(
     [
@@ -26,9 +26,9 @@ HELD = np.array(
     ],
     np.float32,
 )
-REACH = 4.0  # pixels: deviation of the Gaussian with which an anchor speaks for what is around it
-ENOUGH = 0.3  # trust around a pixel, of 1 if every pixel had a trusted anchor, that counts as held
-OFF = 0.03  # relative difference at which a depth contradicts an anchor
+REACH = 4.0  # pixels: deviation of the Gaussian with which a sample speaks for what is around it
+ENOUGH = 0.3  # mean weight of the samples around a pixel that counts as held
+OFF = 0.03  # relative difference at which a depth contradicts a sample
 # Added where views contradict and none is consistent; set by hand, with HELD's first, on the true errors of bathroom,
 # greywhite, redkitchen and two rooms of the suite.
 CONTRADICTED = 0.13
@@ -40,20 +40,20 @@ LEAST_ERROR = 1e-4  # relative, where differences are taken over an error: 0 / 0
 
 
 def expected_relative_error(
-    completed: np.ndarray, anchor: np.ndarray, trust: np.ndarray, others: GeometricConsistency, through: np.ndarray
+    completed: np.ndarray, sample: np.ndarray, weight: np.ndarray, others: GeometricConsistency, through: np.ndarray
 ) -> np.ndarray:
     """(h, w) float32.
 
     Args:
         completed: (h, w) metres.
-        anchor: (h, w) metres, 0 = none.
-        trust: (h, w) of the anchors, 0..1.
+        sample: (h, w) metres, 0 = none.
+        weight: (h, w) of the samples, 0..1.
         others: what ten other views say of it.
         through: (h, w) share of all other views' word that there is nothing (`free_space.seen_through`).
     """
-    known = (anchor > 0) & (completed > 0)  # an anchor in a hole of the prior tells nothing of what is around
-    off = known & (np.abs(anchor / np.maximum(completed, 1e-6) - 1) > OFF)
-    around = [cv2.GaussianBlur(part.astype(np.float32), (0, 0), REACH) for part in (trust * known, trust * off)]
+    known = (sample > 0) & (completed > 0)  # a sample in a hole of the prior tells nothing of what is around
+    off = known & (np.abs(sample / np.maximum(completed, 1e-6) - 1) > OFF)
+    around = [cv2.GaussianBlur(part.astype(np.float32), (0, 0), REACH) for part in (weight * known, weight * off)]
     share = around[1] / np.maximum(around[0], 1e-6)
     held = np.clip(around[0] / ENOUGH, 0, 1)
     column = np.digitize(others.num_consistent, COUNTS)

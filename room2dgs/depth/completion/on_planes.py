@@ -8,13 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from room2dgs.depth.completion.expected_error import LEAST_ERROR
+from room2dgs.depth.completion.low_res import Completed, LowResInput, rescaled
 from room2dgs.depth.completion.planes import Plane
 from room2dgs.geometry.camera import Camera
 
 NEAR = 0.1  # relative difference between a pixel's depth and a plane's at which the pixel starts to count as off it
 FLAT = 0.02  # likewise of a completed depth that is to lie on the plane in the end
 FROM_PLANE = 2.0  # expected errors between a depth and a plane at which it goes half of the way
-TURNED = (0.85, 0.95)  # cosine between the normals of pixel and plane: from none of the trust to all of it
+TURNED = (0.85, 0.95)  # cosine between the normals of pixel and plane: from none of the weight to all of it
 
 
 class OnPlanes(NamedTuple):
@@ -22,12 +23,12 @@ class OnPlanes(NamedTuple):
 
     Attributes:
         depth: (h, w) metres, of the plane; 0 = none.
-        trust: (h, w) 0..1, that it is this one.
+        weight: (h, w) 0..1, by how probably it is this one.
         which: (h, w) int, its place among the planes; -1 = none.
     """
 
     depth: np.ndarray
-    trust: np.ndarray
+    weight: np.ndarray
     which: np.ndarray
 
 
@@ -39,9 +40,9 @@ def on_planes(
     Args:
         depth: (h, w) metres, 0 = invalid.
         normal: (h, w, 3) unit, world frame, towards the camera; 0 = invalid.
-        near: relative difference that halves the trust.
+        near: relative difference that halves the weight.
     """
-    found, trust, which = np.zeros(depth.shape), np.zeros(depth.shape), np.full(depth.shape, -1)
+    found, weight, which = np.zeros(depth.shape), np.zeros(depth.shape), np.full(depth.shape, -1)
     rays, centre = camera.rays() @ camera.rotation, camera.centre
     for index, plane in enumerate(planes):
         facing = rays @ plane.normal
@@ -51,9 +52,15 @@ def on_planes(
         off = np.log(np.where(seen, z, 1) / np.where(seen, depth, 1)) / near
         turned = np.clip((normal @ plane.normal - TURNED[0]) / (TURNED[1] - TURNED[0]), 0, 1)
         mine = np.where(seen & (np.abs(off) < 2), turned / (1 + off**2), 0)
-        better = mine > trust
-        found[better], trust[better], which[better] = z[better], mine[better], index
-    return OnPlanes(found, trust, which)
+        better = mine > weight
+        found[better], weight[better], which[better] = z[better], mine[better], index
+    return OnPlanes(found, weight, which)
+
+
+def flattened_view(given: LowResInput, view: Completed, planes: Sequence[Plane]) -> Completed:
+    """A view's depth, what almost lies on a plane on it."""
+    log_factor, share = flattened(view.depth, given.normal, given.camera, planes)
+    return rescaled(view, log_factor)._replace(flat=share.astype(np.float32))
 
 
 def flattened(

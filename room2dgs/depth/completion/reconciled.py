@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from room2dgs.captures.uncertainty import completed_sigma, completed_weight
+from room2dgs.captures.uncertainty import completed_sigma
+from room2dgs.depth.completion.low_res import Completed, LowResInput, rescaled
 from room2dgs.depth.completion.on_planes import flattened
-from room2dgs.depth.completion.other_views import SureView, depth_of_other_views
+from room2dgs.depth.completion.other_views import lent_depth
 from room2dgs.depth.completion.planes import Plane
-from room2dgs.depth.completion.small_maps import Completed, SmallMaps, moved
 
 APART = 3.0  # expected errors of both between two depths at which half of what they differ by counts
 SURE_ENOUGH = 2.0  # times a pixel's expected error, that of the others up to which their disagreement tells on it
-LEAST_TRUST, MOST_TRUST = 1e-3, 0.9999
+LEAST_WEIGHT, MOST_WEIGHT = 1e-3, 0.9999
 
 
 def with_neighbours(
@@ -28,27 +28,24 @@ def with_neighbours(
 
     Args:
         parts: of all views, each corrected by itself.
-        errors: of each, (h, w) expected relative error.
-        near: for each, which others to ask, best first (`depth_of_other_views`).
+        errors: of each, (h, w) relative standard deviation that is expected.
+        near: for each, the views to compare it with, best first.
     """
-    sure = [
-        SureView(part.camera, part.depth, completed_weight(error)) for part, error in zip(parts, errors, strict=True)
-    ]
     found, left = [], []
-    for part, error, (depth, trust) in zip(parts, errors, depth_of_other_views(sure, near), strict=True):
+    for part, error, (depth, weight) in zip(parts, errors, lent_depth(parts, errors, near), strict=True):
         both = (depth > 0) & (part.depth > 0)
         away = np.log(np.where(both, depth, 1) / np.where(both, part.depth, 1))
-        others = completed_sigma(np.clip(trust, LEAST_TRUST, MOST_TRUST))
+        others = completed_sigma(np.clip(weight, LEAST_WEIGHT, MOST_WEIGHT))
         square = error**2 + others**2
         share = np.where(both, error**2 / square, 0) / (1 + away**2 / (APART**2 * square))
-        found.append(moved(part, share * away))
+        found.append(rescaled(part, share * away))
         tells = both & (others < SURE_ENOUGH * error)
         left.append(np.hypot(error, np.where(tells, (1 - share) * away, 0)).astype(np.float32))
     return found, left
 
 
 def on_their_planes(
-    given: Sequence[SmallMaps], parts: Sequence[Completed], errors: Sequence[np.ndarray], planes: Sequence[Plane]
+    given: Sequence[LowResInput], parts: Sequence[Completed], errors: Sequence[np.ndarray], planes: Sequence[Plane]
 ) -> list[Completed]:
     """What almost lies on a plane lies on it, if that is not many expected errors away.
 
@@ -57,6 +54,6 @@ def on_their_planes(
         parts, errors: as `with_neighbours` gives them.
     """
     return [
-        moved(part, flattened(part.depth, maps.normal, maps.camera, planes, error)[0])
+        rescaled(part, flattened(part.depth, maps.normal, maps.camera, planes, error)[0])
         for maps, part, error in zip(given, parts, errors, strict=True)
     ]

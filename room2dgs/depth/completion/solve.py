@@ -1,14 +1,14 @@
-"""One view's depth between anchors: it has the normals' slopes, or the prior's, passes through the anchors, and breaks
+"""One view's depth between samples: it has the normals' slopes, or the prior's, passes through the samples, and breaks
 at edges.
 
-Unknown is r, the logarithm of completed over prior depth, on the pixels of a small image. Minimised is
+Unknown is r, the logarithm of completed over prior depth, on the pixels at low resolution. Minimised is
 
     sum a (r - d)^2 + sum p r^2 + stiffness * sum over neighbours b (r_i - r_j - s_ij)^2
 
-with d the logarithm of anchor over prior depth, and s what the normals' slope has more than the prior's: walls of a
-network's depth lean towards what frames them, those of its normals do not. Anchors a, prior p and ties b are reweighted
-(Geman and McClure), since some anchors are wrong, the prior is wrong where anchors say so, and surfaces end. Kernels
-solve it directly, four images at a time (csrc/completion_kernels.cpp); reference.py does it with scipy.
+with d the logarithm of sample over prior depth, and s what the normals' slope has more than the prior's: walls of a
+network's depth lean towards what frames them, those of its normals do not. Samples a, prior p and ties b are reweighted
+(Geman and McClure), since some samples are wrong, the prior is wrong where samples say so, and surfaces end. Kernels
+solve it directly, four images at a time (csrc/completion_kernels.cpp); tests/oracles/completion.py does it with scipy.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from room2dgs import _C
 REWEIGHTINGS = 3
 STIFFNESS = 10.0
 PRIOR_WEIGHT = 0.5
-ANCHOR_WIDTH = 0.03  # relative error at which an anchor, or the prior, starts to count as wrong
+SAMPLE_WIDTH = 0.03  # relative error at which a sample, or the prior, starts to count as wrong
 TIE_WIDTH = 0.01  # difference of r between neighbours at which a tie starts to break
 JUMP_WIDTH = 0.04  # likewise of the prior's slope and the one that its normals would have
 WEAKEST_TIE = 0.01
@@ -34,16 +34,16 @@ class System(NamedTuple):
     """What one image's r is solved from; float64.
 
     Attributes:
-        distance: (h, w) d, 0 without anchor.
-        anchor, prior: (h, w) a and p before any reweighting.
+        distance: (h, w) d, 0 without sample.
+        sample_weight, prior_weight: (h, w) a and p before any reweighting.
         right: (h, w - 1) stiffness times b between neighbours along x.
         down: (h - 1, w) likewise along y.
         step_right, step_down: likewise s, of the pixel to the right or below over the one itself.
     """
 
     distance: np.ndarray
-    anchor: np.ndarray
-    prior: np.ndarray
+    sample_weight: np.ndarray
+    prior_weight: np.ndarray
     right: np.ndarray
     down: np.ndarray
     step_right: np.ndarray
@@ -51,12 +51,12 @@ class System(NamedTuple):
 
 
 def system(
-    anchor: np.ndarray,
-    trust: np.ndarray,
+    sample: np.ndarray,
+    sample_weight: np.ndarray,
     prior: np.ndarray,
     prior_weight: np.ndarray,
     slopes: tuple[np.ndarray, np.ndarray],
-    tie: np.ndarray,
+    slope_weight: np.ndarray,
     edges: tuple[np.ndarray, np.ndarray],
     *,
     by_normals: bool,
@@ -64,22 +64,22 @@ def system(
     """Of one image.
 
     Args:
-        anchor: (h, w) metres, 0 = none.
-        trust: (h, w) of each anchor, 0..1.
+        sample: (h, w) metres, 0 = none.
+        sample_weight: (h, w) of each sample, 0..1.
         prior: (h, w) metres, 0 = invalid; r is 0 there.
-        prior_weight: (h, w) confidence in the prior, 0..1.
+        prior_weight: (h, w) of the prior, 0..1.
         slopes: (h, w) each, d ln z / dx and d ln z / dy a pixel; NaN where there is none.
-        tie: (h, w) confidence in the slopes, 0..1.
+        slope_weight: (h, w) of the slopes, 0..1.
         edges: (h, w - 1) and (h - 1, w) what the photo leaves of the ties along x and y (`ties_across_edges`).
         by_normals: the slopes are those of normals; else the prior's, which it keeps.
     """
     known = prior > 0
     log_prior = np.log(np.where(known, prior, 1.0))
-    anchored = (anchor > 0) & known
-    distance = np.where(anchored, np.log(np.where(anchored, anchor, 1.0)) - log_prior, 0.0)
-    right, step_right = _ties(log_prior, known, slopes[0], tie)
-    down, step_down = (one.T for one in _ties(log_prior.T, known.T, slopes[1].T, tie.T))
-    weights = anchored * trust, PRIOR_WEIGHT * prior_weight * known
+    sampled = (sample > 0) & known
+    distance = np.where(sampled, np.log(np.where(sampled, sample, 1.0)) - log_prior, 0.0)
+    right, step_right = _ties(log_prior, known, slopes[0], slope_weight)
+    down, step_down = (one.T for one in _ties(log_prior.T, known.T, slopes[1].T, slope_weight.T))
+    weights = sampled * sample_weight, PRIOR_WEIGHT * prior_weight * known
     ties = STIFFNESS * edges[0] * right, STIFFNESS * edges[1] * down
     steps = (step_right, step_down) if by_normals else (0 * step_right, 0 * step_down)
     return System(distance, *weights, *ties, *steps)
@@ -97,7 +97,7 @@ def solved(systems: Sequence[System]) -> list[np.ndarray]:
     for shape, alike in by_shape.items():
         parts = [np.array(part, np.float64, order="C") for part in zip(*(systems[k] for k in alike), strict=True)]
         r = np.empty((len(alike), *shape))
-        _C.complete(*parts, REWEIGHTINGS, LEAST, ANCHOR_WIDTH, TIE_WIDTH, r)
+        _C.complete(*parts, REWEIGHTINGS, LEAST, SAMPLE_WIDTH, TIE_WIDTH, r)
         for index, one in zip(alike, r, strict=True):
             results[index] = one
     return results

@@ -1,25 +1,23 @@
-"""Depth priors from the capture's own depth files: chosen, checked, and weighed pixel by pixel; never fitted."""
+"""Depth from the capture's own depth files: checked, with a standard deviation of each pixel; never fitted."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from room2dgs.captures.lazy_maps import LazyMaps
-from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
 from room2dgs.config import DepthPriorConfig
 from room2dgs.depth.align.scale_shift import Fit
-from room2dgs.depth.confidence import confidence_of
 from room2dgs.depth.sensor.maps import sensor_depth, sensor_map, unit_m
 from room2dgs.depth.sensor.registration import MIN_VIEW_POINTS, check_scale, found_shift
-from room2dgs.depth.sensor.views import NO_FILE, SensorViews, sensor_views
+from room2dgs.depth.sensor.views import SensorViews
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
+from room2dgs.texts import some_of
 
 ENOUGH = 0.5  # of the photos; with fewer `auto` takes the network for all
 NETWORK = "prior/depth=room_prior uses the network alone"
@@ -31,44 +29,25 @@ class SensorDepths(NamedTuple):
 
     Attributes:
         depths: frame name -> (H, W) float32, 0 = invalid.
-        confidences: frame name -> (H, W) float32 in 0..1.
+        sigmas: frame name -> (H, W) float32 relative standard deviation; infinite where there is no depth.
         fits: frame name -> scale 1, shift 0, and how far the map is off its points.
     """
 
     depths: LazyMaps[np.ndarray]
-    confidences: LazyMaps[np.ndarray]
+    sigmas: LazyMaps[np.ndarray]
     fits: dict[str, Fit]
 
 
-def sensor_depths(
-    frames: Sequence[Frame], points: PointCloud, settings: DepthPriorConfig, log: Log
-) -> tuple[DepthPriorConfig, SensorDepths | None]:
-    """The depth of a depth camera, if the settings ask for it and the capture has it.
+def sensor_depths(frames: Sequence[Frame], views: SensorViews, settings: DepthPriorConfig, log: Log) -> SensorDepths:
+    """The depth of a depth camera; what it is good for is logged.
 
     Args:
         frames: training views.
-        points: the scene's sparse points, metres.
-        settings: with source "sensor" or "auto", other sources stay as they are.
-
-    Returns:
-        The settings with "auto" decided, and the maps; None with another source than "sensor".
+        views: what their depth files are good for.
 
     Raises:
-        InputError: source "sensor" and no depth that can be used, or depth in another scale than the poses.
+        InputError: no depth that can be used, or depth in another scale than the poses.
     """
-    if settings.source not in ("sensor", "auto"):
-        return settings, None
-    as_network = replace(settings, source="room_prior") if settings.source == "auto" else None
-    if as_network and not any(frame.depth_path for frame in frames):
-        return as_network, None
-    views = sensor_views(frames, points, settings)
-    _tell_unusable(views, len(frames), log)
-    if as_network and len(views.at_points) < ENOUGH * len(frames):
-        log(
-            f"depth: room_prior ({len(views.at_points)} of {len(frames)} photos have depth of their own, which is too "
-            "few; prior/depth=sensor uses it)"
-        )
-        return as_network, None
     known = list(views.at_points.values())
     if not known:
         raise InputError(
@@ -82,10 +61,10 @@ def sensor_depths(
             f"no depth file of the capture has a depth between prior.depth.sensor.min_m={settings.sensor.min_m:g} and "
             f"max_m={settings.sensor.max_m:g}; widen them, or give prior/depth=room_prior"
         )
-    _tell(views, len(frames), scale, log)
+    _log_fit(views, len(frames), scale, log)
     _warn_of_shift(views, first.camera.width, log)
     _warn_of_strangers(views, log)
-    return replace(settings, source="sensor", align=False, joint=False), _maps(views, settings)
+    return _maps(views, settings)
 
 
 def _maps(views: SensorViews, settings: DepthPriorConfig) -> SensorDepths:
@@ -94,15 +73,15 @@ def _maps(views: SensorViews, settings: DepthPriorConfig) -> SensorDepths:
         at = views.at_points[frame.name]
         found.fits[frame.name] = Fit(1.0, 0.0, at.residual, len(at.ratio))
         found.depths.add(frame.name, partial(sensor_depth, frame, settings))
-        found.confidences.add(frame.name, partial(_confidence, frame, settings, _excess(found.fits[frame.name])))
+        found.sigmas.add(frame.name, partial(_sigma, frame, settings, _excess(found.fits[frame.name])))
     return found
 
 
-def _confidence(frame: Frame, settings: DepthPriorConfig, excess: float) -> np.ndarray:
-    """By the same rule as a network's: of the expected error of ln depth."""
+def _sigma(frame: Frame, settings: DepthPriorConfig, excess: float) -> np.ndarray:
+    """(H, W) of the depth camera's own noise, and of what the view's points say beyond that."""
     depth, error = sensor_map(frame, settings)
     relative = np.divide(error, depth, out=np.full_like(error, np.inf), where=depth > 0)
-    return confidence_of(np.hypot(relative, np.float32(excess)), settings.onnx)
+    return np.hypot(relative, np.float32(excess))
 
 
 def _excess(fit: Fit) -> float:
@@ -112,26 +91,13 @@ def _excess(fit: Fit) -> float:
     return max(0.0, fit.residual - POINTS_OFF)
 
 
-def _tell(views: SensorViews, count: int, scale: float | None, log: Log) -> None:
+def _log_fit(views: SensorViews, count: int, scale: float | None, log: Log) -> None:
     residuals = [at.residual for at in views.at_points.values() if len(at.ratio)]
     if scale is None:
         fit = "too few sparse points to check scale and registration"
     else:
         fit = f"off the sparse points by {np.median(residuals):.1%} (median view), scale {scale:.3f}"
     log(f"depth: sensor ({len(views.frames)} of {count} photos); {fit}; {NETWORK}")
-
-
-def _tell_unusable(views: SensorViews, count: int, log: Log) -> None:
-    missing = [name for name, why in views.without.items() if why == NO_FILE]
-    broken = {name: why for name, why in views.without.items() if why != NO_FILE}
-    if missing and len(missing) < count:
-        log(f"depth: {len(missing)} of {count} photos have no depth file: {_some(missing)}")
-    if broken:
-        first = next(iter(broken.values()))
-        more = f" (and {len(broken) - 1} more depth files: {_some(list(broken)[1:])})" if len(broken) > 1 else ""
-        log(f"depth: the run goes on without {next(iter(broken))}'s, {first}{more}")
-    if views.out_of_reach:
-        log(f"depth: nothing within the sensor's reach in {_some(views.out_of_reach)}")
 
 
 def _warn_of_shift(views: SensorViews, width: int, log: Log) -> None:
@@ -151,8 +117,4 @@ def _warn_of_strangers(views: SensorViews, log: Log) -> None:
         if len(at.ratio) >= MIN_VIEW_POINTS and at.residual > 2 * POINTS_OFF
     ]
     if names:
-        log(f"WARNING: depth far off the sparse points of its own photo, it weighs less: {_some(names)}")
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+        log(f"WARNING: depth far off the sparse points of its own photo, it weighs less: {some_of(names)}")

@@ -1,4 +1,4 @@
-"""The photos whose own depth can be used, each looked at once: is the file whole, and does it fit the points?"""
+"""The photos whose own depth can be used, each decoded once: is the file whole, and does it fit the points?"""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ from room2dgs.config import DepthPriorConfig
 from room2dgs.depth.sensor.at_points import AtPoints, at_points
 from room2dgs.depth.sensor.maps import raw_depth_at_photo
 from room2dgs.errors import InputError
+from room2dgs.logs import Log
+from room2dgs.texts import some_of
+
+NO_FILE = "no file"
 
 
 @dataclass
@@ -31,8 +35,8 @@ class SensorViews:
     out_of_reach: list[str] = field(default_factory=list)
 
 
-def sensor_views(frames: Sequence[Frame], points: PointCloud, settings: DepthPriorConfig) -> SensorViews:
-    """Decode every photo's depth file; damaged and missing ones are told, not raised."""
+def sensor_views(frames: Sequence[Frame], points: PointCloud, settings: DepthPriorConfig, log: Log) -> SensorViews:
+    """Decode every photo's depth file; damaged and missing ones are logged, not raised."""
     found = SensorViews()
     for frame in frames:
         if frame.depth_path is None:
@@ -49,7 +53,18 @@ def sensor_views(frames: Sequence[Frame], points: PointCloud, settings: DepthPri
             found.frames.append(frame)
         else:
             found.out_of_reach.append(frame.name)
+    _log_unusable(found, len(frames), log)
     return found
 
 
-NO_FILE = "no file"
+def _log_unusable(views: SensorViews, count: int, log: Log) -> None:
+    missing = [name for name, why in views.without.items() if why == NO_FILE]
+    broken = {name: why for name, why in views.without.items() if why != NO_FILE}
+    if missing and len(missing) < count:
+        log(f"depth: {len(missing)} of {count} photos have no depth file: {some_of(missing)}")
+    if broken:
+        first = next(iter(broken.values()))
+        more = f" (and {len(broken) - 1} more depth files: {some_of(list(broken)[1:])})" if len(broken) > 1 else ""
+        log(f"depth: the run goes on without {next(iter(broken))}'s, {first}{more}")
+    if views.out_of_reach:
+        log(f"depth: nothing within the sensor's reach in {some_of(views.out_of_reach)}")

@@ -16,6 +16,7 @@ from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
 from room2dgs.config import load_config
 from room2dgs.depth.align.depths import aligned_depths
+from room2dgs.depth.align.one_view import RawMap
 from room2dgs.depth.align.scale_shift import MIN_POINTS, Fit, aligned_depth, fit_scale_shift, residual
 from room2dgs.depth.align.usual_scale import COST, UsualScale, usual_scale
 from room2dgs.geometry.camera import Camera
@@ -127,22 +128,21 @@ def test_where_each_photo_has_its_own_scale_none_is_usual():
     assert usual_scale([0.7, 0.72, 0.68, 1.2, 1.25, 1.3]).cost < 0.1 * COST
 
 
-def test_views_tell_each_other_the_usual_scale(tmp_path):
+def test_views_tell_each_other_the_usual_scale():
     """Of five photos one has most of its points on what the prior takes for farther away."""
     rng = np.random.default_rng(7)
     camera = Camera(np.array([[80.0, 0, 40], [0, 80, 30], [0, 0, 1]]), 80, 60, np.eye(4))
     frames = [Frame(name=str(index), camera=camera, color_path=Path(f"{index}.jpg")) for index in range(5)]
     pixel = np.stack([rng.uniform(2, 78, 400), rng.uniform(2, 58, 400)], axis=1)
     cloud = PointCloud(camera.unproject(pixel, rng.uniform(1, 5, 400)), np.zeros((400, 3), np.uint8))
-    files = {}
+    raw = {}
     for frame in frames:
         seen = seen_points(cloud, frame)
         column, row = seen.column_row
         values = np.zeros((60, 80), np.float32)
         wrong = (column < 50) & (frame.name == "3")
         values[row, column] = seen.depth * 1.25 * np.where(wrong, 1.8, 1) * rng.normal(1, 0.02, len(row))
-        files[frame.name] = tmp_path / f"{frame.name}.npy"
-        np.save(files[frame.name], values)
+        raw[frame.name] = RawMap(values, values > 0)
     settings_ = replace(load_config(["scene.path=a", "out=b", "prior=room_prior"]).prior.depth, meaning="metric_depth")
-    _, fits = aligned_depths(frames, files, cloud, settings_, lambda _: None)
+    _, fits = aligned_depths(frames, raw, cloud, settings_, lambda _: None)
     assert [fit.scale for fit in fits.values()] == pytest.approx([0.8] * 5, rel=0.05)

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from room2dgs.captures.uncertainty import completed_weight
+from room2dgs.depth import depth_of_frames
 from room2dgs.depth.completion import correction, evidence
 from room2dgs.depth.completion.correction import correction_by_network
-from room2dgs.depth.completion.small_maps import Completed, SmallMaps
-from room2dgs.depth.completion.views import complete_views
-from room2dgs.depth.load import load_priors
+from room2dgs.depth.completion.low_res import Completed, LowResInput
 from room2dgs.errors import InputError
 from room2dgs.stereo.depth_samples import DepthSamples, with_depth_samples
 from room2dgs.stereo.geometric_consistency import GeometricConsistency
+from room2dgs.stereo.passes import StereoMap
 
 SHAPE = (12, 16)
 
@@ -32,12 +32,12 @@ def view(make):
     def some(least: float = 0.0) -> np.ndarray:
         return random.uniform(least, least + 1, SHAPE).astype(np.float32)
 
-    depth, anchor, prior = some(1), some(1), some(1)
+    depth, sample, prior = some(1), some(1), some(1)
     depth[2, 3] = 0
-    anchor[4, 5], prior[6, 7] = 0, 9
+    sample[4, 5], prior[6, 7] = 0, 9
     photo, normal = random.random((*SHAPE, 3)), np.tile(-camera.forward, (*SHAPE, 1))
-    maps = SmallMaps(camera, photo, normal, anchor, some(), prior, some(), (some(), some()), some(), (some(), some()))
-    return maps, Completed(camera, anchor, maps.trust, some(), depth, some())
+    maps = LowResInput(camera, photo, normal, sample, some(), prior, some(), (some(), some()), some(), (some(), some()))
+    return maps, Completed(camera, sample, maps.sample_weight, some(), depth, some())
 
 
 def test_each_channel_is_what_it_is_called(view):
@@ -56,21 +56,21 @@ def test_each_channel_is_what_it_is_called(view):
     assert (found[evidence.KNOWN] == known).all()
     assert np.median(found[evidence.LN_DEPTH][known]) == pytest.approx(0, abs=1e-6)
     np.testing.assert_allclose(np.moveaxis(found[evidence.PHOTO : evidence.PHOTO + 3], 0, 2), maps.photo, rtol=1e-6)
-    both = known & (maps.anchor > 0)
+    both = known & (maps.sample > 0)
     np.testing.assert_allclose(
-        found[evidence.ANCHOR][both], np.log(maps.anchor[both] / small.depth[both]).clip(-0.5, 0.5), atol=1e-5
+        found[evidence.SAMPLE][both], np.log(maps.sample[both] / small.depth[both]).clip(-0.5, 0.5), atol=1e-5
     )
-    assert found[evidence.ANCHOR_TRUST, 4, 5] == 0 == found[evidence.ANCHOR, 4, 5]
+    assert found[evidence.SAMPLE_WEIGHT, 4, 5] == 0 == found[evidence.SAMPLE, 4, 5]
     assert (
-        found[evidence.PRIOR, 6, 7] == evidence.MOST and (found[evidence.PRIOR : evidence.ANCHOR + 1, 2, 3] == 0).all()
+        found[evidence.PRIOR, 6, 7] == evidence.MOST and (found[evidence.PRIOR : evidence.SAMPLE + 1, 2, 3] == 0).all()
     )
     # a wall that faces the camera, in the camera's frame
     np.testing.assert_allclose(found[evidence.NORMAL : evidence.NORMAL + 3, 0, 0], [0, 0, -1], atol=1e-6)
     assert [found[channel, 1, 1] for channel in (evidence.CONSISTENT, evidence.THROUGH, evidence.HIDDEN)] == [
         pytest.approx(part) for part in (0.7, 0.2, 0.1)
     ]
-    assert found[evidence.OTHERS][known] == pytest.approx(evidence.MOST) and found[evidence.OTHERS_TRUST, 0, 0] == 0.5
-    assert (found[evidence.PLANE] == 0).all() and (found[evidence.PLANE_TRUST] == 0).all()
+    assert found[evidence.OTHERS][known] == pytest.approx(evidence.MOST) and found[evidence.OTHERS_WEIGHT, 0, 0] == 0.5
+    assert (found[evidence.PLANE] == 0).all() and (found[evidence.PLANE_WEIGHT] == 0).all()
     assert found[evidence.ERROR, 0, 0] == np.float32(evidence.MOST_ERROR)
     rays = maps.camera.rays()
     np.testing.assert_allclose(found[evidence.RAYS], rays[..., 0], rtol=1e-5)
@@ -83,7 +83,7 @@ def test_a_view_without_any_depth_has_evidence_of_nothing(view):
     said = GeometricConsistency(*(np.zeros(SHAPE, np.uint8) for _ in range(5)))
     none = (np.zeros(SHAPE), np.zeros(SHAPE))
     found = evidence.evidence(maps, nothing, said, np.zeros(SHAPE), none, none, np.full(SHAPE, np.float32(0.1)))
-    assert np.isfinite(found).all() and not found[evidence.LN_DEPTH : evidence.ANCHOR + 1].any()
+    assert np.isfinite(found).all() and not found[evidence.LN_DEPTH : evidence.SAMPLE + 1].any()
 
 
 def photographed(room, folder):
@@ -95,26 +95,24 @@ def photographed(room, folder):
 
 
 @pytest.fixture
-def completed(room, tmp_path):
-    """Depth and confidence of the views of a box room, by what corrects them."""
+def completed(room, tmp_path, complete_views):
+    """Depth and weight of the views of a box room, by what corrects them."""
     frames = photographed(room, tmp_path)
     depths = {frame.name: depth.astype(np.float32) for frame, depth in zip(frames, room.depths, strict=True)}
     normals = {frame.name: normal.astype(np.float32) for frame, normal in zip(frames, room.normals, strict=True)}
 
     def complete(correct, stereo=False):
-        taken = {}
-        maps = {name: (depth, np.full(depth.shape, 7, np.uint8)) for name, depth in depths.items()} if stereo else {}
-        points = (
-            with_depth_samples(room.points, frames, [frame.camera for frame in frames], maps) if stereo else room.points
-        )
-        complete_views(
-            frames, depths, {}, normals, {}, points, maps, {}, lambda line: None,
-            lambda name, *maps: taken.update({name: maps}),
-            planes=True, right_angles=True, creases=True, other_views=True, space=None, correct=correct,
-        )  # fmt: skip
-        return taken
+        maps = consistent(depths) if stereo else {}
+        cameras = [frame.camera for frame in frames]
+        points = with_depth_samples(room.points, frames, cameras, maps) if stereo else room.points
+        return complete_views(frames, depths, normals, points, stereo=maps, correct=correct)
 
     return complete
+
+
+def consistent(depths):
+    """Stereo's maps of these depths, with which seven views are consistent."""
+    return {name: StereoMap(depth, np.full(depth.shape, 7, np.uint8)) for name, depth in depths.items()}
 
 
 def test_depth_moves_as_the_network_says_and_is_trusted_by_its_expected_error(completed):
@@ -139,7 +137,7 @@ def test_planes_are_found_anew_in_corrected_depth_by_half_the_width(completed, m
         asked.append(settings)
         return []
 
-    monkeypatch.setattr("room2dgs.depth.completion.views.find_planes", find)
+    monkeypatch.setattr("room2dgs.depth.completion.room_planes.find_planes", find)
     completed(lambda name, found: (np.zeros(found.shape[1:], np.float32), np.full(found.shape[1:], 0.01, np.float32)))
     assert [one["width"] for one in asked] == [1, 1, 0.5] and all(one["right_angles"] for one in asked)
     asked.clear()
@@ -175,27 +173,25 @@ def test_a_network_that_is_missing_is_named_with_the_way_out(monkeypatch):
 
 
 @pytest.mark.parametrize(("settings", "asked"), [({}, True), ({"depth__correction": False}, False)])
-def test_it_corrects_both_looks_where_stereo_has_seen_something(
+def test_it_corrects_both_passes_where_stereo_has_seen_something(
     room, prior_config, map_files, tmp_path, settings, asked, monkeypatch
 ):
     frames = photographed(room, tmp_path)
     folder = map_files(depth=lambda depth, i: 1.02 * depth)
     paths = {"depth__path": folder / "depth", "normal__path": folder / "normal"}
     config = prior_config("prior=files", **{"depth__correction": True, **paths, **settings})
-    maps = {
-        f.name: (d.astype(np.float32), np.full(d.shape, 7, np.uint8)) for f, d in zip(frames, room.depths, strict=True)
-    }
+    maps = consistent({f.name: d.astype(np.float32) for f, d in zip(frames, room.depths, strict=True)})
     calls = []
 
     def correct(name, found):
         calls.append(name)
         return np.zeros(found.shape[1:], np.float32), np.full(found.shape[1:], 0.01, np.float32)
 
-    monkeypatch.setattr("room2dgs.depth.load.correction_by_network", lambda: correct)
+    monkeypatch.setattr("room2dgs.depth.completion.stages.correction_by_network", lambda: correct)
     cameras = [frame.camera for frame in frames]
     held = DepthSamples(with_depth_samples(room.points, frames, cameras, maps), maps)
-    load_priors(frames, room.points, config, lambda line: None, lambda first: held)
+    depth_of_frames(frames, room.points, config, lambda line: None, lambda first: held)
     assert len(calls) == (2 * len(frames) if asked else 0)
     calls.clear()
-    load_priors(frames, room.points, config, lambda line: None)  # stereo is off
+    depth_of_frames(frames, room.points, config, lambda line: None)  # stereo is off
     assert not calls

@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from room2dgs.depth.completion.creases import SeenPlanes, _between, _to_the_edge, creases_of
-from room2dgs.depth.completion.places import placed
+from room2dgs.depth.completion.plane_refinement import refined_at_creases
 from room2dgs.depth.completion.planes import Plane
-from room2dgs.depth.completion.views import complete_views
 from room2dgs.geometry.camera import Camera
 from tests.conftest import look_at
 
@@ -38,17 +37,17 @@ def views(count: int = 16) -> list[Camera]:
     return cameras
 
 
-def shown(camera: Camera, trust: float = 0.0, anchored: Sequence[float] = OFFSETS) -> SeenPlanes:
+def shown(camera: Camera, trust: float = 0.0, sampled: Sequence[float] = OFFSETS) -> SeenPlanes:
     """The room as it is, and what stereo has of it: planes with other offsets, of one trust."""
     rays = camera.rays() @ camera.rotation
     facing = rays @ NORMALS.T
     away = OFFSETS - NORMALS @ camera.centre
     z = np.where(facing < 0, away / np.minimum(facing, -1e-9), np.inf)
     which = z.argmin(axis=-1)
-    anchor = ((np.asarray(anchored) - NORMALS @ camera.centre) / np.minimum(facing, -1e-9))[
+    sample = ((np.asarray(sampled) - NORMALS @ camera.centre) / np.minimum(facing, -1e-9))[
         (*np.mgrid[: camera.height, : camera.width], which)
     ]
-    return SeenPlanes(camera, np.zeros(which.shape, np.float32), which, anchor, np.full(which.shape, trust))
+    return SeenPlanes(camera, np.zeros(which.shape, np.float32), which, sample, np.full(which.shape, trust))
 
 
 def offsets(planes: Sequence[Plane]) -> np.ndarray:
@@ -62,8 +61,8 @@ def test_a_bare_wall_comes_back_to_where_the_photos_see_its_rim():
     seen = []
     for camera in views():
         one = shown(camera, 0.8, wrong)
-        seen.append(one._replace(trust=np.where(one.which == EAST, 0.03, one.trust)))
-    found = placed(planes_at(wrong), seen)
+        seen.append(one._replace(sample_weight=np.where(one.which == EAST, 0.03, one.sample_weight)))
+    found = refined_at_creases(planes_at(wrong), seen)
     assert np.abs(offsets(found) - OFFSETS).max() < 0.006
     assert all(one.normal @ normal > 1 - 1e-5 for one, normal in zip(found, NORMALS, strict=True))
 
@@ -76,8 +75,8 @@ def test_a_bare_wall_that_leans_stands_upright_again_and_a_textured_one_stays_as
         normal /= np.linalg.norm(normal)
         planes[EAST] = Plane(normal, float(normal @ [4, 1.5, 1.25]), 0.1)
         seen = [shown(camera, 0.95) for camera in views(80)]
-        seen = [one._replace(trust=np.where(one.which == EAST, trust, one.trust)) for one in seen]
-        found = placed(planes, seen)[EAST]
+        seen = [one._replace(sample_weight=np.where(one.which == EAST, trust, one.sample_weight)) for one in seen]
+        found = refined_at_creases(planes, seen)[EAST]
         angle = np.degrees(np.arccos(min(1.0, found.normal @ NORMALS[EAST])))
         assert angle < left if trust == 0 else angle > left, angle
 
@@ -88,11 +87,11 @@ def test_a_wall_that_stereo_knows_stays_however_often_it_is_asked():
     raised = [one._replace(which=np.roll(one.which, -1, axis=0)) for one in seen]
     planes = planes_at(OFFSETS)
     for _ in range(6):
-        planes = placed(planes, raised)
+        planes = refined_at_creases(planes, raised)
     assert np.abs(offsets(planes) - OFFSETS).max() < 0.015
-    unknown = [one._replace(trust=np.zeros(one.trust.shape)) for one in raised]
+    unknown = [one._replace(sample_weight=np.zeros(one.sample_weight.shape)) for one in raised]
     for _ in range(6):
-        planes = placed(planes, unknown)
+        planes = refined_at_creases(planes, unknown)
     assert np.abs(offsets(planes) - OFFSETS).max() > 0.015  # that it was stereo that held it
 
 
@@ -108,16 +107,20 @@ def test_what_stands_before_a_crease_moves_no_plane():
         top = (rays[..., 2] < 0) & (at[..., 0] > 3.4) & (at[..., 0] < 3.9)
         seen.append(one._replace(which=np.where(top & (index % 4 > 0), 6, one.which)))
     assert any((one.which == 6).any() for one in seen)
-    found = placed(planes, seen)
+    found = refined_at_creases(planes, seen)
     assert np.abs(offsets(found)[:6] - OFFSETS).max() < 0.003
 
 
 def test_without_creases_planes_stay_to_the_bit():
     planes = planes_at(OFFSETS + 0.01)
     nothing = [one._replace(which=np.full_like(one.which, -1)) for one in map(shown, views(2))]
-    assert placed(planes, []) == planes and placed([], []) == [] and placed([], nothing) == []
+    assert (
+        refined_at_creases(planes, []) == planes
+        and refined_at_creases([], []) == []
+        and refined_at_creases([], nothing) == []
+    )
     seen = [one._replace(which=np.where(one.which == EAST, EAST, -1)) for one in map(shown, views())]
-    assert offsets(placed(planes, seen)).tolist() == offsets(planes).tolist()
+    assert offsets(refined_at_creases(planes, seen)).tolist() == offsets(planes).tolist()
 
 
 def test_the_order_of_the_planes_is_none_of_its_business():
@@ -126,8 +129,8 @@ def test_the_order_of_the_planes_is_none_of_its_business():
     seen = [shown(camera, 0.1) for camera in views()]
     place = np.argsort(order)
     turned = [one._replace(which=place[one.which]) for one in seen]
-    there = offsets(placed([planes_at(wrong)[k] for k in order], turned))
-    np.testing.assert_allclose(there, offsets(placed(planes_at(wrong), seen))[order], atol=1e-9)
+    there = offsets(refined_at_creases([planes_at(wrong)[k] for k in order], turned))
+    np.testing.assert_allclose(there, offsets(refined_at_creases(planes_at(wrong), seen))[order], atol=1e-9)
 
 
 @settings(max_examples=30, deadline=None)
@@ -174,7 +177,7 @@ def test_images_of_a_pixel(size):
 
 
 @pytest.mark.parametrize("creases", [False, True])
-def test_the_views_depth_of_a_wall_goes_where_its_creases_are(box_room, creases):
+def test_the_views_depth_of_a_wall_goes_where_its_creases_are(box_room, complete_views, creases):
     """Every view has one wall 4 cm too near; nothing but its creases tells."""
     room = box_room(count=24, turn=0.07)
     depths, walls = {}, {}
@@ -188,15 +191,10 @@ def test_the_views_depth_of_a_wall_goes_where_its_creases_are(box_room, creases)
         for frame, normal in zip(room.frames, room.normals, strict=True)
     }
     points = replace(room.points, weight=np.full(len(room.points), 1e-3, np.float32))  # which views are near, no more
-    found = {}
-    complete_views(
-        room.frames, depths, {}, normals, {}, points, {}, {}, lambda line: None,
-        lambda *one: found.update({one[0]: one[1]}),
-        planes=True, right_angles=True, creases=creases, other_views=True, space=None,
-    )  # fmt: skip
+    found = complete_views(room.frames, depths, normals, points, creases=creases)
     off = np.concatenate(
         [
-            ((found[frame.name] / depth - 1) * (4.0 - frame.camera.centre[0]))[walls[frame.name]]
+            ((found[frame.name][0] / depth - 1) * (4.0 - frame.camera.centre[0]))[walls[frame.name]]
             for frame, depth in zip(room.frames, room.depths, strict=True)
         ]
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -18,10 +19,9 @@ from room2dgs.depth.completion.free_space import (
     rays_to,
     seen_through,
 )
-from room2dgs.depth.completion.free_space_reference import cells_of_view_reference, seen_through_reference
-from room2dgs.depth.completion.views import complete_views
 from room2dgs.geometry.camera import Camera
 from room2dgs.splat import set_threads
+from tests.oracles.free_space import cells_of_view_reference, seen_through_reference
 
 WALL_M = 2.0
 
@@ -109,27 +109,18 @@ def test_a_vast_room_has_larger_cells(facing_a_wall, monkeypatch: pytest.MonkeyP
     assert seen_through(space, np.array([[1.0, 0.1, 0.0]]))[0] > 0.5
 
 
-def left_half(room, depths, points, through: bool, names, misfit=0.0, others=False) -> tuple[float, float]:
-    """Mean relative error and mean confidence of the completed depth there."""
-    found = {}
+@pytest.fixture
+def left_half(complete_views):
+    """`left_half(room, depths, points, through, names)`: the completed depth's mean relative error and weight there."""
+    return partial(of_left_half, complete_views)
+
+
+def of_left_half(complete_views, room, depths, points, through, names, misfit=0.0, others=False):
     space = free_space([rays_to(points, frame) for frame in room.frames]) if through else None
     points = less_where_seen_through(points, space)
-    complete_views(
-        room.frames,
-        depths,
-        {},
-        {},
-        {},
-        points,
-        {},
-        dict.fromkeys(depths, misfit),
-        lambda line: None,
-        lambda *one: found.update({one[0]: one[1:]}),
-        planes=False,
-        right_angles=True,
-        creases=True,
-        other_views=others,
-        space=space,
+    residuals = dict.fromkeys(depths, misfit)
+    found = complete_views(
+        room.frames, depths, {}, points, residuals=residuals, space=space, planes=False, other_views=others
     )
     inner = (slice(5, -5), slice(5, 35))
     truth = {frame.name: depth for frame, depth in zip(room.frames, room.depths, strict=True)}
@@ -137,7 +128,7 @@ def left_half(room, depths, points, through: bool, names, misfit=0.0, others=Fal
     return float(off), float(np.mean([found[name][1][inner].mean() for name in names]))
 
 
-def anchored(frames, depths, left_out=()) -> PointCloud:
+def sampled(frames, depths, left_out=()) -> PointCloud:
     """Every other pixel of the depth maps, but of the left half of those views that have none there."""
     xyz, frame_of, pixels = [], [], []
     for index, frame in enumerate(frames):
@@ -168,24 +159,24 @@ def seen(box_room):
     return room, {frame.name: depth.astype(np.float32) for frame, depth in zip(room.frames, room.depths, strict=True)}
 
 
-def test_a_mistake_that_many_views_share_is_not_believed_where_others_look_through_it(seen):
+def test_a_mistake_that_many_views_share_is_not_believed_where_others_look_through_it(left_half, seen):
     """Every other view has it, and nothing there to hold it."""
     room, depths = seen
     names = [frame.name for frame in room.frames[::2]]
-    points = anchored(room.frames, depths, left_out=names)
+    points = sampled(room.frames, depths, left_out=names)
     sure = [left_half(room, too_near(depths, names), points, through, names)[1] for through in (False, True)]
     # the other half's maps contradict it already, so that little is left to take
     assert sure[1] < 0.6 * sure[0] < 0.1
 
 
-def test_a_mistake_of_half_the_views_is_mended_by_the_others(seen):
+def test_a_mistake_of_half_the_views_is_mended_by_the_others(left_half, seen):
     """Of maps that fitted the points badly. Nothing holds them there but what the others have, which have points.
 
     That is no evidence: they count for as little as what they would have found alone.
     """
     room, depths = seen
     names = [frame.name for frame in room.frames[::2]]
-    points = anchored(room.frames, depths, left_out=names)
+    points = sampled(room.frames, depths, left_out=names)
     wrong = too_near(depths, names)
     alone, helped = (left_half(room, wrong, points, False, names, 0.15, others) for others in (False, True))
     assert alone[0] > 0.19 and helped[0] < 0.02
@@ -194,16 +185,16 @@ def test_a_mistake_of_half_the_views_is_mended_by_the_others(seen):
     assert left_half(room, wrong, points, False, right, 0.15, True)[1] > 0.5
 
 
-def test_anchors_that_others_look_through_do_not_bend_the_depth(seen):
-    """Of maps that fitted the points badly, so that anchors rule."""
+def test_samples_that_others_look_through_do_not_bend_the_depth(left_half, seen):
+    """Of maps that fitted the points badly, so that samples rule."""
     room, depths = seen
     names = [room.frames[5].name]
-    points = anchored(room.frames, too_near(depths, names))
+    points = sampled(room.frames, too_near(depths, names))
     off = [left_half(room, depths, points, through, names, misfit=0.15)[0] for through in (False, True)]
     assert off[0] > 0.1 and off[1] < 0.02
 
 
-def test_points_that_are_hardly_trusted_send_no_rays(seen):
+def test_points_that_are_hardly_trusted_send_no_rays(left_half, seen):
     room, depths = seen
-    points = replace(anchored(room.frames, depths), weight=np.full(len(anchored(room.frames, depths)), 0.2, np.float32))
+    points = replace(sampled(room.frames, depths), weight=np.full(len(sampled(room.frames, depths)), 0.2, np.float32))
     assert not len(rays_to(points, room.frames[0]).ends)

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from room2dgs import _C
-from room2dgs.depth.completion.expecting import expecting
-from room2dgs.depth.completion.other_views import LENDING, SureView, depth_of_other_views
-from room2dgs.depth.completion.other_views_reference import depth_of_other_views_reference
-from room2dgs.depth.completion.small_maps import Completed
+from room2dgs.depth.completion.expected_sigma import expecting
+from room2dgs.depth.completion.low_res import Completed
+from room2dgs.depth.completion.other_views import LENDING, LendingView, depth_of_other_views
 from room2dgs.geometry.camera import Camera
+from tests.oracles.other_views import depth_of_other_views_reference
 
 
 def camera(width, height, rng, turn=0.3, shift=0.5):
@@ -37,7 +37,7 @@ def drawn_views(seed, count):
         depth = rng.choice([1.5, 1.51, 2.0, 0.3], (height, width)) * rng.uniform(0.97, 1.03, (height, width))
         depth[rng.random(depth.shape) < 0.2] = 0
         sure = rng.uniform(0, 1, depth.shape)
-        views.append(SureView(camera(width, height, rng), depth.astype(np.float32), sure.astype(np.float32)))
+        views.append(LendingView(camera(width, height, rng), depth.astype(np.float32), sure.astype(np.float32)))
     return views, [[k for k in rng.permutation(count) if k != view] for view in range(count)]
 
 
@@ -75,7 +75,7 @@ def wall():
         cam_from_world = np.eye(4)
         cam_from_world[:3, 3] = [-0.05 * k, -0.02 * k, 0.0]
         at = Camera(at.K, 40, 30, cam_from_world)
-        views.append(SureView(at, np.full((30, 40), 2, np.float32), np.full((30, 40), 0.9, np.float32)))
+        views.append(LendingView(at, np.full((30, 40), 2, np.float32), np.full((30, 40), 0.9, np.float32)))
     return views
 
 
@@ -104,10 +104,10 @@ def test_what_is_unsure_unknown_or_behind_the_camera_has_no_vote(wall):
     past_the_wall[2, 3] = -5.0
     at = Camera(wall[0].camera.K, 40, 30, past_the_wall)
     for silent in (
-        wall[1]._replace(sure=np.full((30, 40), 0.19, np.float32)),
+        wall[1]._replace(weight=np.full((30, 40), 0.19, np.float32)),
         wall[1]._replace(depth=none),
         wall[1]._replace(depth=np.full((30, 40), np.nan, np.float32)),
-        wall[1]._replace(sure=np.full((30, 40), np.nan, np.float32)),
+        wall[1]._replace(weight=np.full((30, 40), np.nan, np.float32)),
         wall[1]._replace(depth=np.full((30, 40), np.inf, np.float32)),
     ):
         depth, trust = depth_of_other_views([wall[0], silent], [[1], []])[0]
@@ -117,7 +117,7 @@ def test_what_is_unsure_unknown_or_behind_the_camera_has_no_vote(wall):
 
 
 def test_no_more_than_the_first_are_asked_and_nobody_is_no_error(wall):
-    views = [wall[0], *(LENDING * [wall[1]._replace(sure=np.zeros((30, 40), np.float32))]), wall[2]]
+    views = [wall[0], *(LENDING * [wall[1]._replace(weight=np.zeros((30, 40), np.float32))]), wall[2]]
     depth, _ = depth_of_other_views(views, [list(range(1, len(views))), *([[]] * (len(views) - 1))])[0]
     assert not depth.any()
     assert depth_of_other_views([], []) == []

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from room2dgs.depth.completion import planes as module
-from room2dgs.depth.completion import views
 from room2dgs.depth.completion.on_planes import flattened, on_planes
 from room2dgs.depth.completion.planes import Plane, Samples, find_planes
-from room2dgs.depth.completion.views import _with_fine, complete_views
+from room2dgs.depth.completion.restore import with_stereo_detail
+from room2dgs.depth.completion.room_planes import samples_of
 from room2dgs.geometry.camera import Camera
+from room2dgs.stereo.passes import StereoMap
 
 NONE = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0))
 OFF = (1.06, 0.94, 1.09, 0.92)  # of the depth of every third view
@@ -142,7 +143,7 @@ def test_samples_know_how_far_off_their_depth_may_be(camera: Camera):
     size = (camera.height, camera.width)
     normal = np.broadcast_to(-camera.forward, (*size, 3))
     part = SimpleNamespace(depth=np.full(size, 2.0), camera=camera)
-    samples = views._samples([SimpleNamespace(normal=normal)], [part], [np.full(size, 0.01, np.float32)], None)
+    samples = samples_of([SimpleNamespace(normal=normal)], [part], [np.full(size, 0.01, np.float32)], None)
     np.testing.assert_allclose(samples.error, 0.02, rtol=1e-6)  # metres of a relative error
     assert len(samples.error) == len(samples.xyz) > 0
 
@@ -153,15 +154,15 @@ def test_stereos_pixels_count_as_far_as_they_may_be_right(camera: Camera):
     stereo[:10] *= 1.002  # the surface's own shape
     stereo[10:20] *= 0.975  # what completion has overruled
     num_consistent[4:6] = 2
-    found = _with_fine(depth, error, stereo, num_consistent, camera)
+    found = with_stereo_detail(depth, error, StereoMap(stereo, num_consistent), camera)
     assert np.abs(found[7:9, 2:-2] - 2.004).max() < 0.0003
     assert np.abs(found[12:18, 2:-2] - 2.0).max() < 0.006
     assert (found[5, 2:-2] == 2).all()  # of too few views
-    unsure = _with_fine(depth, 10 * error, stereo, num_consistent, camera)
+    unsure = with_stereo_detail(depth, 10 * error, StereoMap(stereo, num_consistent), camera)
     assert np.abs(unsure[12:18, 2:-2] - 1.95).max() < 0.006  # where depth may be that far off
-    assert (_with_fine(depth, 0 * error, stereo, num_consistent, camera)[:10] - 2 < 3e-4).all()
+    assert (with_stereo_detail(depth, 0 * error, StereoMap(stereo, num_consistent), camera)[:10] - 2 < 3e-4).all()
     stereo[10:20] *= 0.5
-    assert (_with_fine(depth, 10 * error, stereo, num_consistent, camera)[12:18] == 2).all()
+    assert (with_stereo_detail(depth, 10 * error, StereoMap(stereo, num_consistent), camera)[12:18] == 2).all()
 
 
 def test_a_plane_seen_from_behind_is_nobodys(camera: Camera):
@@ -172,44 +173,38 @@ def test_a_plane_seen_from_behind_is_nobodys(camera: Camera):
     assert (trust == 0).all()
 
 
-def off_by_view(room, factors, planes: bool) -> list[float]:
+@pytest.fixture
+def off_by_view(complete_views):
     """How far each view's completed depth is off, its median, if it was off by a factor before."""
-    frames, found = room.frames, {}
-    depths = {
-        frame.name: (depth * factor).astype(np.float32)
-        for frame, depth, factor in zip(frames, room.depths, factors, strict=True)
-    }
-    normals = {
-        frame.name: (normal @ frame.camera.rotation).astype(np.float32)
-        for frame, normal in zip(frames, room.normals, strict=True)
-    }
-    points = replace(room.points, weight=np.full(len(room.points), 1e-3, np.float32))  # which views are near, no more
-    give = (depths, {}, normals, {}, points, {}, {})
-    complete_views(
-        frames,
-        *give,
-        lambda line: None,
-        lambda *one: found.update({one[0]: one[1]}),
-        planes=planes,
-        right_angles=True,
-        creases=False,
-        other_views=True,
-        space=None,
-    )
-    return [
-        float(np.median(np.abs(found[frame.name] / depth - 1)))
-        for frame, depth in zip(frames, room.depths, strict=True)
-    ]
+
+    def run(room, factors, planes: bool) -> list[float]:
+        frames = room.frames
+        depths = {
+            frame.name: (depth * factor).astype(np.float32)
+            for frame, depth, factor in zip(frames, room.depths, factors, strict=True)
+        }
+        normals = {
+            frame.name: (normal @ frame.camera.rotation).astype(np.float32)
+            for frame, normal in zip(frames, room.normals, strict=True)
+        }
+        points = replace(room.points, weight=np.full(len(room.points), 1e-3, np.float32))  # which views are near alone
+        found = complete_views(frames, depths, normals, points, planes=planes, creases=False)
+        return [
+            float(np.median(np.abs(found[frame.name][0] / depth - 1)))
+            for frame, depth in zip(frames, room.depths, strict=True)
+        ]
+
+    return run
 
 
-def test_views_whose_depth_is_off_come_back_to_the_walls_that_the_others_see(box_room):
+def test_views_whose_depth_is_off_come_back_to_the_walls_that_the_others_see(box_room, off_by_view):
     room = box_room(count=12, turn=0.15)
     factors = [1.0 if index % 3 else OFF[index // 3] for index in range(12)]
     assert np.median(off_by_view(room, factors, planes=False)[::3]) > 0.05
     assert np.median(off_by_view(room, factors, planes=True)[::3]) < 0.02
 
 
-def test_walls_come_out_flat_though_every_view_has_them_wavy(box_room):
+def test_walls_come_out_flat_though_every_view_has_them_wavy(box_room, off_by_view):
     room = box_room(count=12, turn=0.15)
     y, x = np.mgrid[0 : room.depths[0].shape[0], 0 : room.depths[0].shape[1]]
     waves = [1 + 0.012 * np.sin(0.35 * x + 2.1 * index) * np.cos(0.31 * y - index) for index in range(12)]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from room2dgs.depth.completion.low_res import Completed, LowResInput
 from room2dgs.depth.completion.planes import Plane
 from room2dgs.depth.completion.reconciled import on_their_planes, with_neighbours
-from room2dgs.depth.completion.small_maps import Completed, SmallMaps
 from room2dgs.geometry.camera import Camera
 
 SHAPE = (30, 40)
@@ -82,7 +82,7 @@ def test_what_is_unknown_stays_so(wall):
 def test_depth_goes_to_a_plane_that_it_expects_to_be_on(wall, depth, error, expected):
     normal = np.tile(np.float32([0, 0, -1]), (*SHAPE, 1))
     none = np.zeros(SHAPE, np.float32)
-    maps = SmallMaps(wall[0].camera, normal, normal, none, none, none, none, (none, none), none, (none, none))
+    maps = LowResInput(wall[0].camera, normal, normal, none, none, none, none, (none, none), none, (none, none))
     plane = Plane(np.array([0.0, 0, -1]), -2.0, 1.0)
     (part,) = on_their_planes([maps], [at(wall[0], depth)], [np.full(SHAPE, error, np.float32)], [plane])
     assert np.abs(part.depth - expected).max() < 2e-3

@@ -8,20 +8,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from room2dgs import _C
-from room2dgs.depth.completion.reference import solved_reference
 from room2dgs.depth.completion.solve import System, solved
+from tests.oracles.completion import solved_reference
 
 
 def drawn_system(rng: np.random.Generator, height: int, width: int) -> System:
-    """A fifth of the pixels have anchors, none of the left third; some ties are cut, some images have no prior."""
+    """A fifth of the pixels have samples, none of the left third; some ties are cut, some images have no prior."""
     shape = height, width
-    anchor = (rng.random(shape) < 0.2) * rng.random(shape)
-    anchor[:, : width // 3] = 0
+    sample = (rng.random(shape) < 0.2) * rng.random(shape)
+    sample[:, : width // 3] = 0
     prior = 0.5 * rng.random(shape) * (rng.random(shape) < 0.3) * (rng.random() < 0.7)
-    distance = np.where(anchor > 0, rng.normal(0, 0.05, shape), 0)
+    distance = np.where(sample > 0, rng.normal(0, 0.05, shape), 0)
     ties = [10 * rng.random(one) ** 4 * (rng.random(one) < 0.95) for one in ((height, width - 1), (height - 1, width))]
     steps = [rng.normal(0, 0.02, one.shape) for one in ties]
-    return System(distance, anchor, prior, *ties, *steps)
+    return System(distance, sample, prior, *ties, *steps)
 
 
 @settings(deadline=None)

@@ -13,7 +13,7 @@ import torch
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
-from room2dgs.depth import load_priors
+from room2dgs.depth import depth_of_frames
 from room2dgs.depth.joint import draws
 from room2dgs.depth.joint import optimise as joint
 from room2dgs.depth.joint.optimise import joint_depths
@@ -270,7 +270,9 @@ def test_loaded_maps_are_optimised_jointly_if_asked_and_the_log_has_the_residual
         np.save(tmp_path / f"{name}.npy", depth)
     settings = prior_config("prior/depth=files", depth__path=tmp_path, depth__joint=str(joint).lower())
     lines: list[str] = []
-    found = {name: prior.depth for name, prior in load_priors(frames, points, settings, lines.append).by_frame.items()}
+    found = {
+        name: prior.depth for name, prior in depth_of_frames(frames, points, settings, lines.append).by_frame.items()
+    }
     assert (error(found, depths) < 0.015) == joint
     assert any("joint depth optimisation: views differ by" in line for line in lines) == joint
 
@@ -302,7 +304,7 @@ def test_maps_on_which_all_views_agree_but_the_points_do_not_are_trusted_less(ri
     config = prior_config("prior/depth=files", depth__path=tmp_path)
     sure = []
     for cloud in (points, wrong):
-        found = load_priors(frames, cloud, config, lambda line: None).by_frame
+        found = depth_of_frames(frames, cloud, config, lambda line: None).by_frame
         assert len(found) == len(frames)
         sure.append(np.mean([maps.depth_confidence.mean() for maps in found.values()]))
     assert sure[1] < 0.8 * sure[0]

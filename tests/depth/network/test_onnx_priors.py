@@ -13,7 +13,7 @@ import pytest
 
 from room2dgs.config import conf_dir, load_config
 from room2dgs.config.overrides import group_choices
-from room2dgs.depth import load_priors
+from room2dgs.depth import depth_of_frames
 from room2dgs.depth.network.map_cache import read_array
 from room2dgs.depth.network.maps import photos_at_once, predicted_maps, read_models
 from room2dgs.depth.network.model_file import ModelFile
@@ -59,7 +59,7 @@ def maps(frames, config):
 def test_a_networks_disparity_becomes_metres(room, photos, grey, depth_config, sessions):
     frames = photos(grey)
     lines: list[str] = []
-    priors = load_priors(frames, room.points, depth_config(), lines.append)
+    priors = depth_of_frames(frames, room.points, depth_config(), lines.append)
     assert priors.label == "onnx"
     for i, frame in enumerate(frames):
         # the grey levels' rounding alone is 1 % of the far walls' disparity
@@ -188,7 +188,7 @@ def test_a_networks_normals_are_read_and_a_wrong_convention_is_its_own(room, pho
         changes |= {"onnx__model": model, "onnx__height": 60, "onnx__width": 80, "onnx__values": "zero_to_one"}
         normal = {f"normal__{key}": value for key, value in changes.items()}
         settings = prior_config("prior/normal=onnx", cache=tmp_path / "cache", **normal)
-        return load_priors(frames, room.points, settings, lambda line: None)
+        return depth_of_frames(frames, room.points, settings, lambda line: None)
 
     priors = load()
     expected = room.normals[1] @ frames[1].camera.cam_from_world[:3, :3]
@@ -202,13 +202,13 @@ def test_a_networks_normals_are_read_and_a_wrong_convention_is_its_own(room, pho
 def test_a_wrong_convention_is_reported_before_all_photos_are_computed(
     room, photos, onnx_file, prior_config, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("room2dgs.depth.load.CHECKED_FRAMES", 3)
+    monkeypatch.setattr("room2dgs.depth.normals.stage.CHECKED_FRAMES", 3)
     frames = photos([np.round((normal + 1) * 127.5).astype(np.uint8) for normal in room.normals])
     model = onnx_file([("Identity", ["photo"], ["map"], {})], {"photo": ("FLOAT", (1, 3, 60, 80))})
     choice = ("prior/normal=onnx", "prior.normal.onnx.values=zero_to_one", "prior.normal.axes=opengl")
     settings = prior_config(*choice, cache=tmp_path / "cache", normal__onnx__model=model)
     with pytest.raises(InputError, match="another convention"):
-        load_priors(frames, room.points, settings, lambda line: None)
+        depth_of_frames(frames, room.points, settings, lambda line: None)
     assert len(list((tmp_path / "cache" / "normal").glob("*.npz"))) == 3
 
 
@@ -221,7 +221,7 @@ def test_simulated_files_beside_a_network_stay_labelled(
     settings = prior_config(
         "prior/depth=onnx", "prior/normal=files", cache=tmp_path / "cache", normal__path=folder / "normal", **onnx
     )
-    assert load_priors(photos(grey), room.points, settings, lambda line: None).label == "simulated"
+    assert depth_of_frames(photos(grey), room.points, settings, lambda line: None).label == "simulated"
 
 
 CHOICES = [(kind, name) for kind in ("depth", "normal") for name in group_choices(conf_dir())[f"prior/{kind}"]]

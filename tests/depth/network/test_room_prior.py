@@ -10,7 +10,7 @@ import pytest
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.config import load_config
-from room2dgs.depth import load_priors
+from room2dgs.depth import depth_of_frames
 from room2dgs.depth.joint.optimise import STAGES
 from room2dgs.depth.network.model_file import read_model
 from room2dgs.errors import InputError
@@ -47,7 +47,7 @@ def settings(prior_config, room_network, tmp_path):
 
 def loaded(frames, points, config):
     lines: list[str] = []
-    return load_priors(frames, points, config, lines.append), "\n".join(lines)
+    return depth_of_frames(frames, points, config, lines.append), "\n".join(lines)
 
 
 def test_one_inference_of_each_photo_gives_depth_normals_and_confidences(
@@ -218,4 +218,4 @@ def test_settings_that_cannot_be_are_one_sentence(overrides, said):
 def test_an_installation_without_the_network_says_so(room, prior_config, tmp_path, monkeypatch):
     monkeypatch.setattr("room2dgs.depth.network.shipped.NAME", "another.onnx")
     with pytest.raises(InputError, match=r"another\.onnx is missing from this installation.*prior=none"):
-        load_priors(room.frames, room.points, prior_config("prior=room_prior", cache=tmp_path))
+        depth_of_frames(room.frames, room.points, prior_config("prior=room_prior", cache=tmp_path))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from room2dgs.captures.point_cloud import PointCloud
-from room2dgs.depth import load_priors
+from room2dgs.depth import depth_of_frames
 from room2dgs.depth.normals.planar_points import planar_normals
 from room2dgs.errors import InputError
 
@@ -20,7 +20,7 @@ def load(room, prior_config, map_files):
         folder = map_files(normal=change) / "normal"
         changes = {f"normal__{key}": value for key, value in settings.items()}
         config = prior_config("prior/normal=files", normal__path=folder, **changes)
-        return load_priors(room.frames, points, config, lines.append), "\n".join(lines)
+        return depth_of_frames(room.frames, points, config, lines.append), "\n".join(lines)
 
     return run
 

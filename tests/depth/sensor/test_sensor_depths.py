@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from room2dgs.captures.depth_maps import DepthMap
-from room2dgs.depth import load_priors
-from room2dgs.depth.confidence import confidence_of
-from room2dgs.depth.sensor.depths import sensor_depths
+from room2dgs.captures.uncertainty import measured_weight
+from room2dgs.depth import depth_of_frames
 from room2dgs.depth.sensor.error import expected_error
+from room2dgs.depth.sources.source import DepthSource, Proposal, SourceInput
 from room2dgs.errors import InputError
+from room2dgs.registries.depth_sources import DEPTH_SOURCES
 
 AUTO = ("prior=auto", "prior/normal=none")
 SENSOR = ("prior=none", "prior/depth=sensor")
@@ -24,7 +25,7 @@ SENSOR = ("prior=none", "prior/depth=sensor")
 def load(room, prior_config):
     def run(frames, *choice, **changes):
         lines: list[str] = []
-        priors = load_priors(frames, room.points, prior_config(*(choice or SENSOR), **changes), lines.append)
+        priors = depth_of_frames(frames, room.points, prior_config(*(choice or SENSOR), **changes), lines.append)
         return priors, "\n".join(lines)
 
     return run
@@ -39,7 +40,8 @@ def test_depth_files_become_the_prior_as_they_are(with_depth, load, prior_config
         on_disk = cv2.imread(str(frame.depth_path), cv2.IMREAD_UNCHANGED) * np.float32(1e-3)
         np.testing.assert_allclose(maps.depth, on_disk, rtol=1e-4)  # 16 bits in memory
         error = expected_error(on_disk, frame.camera, settings.sensor)
-        np.testing.assert_allclose(maps.depth_confidence, confidence_of(error / on_disk, settings.onnx), atol=4e-3)
+        weight = measured_weight(error / on_disk, settings.onnx.error_scale, settings.onnx.max_error)
+        np.testing.assert_allclose(maps.depth_confidence, weight, atol=4e-3)
         fit = priors.fits[frame.name]
         assert (fit.scale, fit.shift) == (1.0, 0.0) and fit.residual < 0.01 and fit.points > 20
     assert priors.depth_source == "sensor" and priors.label == "sensor"
@@ -47,30 +49,48 @@ def test_depth_files_become_the_prior_as_they_are(with_depth, load, prior_config
     assert "WARNING" not in said
 
 
-def test_auto_is_the_sensor_with_depth_files_and_the_network_without(room, with_depth, prior_config):
-    settings = prior_config(*AUTO).depth
-    chosen, found = sensor_depths(with_depth(), room.points, settings, print)
+@pytest.fixture
+def proposed(room, monkeypatch):
+    """`proposed(frames, prior)`: what the source says; the network says nothing."""
+    nothing = DepthSource(lambda given: Proposal(given.prior))
+    monkeypatch.setattr("room2dgs.depth.sources.sensor.NETWORK", nothing)
+
+    def run(frames, prior, log=print):
+        given = SourceInput(frames, room.points, prior, {}, log)
+        return DEPTH_SOURCES.load(prior.depth.source).depth(given)
+
+    return run
+
+
+def test_auto_is_the_sensor_with_depth_files_and_the_network_without(room, with_depth, prior_config, proposed):
+    settings = prior_config(*AUTO)
+    found = proposed(with_depth(), settings)
+    chosen = found.prior.depth
     assert (chosen.source, chosen.align, chosen.joint) == ("sensor", False, False)
-    assert len(found.depths) == len(room.frames)
-    chosen, found = sensor_depths(room.frames, room.points, settings, print)
-    assert found is None and chosen == replace(settings, source="room_prior")
-    assert chosen == prior_config("prior=room_prior", "prior/normal=none").depth
+    assert len(found.measured) == len(room.frames)
+    found = proposed(room.frames, settings)
+    assert not found.measured and found.prior.depth == replace(settings.depth, source="room_prior")
+    assert found.prior.depth == prior_config("prior=room_prior", "prior/normal=none").depth
 
 
-def test_auto_takes_the_network_for_all_if_few_photos_have_depth(room, with_depth, prior_config):
+def test_auto_takes_the_network_for_all_if_few_photos_have_depth(with_depth, prior_config, proposed):
     frames = with_depth(lambda depth, i: depth if i < 2 else None)
     lines: list[str] = []
-    chosen, found = sensor_depths(frames, room.points, prior_config(*AUTO).depth, lines.append)
-    assert found is None and chosen.source == "room_prior"
+    found = proposed(frames, prior_config(*AUTO), lines.append)
+    assert not found.measured and found.prior.depth.source == "room_prior"
     assert any("2 of 6 photos" in line and "prior/depth=sensor uses it" in line for line in lines)
-    chosen, found = sensor_depths(frames, room.points, prior_config(*SENSOR).depth, lines.append)
-    assert chosen.source == "sensor" and list(found.depths) == [frame.name for frame in frames[:2]]
+    found = proposed(frames, prior_config(*SENSOR), lines.append)
+    assert found.prior.depth.source == "sensor" and list(found.measured) == [frame.name for frame in frames[:2]]
 
 
-@pytest.mark.parametrize("source", ["none", "files", "room_prior"])
-def test_any_other_source_leaves_the_depth_files_alone(room, with_depth, prior_config, source, tmp_path):
-    settings = prior_config("prior=room_prior", depth__source=source, depth__path=tmp_path).depth
-    assert sensor_depths(with_depth(), room.points, settings, print) == (settings, None)
+@pytest.mark.parametrize("source", ["none", "files"])
+def test_any_other_source_measures_nothing(with_depth, prior_config, proposed, source):
+    """The same files as maps of the user are only proposed, to be aligned."""
+    frames = with_depth()
+    settings = prior_config("prior=room_prior", depth__source=source, depth__path=frames[0].depth_path.parent)
+    found = proposed(frames, settings)
+    assert found.prior == settings and not found.measured and not found.sigmas
+    assert len(found.raw) == (len(frames) if source == "files" else 0)
 
 
 def test_missing_damaged_and_empty_files_are_told_and_the_others_used(with_depth, load):

@@ -1,20 +1,16 @@
-"""A network's expected error on its way to a confidence, and maps that lie on the disk with it."""
+"""A network's expected error on its way to a weight, and maps that lie on the disk with it."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from room2dgs.config import load_config
-from room2dgs.depth.confidence import confidence_of, read_confidence
+from room2dgs.captures.uncertainty import measured_weight
 from room2dgs.depth.network.map_cache import is_cached, is_empty, read_array, write_map
+from room2dgs.depth.sources.map_files import has_sigma, read_sigma
 from room2dgs.errors import InputError
-
-NETWORK = load_config(["scene.path=x", "out=y"]).prior.depth.onnx
 
 
 @pytest.fixture
@@ -22,17 +18,21 @@ def settings(prior_config):
     return prior_config("prior=room_prior", depth__onnx__error_scale=0.2, depth__onnx__max_error=1.0).depth.onnx
 
 
-def test_confidences_of_known_errors(settings):
+def weight_of(error, settings):
+    return measured_weight(error, settings.error_scale, settings.max_error)
+
+
+def test_weights_of_known_errors(settings):
     error = np.array([[0.0, 0.1, 0.2, 0.6], [1.0, 1.01, np.inf, np.nan]], np.float32)
     expected = [[1, 0.8, 0.5, 0.1], [1 / 26, 0, 0, 0]]
-    np.testing.assert_allclose(confidence_of(error, settings), expected, rtol=1e-5)
-    assert confidence_of(error, settings).dtype == np.float32
+    np.testing.assert_allclose(weight_of(error, settings), expected, rtol=1e-5)
+    assert weight_of(error, settings).dtype == np.float32
 
 
 @given(st.floats(1e-3, 10), st.floats(0, 10), st.floats(0, 10))
-def test_a_larger_error_never_has_more_confidence(scale, one, other):
+def test_a_larger_error_never_has_more_weight(scale, one, other):
     small, large = sorted((one, other))
-    found = confidence_of(np.array([[small, large]]), replace(NETWORK, error_scale=scale, max_error=10.0))
+    found = measured_weight(np.array([[small, large]]), scale, 10.0)
     assert 0 <= found[0, 1] <= found[0, 0] <= 1
 
 
@@ -62,12 +62,12 @@ def test_depths_beyond_half_precision_are_kept_whole(tmp_path):
     np.testing.assert_allclose(read_array(path, "error"), 1e-7, rtol=1e-6)
 
 
-def test_without_an_error_there_is_no_confidence(tmp_path, settings):
+def test_without_an_error_there_is_no_sigma(tmp_path):
     write_map(tmp_path / "map.npz", np.ones((2, 2), np.float32), np.ones((2, 2), bool), None)
     assert read_array(tmp_path / "map.npz", "error") is None
-    assert read_confidence(tmp_path / "map.npz", settings) is None
+    assert read_sigma(tmp_path / "map.npz") is None and not has_sigma(tmp_path / "map.npz")
     np.save(tmp_path / "map.npy", np.ones((2, 2)))
-    assert read_confidence(tmp_path / "map.npy", settings) is None
+    assert read_sigma(tmp_path / "map.npy") is None and not has_sigma(tmp_path / "map.npy")
 
 
 def test_nothing_valid_is_remembered_without_a_map(tmp_path):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from room2dgs.captures.point_cloud import PointCloud
-from room2dgs.depth import load_priors
+from room2dgs.depth import depth_of_frames
 from room2dgs.errors import InputError
 from room2dgs.stereo.depth_samples import DepthSamples, with_depth_samples
 from room2dgs.stereo.passes import FirstPass, StereoMap
@@ -20,7 +20,7 @@ def load(room, prior_config, folder, points=None, frames=None, **changes):
     lines: list[str] = []
     changes.setdefault("depth__joint", "false")  # joint optimisation is tested in joint/
     settings = prior_config("prior=files", depth__path=folder / "depth", normal__path=folder / "normal", **changes)
-    priors = load_priors(frames or room.frames, points or room.points, settings, lines.append)
+    priors = depth_of_frames(frames or room.frames, points or room.points, settings, lines.append)
     return priors, "\n".join(lines)
 
 
@@ -159,7 +159,7 @@ def test_missing_maps_are_said_and_all_missing_is_an_error(room, prior_config, m
 
 
 def test_none_reads_nothing(room, prior_config):
-    priors = load_priors(room.frames, room.points, prior_config())
+    priors = depth_of_frames(room.frames, room.points, prior_config())
     assert (priors.by_frame, priors.fits, priors.label) == ({}, {}, "none")
 
 
@@ -224,7 +224,7 @@ def test_stereo_is_asked_twice_at_most_and_only_for_maps_that_it_can_hold(
         asked.append(first)
         return DepthSamples(room.points, {})
 
-    load_priors(frames, room.points, prior_config("prior=files", **paths, **settings), lambda line: None, compare)
+    depth_of_frames(frames, room.points, prior_config("prior=files", **paths, **settings), lambda line: None, compare)
     assert len(asked) == times and asked[:1] == [None][:times]
 
 
@@ -258,7 +258,7 @@ def test_a_second_pass_gets_what_the_first_came_to_and_its_word_counts(
             said.append(float(np.median(off)))
         return DepthSamples(with_depth_samples(nothing, frames, cameras, found), found)
 
-    priors = load_priors(frames, nothing, config, lambda line: None, compare)
+    priors = depth_of_frames(frames, nothing, config, lambda line: None, compare)
     off = [priors.by_frame[f.name].depth / d - 1 for f, d in zip(frames, room.depths, strict=True)]
     assert said == [pytest.approx(0.02, abs=0.003)] and abs(float(np.median(off))) < 0.003
 
@@ -272,7 +272,7 @@ def test_what_stereo_finds_holds_the_depth(room, prior_config, map_files, tmp_pa
     found = []
     for points in (nothing, room.points):
         held = DepthSamples(points, {})
-        priors = load_priors(frames, nothing, config, lambda line: None, lambda first, held=held: held)
+        priors = depth_of_frames(frames, nothing, config, lambda line: None, lambda first, held=held: held)
         off = [priors.by_frame[f.name].depth / d - 1 for f, d in zip(frames, room.depths, strict=True)]
         found.append(float(np.median(np.abs(off))))
     assert found[0] == pytest.approx(0.05, abs=0.01) and found[1] < 0.01

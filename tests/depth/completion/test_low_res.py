@@ -8,9 +8,10 @@ import pytest
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
-from room2dgs.depth.completion.small_maps import enlarged, small_maps
+from room2dgs.depth.completion.low_res import enlarged, low_res_input
 from room2dgs.geometry.camera import Camera
 from room2dgs.stereo.depth_samples import with_depth_samples
+from room2dgs.stereo.passes import StereoMap
 
 NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
 
@@ -32,13 +33,13 @@ def test_prior_and_stereo_are_those_of_the_pixels_centres(tmp_path, width):
     frame = Frame(name="a", color_path=tmp_path / "a.jpg", camera=camera)
     depth = floor(camera)
     points = with_depth_samples(
-        NOTHING, [frame], [camera], {"a": (depth, np.full(depth.shape, 8, np.uint8) * (depth > 0))}
+        NOTHING, [frame], [camera], {"a": StereoMap(depth, np.full(depth.shape, 8, np.uint8) * (depth > 0))}
     )
-    maps = small_maps(frame, depth, None, None, None, points, 0.0)
+    maps = low_res_input(frame, depth, None, None, None, points, 0.0)
     exact = floor(maps.camera)
-    inside = cv2.erode(((exact > 0) & (maps.anchor > 0)).astype(np.uint8), np.ones((3, 3))) > 0
+    inside = cv2.erode(((exact > 0) & (maps.sample > 0)).astype(np.uint8), np.ones((3, 3))) > 0
     assert inside.mean() > 0.4 and maps.camera.width == 160
-    for found in (maps.anchor, maps.prior):
+    for found in (maps.sample, maps.prior):
         np.testing.assert_allclose(found[inside], exact[inside], rtol=1e-3)
 
 

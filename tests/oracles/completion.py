@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 
-from room2dgs.depth.completion.solve import ANCHOR_WIDTH, LEAST, REWEIGHTINGS, TIE_WIDTH, System, share
+from room2dgs.depth.completion.solve import LEAST, REWEIGHTINGS, SAMPLE_WIDTH, TIE_WIDTH, System, share
 
 
 def solved_reference(system: System) -> np.ndarray:
@@ -16,8 +16,8 @@ def solved_reference(system: System) -> np.ndarray:
         r = _once(
             System(
                 system.distance,
-                system.anchor * share(r - system.distance, ANCHOR_WIDTH),
-                system.prior * share(r, ANCHOR_WIDTH),
+                system.sample_weight * share(r - system.distance, SAMPLE_WIDTH),
+                system.prior_weight * share(r, SAMPLE_WIDTH),
                 system.right * share(np.diff(r, axis=1) - system.step_right, TIE_WIDTH),
                 system.down * share(np.diff(r, axis=0) - system.step_down, TIE_WIDTH),
                 system.step_right,
@@ -28,8 +28,8 @@ def solved_reference(system: System) -> np.ndarray:
 
 
 def _once(system: System) -> np.ndarray:
-    pull = system.anchor + system.prior + LEAST
-    target = system.anchor * system.distance
+    pull = system.sample_weight + system.prior_weight + LEAST
+    target = system.sample_weight * system.distance
     for axis, pulled in ((1, system.right * system.step_right), (0, system.down * system.step_down)):
         target = target + _padded(pulled, axis, (1, 0)) - _padded(pulled, axis, (0, 1))
     return _solved(pull, target, system.right, system.down)

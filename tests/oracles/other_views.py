@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from room2dgs.depth.completion.other_views import LENDING, SAME, SURE, SureView
+from room2dgs.depth.completion.other_views import LENDING, SAME, SURE, LendingView
 from room2dgs.stereo.patchmatch import warp
 
 
 def depth_of_other_views_reference(
-    views: Sequence[SureView], view: int, others: Sequence[int]
+    views: Sequence[LendingView], view: int, others: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
     """(h, w) float64 depth and trust of one view."""
     shape = views[view].depth.shape
@@ -31,11 +31,11 @@ def depth_of_other_views_reference(
     return (consistent * z).sum(axis=0) / some, trust
 
 
-def _vote(other: SureView, view: SureView) -> tuple[np.ndarray, np.ndarray]:
+def _vote(other: LendingView, view: LendingView) -> tuple[np.ndarray, np.ndarray]:
     """(h, w) depth and weight, 0 where nothing of the other view falls."""
     height, width = view.depth.shape
-    row, column = np.nonzero((other.depth > 0) & (other.sure > SURE))
-    depth, sure = (part[row, column].astype(np.float64) for part in (other.depth, other.sure))
+    row, column = np.nonzero((other.depth > 0) & (other.weight > SURE))
+    depth, sure = (part[row, column].astype(np.float64) for part in (other.depth, other.weight))
     matrix = warp(other.camera, view.camera)
     x, y, z = depth * (matrix[:, :3] @ [column, row, np.ones(len(row))]) + matrix[:, 3:]
     ahead = z > 1e-6

@@ -16,7 +16,7 @@ from room2dgs.geometry.rotations import across_of
 
 WIDTH_PX = 0.65  # distance from where planes meet at which a pixel starts to count as one of something else
 REWEIGHTINGS = 8
-# Stereo's word on a plane is off by this over the mean trust in it, metres, and by no less than that.
+# Stereo's word on a plane is off by this over its mean weight, metres, and by no less than that.
 STEREO_M, LEAST_M = 0.008, 0.003
 UNKNOWN_M = 0.04  # what a plane is off by at most, before creases are asked
 REACH_M, SPREAD_M = 0.1, 0.02  # farther off a plane stereo sees something else; distance at which it starts to
@@ -24,13 +24,13 @@ MIDDLE_STEP = 4  # every so many pixels of every so many rows tell a plane's mid
 LEAST_TILT, TILT_PER_M = 0.001, 0.15  # radians that a direction is off by, and what it is for each metre that stereo is
 
 
-def placed(planes: Sequence[Plane], seen: Sequence[SeenPlanes]) -> list[Plane]:
+def refined_at_creases(planes: Sequence[Plane], seen: Sequence[SeenPlanes]) -> list[Plane]:
     """The same planes, moved and tilted so that they meet where photos see them meet.
 
     Minimises sum ((d_k - a_k) / e_k)^2 + (d_k / UNKNOWN_M)^2 + |t_k / s_k|^2 + sum over the pixels of creases of w
     (pixels off)^2 over the moves d and the tilts t. What stereo has, a, is asked itself, not the completed depth, which
     the planes of an earlier round have drawn to them. Reweighted (Geman and McClure), since many an edge between two
-    planes is that of something that stands before them (docs/maths.md, "Creases").
+    planes is that of something that stands before them (docs/how-it-works/depth.md, "Fit planes").
 
     Args:
         planes: the room's.
@@ -49,12 +49,12 @@ def placed(planes: Sequence[Plane], seen: Sequence[SeenPlanes]) -> list[Plane]:
     pull = np.stack([at / np.hypot(LEAST_M, error) ** 2, np.zeros(count), np.zeros(count)], axis=1)
     across = np.array([across_of(normal) for normal in normals])
     gains = _gains(creases, centres, across)
-    places = (3 * creases.planes[..., None] + np.arange(3)).reshape(-1, 6)
+    columns = (3 * creases.planes[..., None] + np.arange(3)).reshape(-1, 6)
     move = np.zeros(3 * count)
     for _ in range(REWEIGHTINGS):
-        residual = creases.off + (gains * move[places]).sum(axis=1)
+        residual = creases.off + (gains * move[columns]).sum(axis=1)
         weight = creases.weight / (1 + (residual / WIDTH_PX) ** 2) ** 2
-        move = _least_squares(gains, places, weight, creases.off, sure.ravel(), pull.ravel())
+        move = _least_squares(gains, columns, weight, creases.off, sure.ravel(), pull.ravel())
     moves = move.reshape(count, 3)
     return [_moved(*one) for one in zip(planes, centres, across, moves, strict=True)]
 
@@ -67,13 +67,13 @@ def _gains(creases: Creases, centres: np.ndarray, across: np.ndarray) -> np.ndar
 
 
 def _least_squares(
-    gains: np.ndarray, places: np.ndarray, weight: np.ndarray, off: np.ndarray, sure: np.ndarray, pull: np.ndarray
+    gains: np.ndarray, columns: np.ndarray, weight: np.ndarray, off: np.ndarray, sure: np.ndarray, pull: np.ndarray
 ) -> np.ndarray:
     count = len(sure)
     left, right = np.diag(sure), pull.copy()
-    for one, mine in zip(places.T, (weight[:, None] * gains).T, strict=True):
+    for one, mine in zip(columns.T, (weight[:, None] * gains).T, strict=True):
         right -= np.bincount(one, mine * off, count)
-        for other, its in zip(places.T, gains.T, strict=True):
+        for other, its in zip(columns.T, gains.T, strict=True):
             left += np.bincount(one * count + other, mine * its, count * count).reshape(count, count)
     return np.linalg.solve(left, right)
 
@@ -91,17 +91,17 @@ def _by_stereo(normals: np.ndarray, offsets: np.ndarray, seen: Sequence[SeenPlan
     count, parts = len(offsets), []
     shown = sum(np.bincount(one.which[one.which >= 0], minlength=count) for one in seen)
     for one in seen:
-        row, column = np.nonzero((one.which >= 0) & (one.anchor > 0))
+        row, column = np.nonzero((one.which >= 0) & (one.sample > 0))
         which = one.which[row, column]
-        xyz = one.camera.unproject(np.stack([column, row], axis=1) + 0.5, one.anchor[row, column])
-        parts.append((which, (xyz * normals[which]).sum(axis=1) - offsets[which], one.trust[row, column]))
-    which, off, trust = (np.concatenate(part) for part in zip(*parts, strict=True))
-    mean = np.bincount(which, trust, count) / np.maximum(shown, 1)
+        xyz = one.camera.unproject(np.stack([column, row], axis=1) + 0.5, one.sample[row, column])
+        parts.append((which, (xyz * normals[which]).sum(axis=1) - offsets[which], one.sample_weight[row, column]))
+    which, off, weights = (np.concatenate(part) for part in zip(*parts, strict=True))
+    mean = np.bincount(which, weights, count) / np.maximum(shown, 1)
     near = np.abs(off) < REACH_M
-    which, off, trust = which[near], off[near], trust[near]
+    which, off, weights = which[near], off[near], weights[near]
     at = np.zeros(count)
     for _ in range(REWEIGHTINGS):
-        weight = trust / (1 + ((off - at[which]) / SPREAD_M) ** 2) ** 2
+        weight = weights / (1 + ((off - at[which]) / SPREAD_M) ** 2) ** 2
         at = np.bincount(which, weight * off, count) / np.maximum(np.bincount(which, weight, count), 1e-9)
     return at, STEREO_M / np.maximum(mean, 1e-3)
 
