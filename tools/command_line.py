@@ -5,11 +5,17 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from functools import wraps
+from typing import Protocol
 
 from room2dgs.errors import InputError, RunFailed
 
 Body = Callable[[list[str]], int | None]
-Main = Callable[[list[str] | None], int]
+
+
+class Main(Protocol):
+    """A tool's entry: its arguments, or those of the process, to its exit code."""
+
+    def __call__(self, arguments: list[str] | None = None) -> int: ...
 
 
 def command_line(name: str) -> Callable[[Body], Main]:

@@ -68,7 +68,7 @@ def example_evidence(height: int, width: int, seed: int) -> Tensor:
 
 
 @command_line("export_correction")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="export_correction", description="Write a trained correction of depth as one ONNX file."

@@ -97,7 +97,7 @@ def as_onnx(
         torch.onnx.export(
             network,
             example,
-            buffer,
+            buffer,  # type: ignore[arg-type]  # the tracing exporter takes it
             input_names=list(inputs),
             output_names=list(outputs),
             dynamic_axes=axes,
@@ -176,7 +176,7 @@ def milliseconds(session: onnxruntime.InferenceSession) -> float:
 
 
 @command_line("export_prior")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(prog="export_prior", description="Write a trained network as one ONNX file.")
     parser.add_argument("checkpoint", type=Path, help="checkpoint, or its run's folder")

@@ -106,7 +106,7 @@ def area(odds: np.ndarray, wrong: np.ndarray) -> float:
     return float((rankdata(odds)[wrong].sum() - bad * (bad + 1) / 2) / (bad * good))
 
 
-def odds(weights: Sequence[float], pixels: Pixels) -> np.ndarray:
+def odds(weights: Sequence[float] | np.ndarray, pixels: Pixels) -> np.ndarray:
     """(N,) log odds that a depth is wrong."""
     return _with_constant(pixels.evidence[:, : len(weights) - 1]) @ np.asarray(weights)
 
@@ -116,7 +116,7 @@ def _with_constant(columns: np.ndarray) -> np.ndarray:
 
 
 @command_line("fit_consistency")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(prog="fit_consistency", description="Fit calibrated consistency of stereo.")
     parser.add_argument("captures", type=Path, nargs="+", help="folders of captures with depth")

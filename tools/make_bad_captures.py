@@ -50,7 +50,7 @@ class Shot(NamedTuple):
     depth: np.ndarray
     K: np.ndarray
     world_from_cam: np.ndarray
-    index: int
+    number: int
     rng: np.random.Generator
     room: Room
 
@@ -74,7 +74,7 @@ def turning(poses: np.ndarray) -> np.ndarray:
 
 def blurred(shot: Shot) -> np.ndarray:
     """Every other photo moved while it was taken."""
-    if shot.index % 2 == 0:
+    if shot.number % 2 == 0:
         return shot.photo
     length, angle = max(3, int(shot.rng.integers(*BLUR_PX) * shot.photo.shape[1] / 640)) | 1, shot.rng.uniform(0, np.pi)
     kernel = np.zeros((length, length), np.float32)
@@ -87,7 +87,7 @@ def blurred(shot: Shot) -> np.ndarray:
 def people(shot: Shot) -> np.ndarray:
     """A patterned figure that stands elsewhere in each photo, and hides what is behind."""
     width, tall, away = PERSON
-    angle = 2.4 * shot.index
+    angle = 2.4 * shot.number
     foot = np.array([SIZE[0] / 2 + away * np.cos(angle), SIZE[1] / 2 + away * np.sin(angle), 0.0])
     high, wide = shot.depth.shape
     right = np.array([*shot.world_from_cam[:2, 0], 0.0])
@@ -169,7 +169,7 @@ def make_bad_capture(out: Path, kind: str, options: RoomOptions, room: Room | No
 
 
 @command_line("make_bad_captures")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(prog="make_bad_captures", description="Film the demo room badly, in each way.")
     parser.add_argument("out", type=Path, help="folder to write")

@@ -34,7 +34,7 @@ from room2dgs.demo_room.capture_files import (
     write_truth,
 )
 from room2dgs.demo_room.geometry import FACET, Patch, triangulated
-from room2dgs.demo_room.light import cast
+from room2dgs.demo_room.light import cast, tensor
 from room2dgs.demo_room.mesh import visible_mesh
 from room2dgs.demo_room.render import exposed, pinhole, ray_scene
 from room2dgs.errors import InputError
@@ -166,13 +166,15 @@ def found_room(number: int, options: CaptureOptions) -> tuple[list[Patch], Walk,
 
 def walked(room: RandomRoom, patches: list[Patch], rng: np.random.Generator, photos: int | None) -> Walk | None:
     """A walk through the room with these surfaces."""
-    soup = triangulated(patches)
-    bare = Room(soup, ray_scene(soup), np.zeros(0), None, None)
+    scene = ray_scene(triangulated(patches))
+
+    def distance(points: np.ndarray) -> np.ndarray:
+        return scene.compute_distance(tensor(np.ascontiguousarray(points, np.float32))).numpy()
 
     def reach(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        return cast(bare.scene, origins, directions)["t_hit"]
+        return cast(scene, origins, directions)["t_hit"]
 
-    return random_walk(room, bare.distance, reach, rng, photos)
+    return random_walk(room, distance, reach, rng, photos)
 
 
 def evenly_cut(patch: Patch) -> Patch:
@@ -199,7 +201,7 @@ def stream(options: CaptureOptions, number: int, *which: int) -> np.random.Gener
 
 
 @command_line("make_captures")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="make_captures",

@@ -109,6 +109,7 @@ def recording(scene: Scene, seen: list[tuple[np.ndarray, np.ndarray]]) -> Correc
 def true_shift(frame: Frame, evidence: np.ndarray) -> np.ndarray:
     """(h, w) float32 ln of true over completed depth at the pixels' centres; NaN = unknown."""
     height, width = evidence.shape[1:]
+    assert frame.depth_path is not None
     truth = depth_file(frame.depth_path, frame.depth_unit_m).seen_by(frame.camera.resized(width, height), None)
     known = (truth > 0) & (evidence[KNOWN] > 0)
     return np.where(known, np.log(np.where(known, truth, 1)) - evidence[LN_DEPTH] - evidence[LN_MEDIAN], np.nan)
@@ -124,7 +125,7 @@ def _made(out: Path, seed: int, number: int) -> Path:
 
 
 @command_line("make_correction_data")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="make_correction_data",

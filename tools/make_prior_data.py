@@ -69,7 +69,7 @@ def write_shard(out: Path, seed: int, number: int) -> None:
 
 
 @command_line("make_prior_data")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="make_prior_data",

@@ -52,7 +52,7 @@ def _number(name: str) -> str:
 
 
 @command_line("pose_errors")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="pose_errors", description="Say how far the poses of runs are from true ones."

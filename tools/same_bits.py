@@ -125,7 +125,7 @@ def groups(words: list[str]) -> list[list[str]]:
 
 
 @command_line("same_bits")
-def main(argv: list[str] | None = None) -> None:
+def main(argv: list[str]) -> None:
     """Prints a line a group, and one for each file that differs."""
     parser = argparse.ArgumentParser(prog="python -m room2dgs.tools.same_bits", description=__doc__.split("\n")[0])
     parser.add_argument("commit")

@@ -63,7 +63,7 @@ def shaken(world_from_cam: np.ndarray, degrees: float, cm: float, random: np.ran
 
 
 @command_line("shake_poses")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="shake_poses",

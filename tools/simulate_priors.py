@@ -203,7 +203,9 @@ def _write(out: Path, frames: list[Frame], options: PriorOptions) -> dict[str, f
 
 
 def _truth(frame: Frame, index: int, options: PriorOptions) -> Truth:
-    depth = frame.depth().astype(np.float64)
+    known = frame.depth()
+    assert known is not None
+    depth = known.astype(np.float64)
     camera = frame.camera
     height, width = depth.shape
     # twice: wide where the surface goes on, narrow at its edges
@@ -327,7 +329,7 @@ def _check_free(out: Path, overwrite: bool) -> None:
 
 
 @command_line("simulate_priors")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="simulate_priors",

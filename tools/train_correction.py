@@ -32,7 +32,7 @@ HELP = {
 
 
 @command_line("train_correction")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="train_correction",

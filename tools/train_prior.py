@@ -49,7 +49,7 @@ def image_size(text: str) -> tuple[int, int]:
 
 
 @command_line("train_prior")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="train_prior",

@@ -69,12 +69,12 @@ def _score(frames: Sequence[Frame], priors: Mapping[str, ViewMaps]) -> DepthInRu
     scores, close, known, with_depth = [], [], 0, 0
     for frame in frames:
         truth = true_depth(frame)
-        known += np.count_nonzero(truth)
+        known += int(np.count_nonzero(truth))
         depth = priors[frame.name].depth if frame.name in priors else None
         if depth is None:
             continue
         valid = (truth > 0) & (depth > 0)
-        with_depth += np.count_nonzero(valid)
+        with_depth += int(np.count_nonzero(valid))
         if valid.any():
             scores.append(depth_score(depth[valid], truth[valid]))
             close.append(float((np.abs(depth[valid] - truth[valid]) < CLOSE_M).mean()))

@@ -97,8 +97,7 @@ class SceneScore:
 
     def as_dict(self) -> dict[str, Any]:
         """Everything but the pictures, as plain values."""
-        pictures = {"pictures": []}
-        values = dataclasses.asdict(dataclasses.replace(self, **pictures))
+        values = dataclasses.asdict(dataclasses.replace(self, pictures=[]))
         values.pop("pictures")
         return values
 
@@ -128,7 +127,7 @@ def measured(views: Views, groups: Sequence[Sequence[Network]], config: PriorCon
     """
     pool = _Pool()
     pictures = []
-    pictured = evenly_spaced(range(views.count), PICTURED)
+    pictured = evenly_spaced(range(views.photos), PICTURED)
     for index, view in enumerate(views.views):
         if index == 0:  # the first run of a session is slower
             _predicted(view, groups, config)
@@ -140,7 +139,7 @@ def measured(views: Views, groups: Sequence[Sequence[Network]], config: PriorCon
         if index in pictured:
             pictures.append(picture)
         if (index + 1) % 40 == 0:
-            log(f"{views.name}: {index + 1} of {views.count} frames")
+            log(f"{views.name}: {index + 1} of {views.photos} frames")
     return _score(views, pool, config, pictures)
 
 
@@ -178,6 +177,7 @@ def _add(pool: _Pool, view: View, found: Prediction, config: PriorConfig) -> Pic
 def _add_depth(pool: _Pool, picture: Picture, found: Prediction, meaning: str, grid: tuple[slice, slice]) -> None:
     disparity = meaning == "relative_inverse_depth"
     truth = picture.true_depth
+    assert found.depth is not None
     valid = (truth > 0) & (found.depth > 0)
     pool.known["depth"].append(float(valid.sum() / max(1, (truth > 0).sum())))
     if not valid.any():
@@ -204,7 +204,7 @@ def _add_normal(
 ) -> None:
     truth = picture.true_normal
     known = truth.any(axis=-1)
-    valid = known & normal.any(axis=-1)
+    valid = np.asarray(known & normal.any(axis=-1))
     pool.known["normal"].append(float(valid.sum() / max(1, known.sum())))
     picture.angle = _filled(valid, angles_deg(normal[valid], truth[valid]), np.nan)
     here = valid[grid]

@@ -75,7 +75,7 @@ def open_networks(config: PriorConfig) -> list[list[Network]]:
             "own depth; give another prior/depth"
         )
     groups: list[list[Network]] = []
-    digests = []
+    digests: list[str] = []
     for kind, model in read_models(config).items():
         settings = getattr(config, kind).onnx
         same = bool(groups) and digests[-1] == model.digest and same_input(groups[-1][0].settings, settings)
@@ -119,9 +119,9 @@ def prediction(
             _take(found, network.kind, raw, camera)
         found.network_ms[" + ".join(network.kind for network in networks)] = 1000.0 * networks[0].session.seconds
     for kind in KINDS:
-        raw = _on_disk(frame, kind, config, camera) if frame and getattr(config, kind).source == "files" else None
-        if raw is not None:
-            _take(found, kind, raw, camera)
+        on_disk = _on_disk(frame, kind, config, camera) if frame and getattr(config, kind).source == "files" else None
+        if on_disk is not None:
+            _take(found, kind, on_disk, camera)
     if found.normal is not None:
         found.normal = camera_normals(found.normal, config.normal, camera).astype(np.float32)
     return None if found.depth is None and found.normal is None else found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -113,19 +114,23 @@ def _depth_columns(scores: Sequence[SceneScore]) -> Columns:
     words = {"scale": "scale", "scale_shift": "scale + shift", "metric": "metric"}
     for name, word in words.items():
         if any(name in score.depth for score in scores):
-            columns[f"AbsRel, {word}"] = lambda s, name=name: _number(s.depth, name, "abs_rel")
-            columns[f"δ1, {word}"] = lambda s, name=name: _number(s.depth, name, "delta1")
+            columns[f"AbsRel, {word}"] = partial(lambda name, s: _number(s.depth, name, "abs_rel"), name)
+            columns[f"δ1, {word}"] = partial(lambda name, s: _number(s.depth, name, "delta1"), name)
     return columns | {"pixels with depth": lambda s: _share(s.depth_share)}
 
 
 def _run_columns() -> Columns:
     columns: Columns = {"scene": lambda s: s.scene}
     for step in ("aligned", "optimised"):
-        columns[f"AbsRel, {step}"] = lambda s, step=step: _number(s.in_run, step, "abs_rel")
-        columns[f"δ1, {step}"] = lambda s, step=step: _number(s.in_run, step, "delta1")
-        columns[f"< 5 cm, {step}"] = lambda s, step=step: _share(getattr(s.in_run.get(step), "within_5cm", None))
-        columns[f"pixels, {step}"] = lambda s, step=step: _share(getattr(s.in_run.get(step), "share", None))
+        columns[f"AbsRel, {step}"] = partial(lambda step, s: _number(s.in_run, step, "abs_rel"), step)
+        columns[f"δ1, {step}"] = partial(lambda step, s: _number(s.in_run, step, "delta1"), step)
+        columns[f"< 5 cm, {step}"] = partial(_share_in_run, step, "within_5cm")
+        columns[f"pixels, {step}"] = partial(_share_in_run, step, "share")
     return columns
+
+
+def _share_in_run(step: str, figure: str, score: SceneScore) -> str:
+    return _share(getattr(score.in_run.get(step), figure, None))
 
 
 def _normal_columns() -> Columns:
@@ -137,7 +142,7 @@ def _normal_columns() -> Columns:
         "median": lambda s: _degrees(s.normals.get("median_deg")),
     }
     for limit in NORMAL_SHARES_DEG:
-        columns[f"< {limit:g}°"] = lambda s, limit=limit: _share(s.normals.get(share_name(limit)))
+        columns[f"< {limit:g}°"] = partial(lambda limit, s: _share(s.normals.get(share_name(limit))), limit)
     return columns | {
         "constant": lambda s: _degrees(s.constant_deg),
         "facing": lambda s: _degrees(s.facing_deg),
@@ -169,8 +174,10 @@ def _time_columns(scores: Sequence[SceneScore]) -> Columns:
     columns: Columns = {"scene": lambda s: s.scene}
     for kind in dict.fromkeys(kind for score in scores for kind in score.milliseconds):
         for name in ("median", "least"):
-            columns[f"{kind}, {name}"] = lambda s, kind=kind, name=name: (
-                f"{s.milliseconds[kind][name]:.0f} ms" if kind in s.milliseconds else NOTHING
+            columns[f"{kind}, {name}"] = partial(
+                lambda kind, name, s: f"{s.milliseconds[kind][name]:.0f} ms" if kind in s.milliseconds else NOTHING,
+                kind,
+                name,
             )
     return columns
 
@@ -221,13 +228,13 @@ def _figures(picture: Picture) -> list[Figure]:
     tiles = [("photo", picture.photo / 255.0)]
     end = float(np.percentile(picture.true_depth[picture.true_depth > 0], 98)) if picture.true_depth.any() else 1.0
     tiles.append(("true depth", _depth_color(picture.true_depth, end)))
-    if picture.depth is not None:
+    if picture.depth is not None and picture.depth_error is not None:
         tiles.append(("depth, aligned", _depth_color(picture.depth, end)))
         tiles.append(("its error", _error_color(picture.depth_error, FULL_LN_DEPTH)))
     if picture.expected_depth_error is not None:
         tiles.append(("its expected error", _error_color(picture.expected_depth_error, FULL_LN_DEPTH)))
     tiles.append(("true normals", _normal_color(picture.true_normal)))
-    if picture.normal is not None:
+    if picture.normal is not None and picture.angle is not None:
         tiles.append(("normals", _normal_color(picture.normal)))
         tiles.append(("their error", _error_color(picture.angle, FULL_DEG)))
     if picture.expected_angle is not None:

@@ -53,7 +53,7 @@ class Views(NamedTuple):
 
     name: str
     source: str
-    count: int
+    photos: int
     views: Iterator[View]
 
 

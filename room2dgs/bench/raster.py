@@ -73,21 +73,22 @@ class Case:
         self.back(out)
         return middle - start, time.perf_counter() - middle
 
-    def bare_seconds(self, repeats: int) -> dict[str, float]:
+    def bare_seconds(self, repeats: int) -> dict[str, Any]:
         """Seconds a (pixel, surfel) pair of the bare loops on one thread, and the pairs of the whole image."""
         images = [torch.empty(self.height, self.width, *c) for c in ((3,), (), (), (), (3,))]
-        frame = _C.RasterFrame()
+        frame: Any = _C.RasterFrame()  # its stubs know arrays alone
+        bench: Any = _C.bench
         frame.forward(
             *self.surfels, self.cam_from_world.double(), self.K.double(), self.width, self.height, 0.05,
             self.opacity_floor, torch.zeros(3), *images, None,
         )  # fmt: skip
-        forward, pairs = _C.bench.bare_loop(frame, *images, None, TILE_STEP, repeats)
-        backward, _ = _C.bench.bare_loop(frame, *images, self.g_color, TILE_STEP, repeats)
-        stages = [_C.bench.time_stages(frame, *self.surfels, *images) for _ in range(repeats)]
+        forward, pairs = bench.bare_loop(frame, *images, None, TILE_STEP, repeats)
+        backward, _ = bench.bare_loop(frame, *images, self.g_color, TILE_STEP, repeats)
+        stages = [bench.time_stages(frame, *self.surfels, *images) for _ in range(repeats)]
         return {
             "forward": forward / pairs,
             "backward": backward / pairs,
-            "pairs": _C.bench.count_pairs(frame, *images),
+            "pairs": bench.count_pairs(frame, *images),
             "visible": frame.visible,
             "tile_entries": frame.entries,
             "stages_ms": {k: 1e3 * min(s[k] for s in stages) for k in stages[0]},

@@ -63,7 +63,7 @@ def lookup(atlas: np.ndarray, texels: np.ndarray) -> np.ndarray:
     if rows * 1024 != len(texels):
         padded = np.zeros((rows * 1024, 2), np.float32)
         padded[: len(texels)] = texels
-    values = cv2.remap(atlas, padded.reshape(rows, 1024, 2), None, cv2.INTER_LINEAR)
+    values = cv2.remap(atlas, padded.reshape(rows, 1024, 2), None, cv2.INTER_LINEAR)  # type: ignore[call-overload]
     return values.reshape(rows * 1024, -1)[: len(texels)]
 
 

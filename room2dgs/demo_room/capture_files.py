@@ -8,6 +8,7 @@ ScanNet), gt_mesh.ply and room.json (the options).
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
@@ -36,7 +37,7 @@ def check_free(out: Path, overwrite: bool, content: set[str] | None = None) -> N
         )
 
 
-def check_limits(options: object, limits: dict[str, tuple[float, float]]) -> None:
+def check_limits(options: object, limits: Mapping[str, tuple[float, float]]) -> None:
     """Raises InputError for an option out of its range."""
     for name, (low, high) in limits.items():
         value = getattr(options, name)
@@ -70,7 +71,9 @@ def write_intrinsics(out: Path, K: np.ndarray) -> None:
 
 def write_truth(out: Path, mesh: trimesh.Trimesh, options: dict[str, object]) -> None:
     """Writes the ground-truth mesh and the options."""
-    (out / MESH).write_bytes(mesh.export(file_type="ply"))
+    data = mesh.export(file_type="ply")
+    assert isinstance(data, bytes)
+    (out / MESH).write_bytes(data)
     (out / OPTIONS).write_text(json.dumps(options, indent=1) + "\n")
 
 

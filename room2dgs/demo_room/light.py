@@ -17,6 +17,11 @@ LAMP_TO_WINDOW = 3.5  # radiance of the lamp for a window of 1
 GLARE = 2.5  # an emitter's own radiance in the picture: overexposed
 
 
+def tensor(array: np.ndarray) -> o3d.core.Tensor:
+    """As open3d takes it."""
+    return o3d.core.Tensor(array)  # type: ignore[call-overload]  # its stubs know no arrays
+
+
 def cast(scene: o3d.t.geometry.RaycastingScene, origins: np.ndarray, directions: np.ndarray) -> dict[str, np.ndarray]:
     """First hits of N rays.
 
@@ -25,7 +30,7 @@ def cast(scene: o3d.t.geometry.RaycastingScene, origins: np.ndarray, directions:
         primitive_normals (N, 3).
     """
     rays = np.concatenate([origins, directions], axis=1, dtype=np.float32, casting="same_kind")
-    hits = scene.cast_rays(o3d.core.Tensor(rays))
+    hits = scene.cast_rays(tensor(rays))
     return {key: hits[key].numpy() for key in ("t_hit", "primitive_ids", "primitive_uvs", "primitive_normals")}
 
 
@@ -97,9 +102,9 @@ def light_atlas(
     atlas[index] = lit + 0.01
     covered = np.zeros(len(atlas), bool)
     covered[index[buried]] = True
-    atlas = atlas.reshape(*charts.shape, 3)
-    spread_into_buried(atlas, covered.reshape(charts.shape), charts)
-    return atlas
+    picture = atlas.reshape(*charts.shape, 3)
+    spread_into_buried(picture, covered.reshape(charts.shape), charts)
+    return picture
 
 
 def light_texels(patches: list[Patch], charts: Charts) -> tuple[np.ndarray, ...]:
@@ -131,7 +136,7 @@ def direct_light(lights: list[tuple[Patch, np.ndarray]], scene, position: np.nda
             strength = share * cosines / squared**2
             lit = np.flatnonzero(strength > 0)
             rays = np.concatenate([position[lit], to_light[lit]], axis=1).astype(np.float32)
-            shadow = scene.test_occlusions(o3d.core.Tensor(rays), 0.0, 0.999).numpy()
+            shadow = scene.test_occlusions(tensor(rays), 0.0, 0.999).numpy()
             total[lit] += (strength[lit] * ~shadow)[:, None] * tint
     return total
 

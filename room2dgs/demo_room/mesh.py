@@ -19,7 +19,8 @@ MAX_EDGE = 0.035  # metres, so that diagonals stay under 5 cm
 class LitRoom(Protocol):
     """What the mesh needs of a room: its rays, its lights, its colours."""
 
-    scene: o3d.t.geometry.RaycastingScene
+    @property
+    def scene(self) -> o3d.t.geometry.RaycastingScene: ...
 
     def radiance(self, patch: np.ndarray, uv: np.ndarray) -> np.ndarray:
         """(N, 3) float32 linear radiance at parameters uv (N, 2) of patches (N,)."""

@@ -10,7 +10,7 @@ import open3d as o3d
 
 from room2dgs.demo_room.atlas import TEXEL, Charts, linear_to_srgb, lookup, pack, paint_atlas, srgb_to_linear
 from room2dgs.demo_room.geometry import EMITTER, Patch, TriangleSoup, triangulated
-from room2dgs.demo_room.light import bake_light, cast, hit_uv
+from room2dgs.demo_room.light import bake_light, cast, hit_uv, tensor
 
 SUPERSAMPLES = 3  # along each side of a pixel; odd, so that one ray goes through its centre
 
@@ -41,13 +41,13 @@ class Room:
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """(N,) metres from points (N, 3) to the nearest surface."""
-        return self.scene.compute_distance(o3d.core.Tensor(np.ascontiguousarray(points, np.float32))).numpy()
+        return self.scene.compute_distance(tensor(np.ascontiguousarray(points, np.float32))).numpy()
 
 
 def ray_scene(soup: TriangleSoup) -> o3d.t.geometry.RaycastingScene:
     """The triangles in a ray-casting scene; built on one thread, so that it is the same every time."""
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(o3d.core.Tensor(soup.vertices), o3d.core.Tensor(soup.triangles))
+    scene.add_triangles(tensor(soup.vertices), tensor(soup.triangles))
     return scene
 
 
@@ -124,8 +124,8 @@ def add_reflections(room: Room, color, hits, origins, directions, gloss: float) 
         return
     cosine = -directions[rows, 2] / np.linalg.norm(directions[rows], axis=1)
     share = gloss * (0.04 + 0.96 * (1 - cosine) ** 5)
-    points = origins[rows] + hits["t_hit"][rows][:, None] * directions[rows] + np.float32([0, 0, 0.002])
-    mirrored = shade(room, cast(room.scene, points, directions[rows] * np.float32([1, 1, -1])))
+    points = origins[rows] + hits["t_hit"][rows][:, None] * directions[rows] + np.array([0, 0, 0.002], np.float32)
+    mirrored = shade(room, cast(room.scene, points, directions[rows] * np.array([1, 1, -1], np.float32)))
     color[rows] += share[:, None].astype(np.float32) * (mirrored - color[rows])
 
 

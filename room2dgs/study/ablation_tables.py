@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from room2dgs.report.table import NOTHING, Table, table
 from room2dgs.study.ablation import FAR_OFF, FINE, FULL, Row, Study, Value, difference
@@ -83,9 +84,13 @@ def stage_table(study: Study) -> Table | None:
         return None
     columns: dict[str, Callable[[Row], str]] = {"row": _name}
     for stage in stages:
-        columns[stage] = lambda row, stage=stage: f"{row.stages[stage]:.1f}" if stage in row.stages else NOTHING
+        columns[stage] = partial(_seconds, stage)
     columns["all"] = lambda row: f"{sum(row.stages.values()):.1f}"
     return _table("Seconds of training by stage", columns, study, timed)
+
+
+def _seconds(stage: str, row: Row) -> str:
+    return f"{row.stages[stage]:.1f}" if stage in row.stages else NOTHING
 
 
 def shown(value: Value | None, figure: str, signed: bool = False) -> str:

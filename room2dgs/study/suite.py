@@ -8,6 +8,7 @@ import re
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -117,7 +118,7 @@ def rows_so_far(runs: Sequence[Run], threshold_m: float) -> tuple[Row, ...]:
 
 def means(suite: Suite) -> dict[str, dict[str, Value]]:
     """Half -> figure -> mean over its finished captures, and over all of them; only halves that have one."""
-    found = {}
+    found: dict[str, dict[str, Value]] = {}
     for half in (TUNE, REPORT, ALL):
         values = [row.values for row in suite.rows if row.finished and half in (ALL, row.words)]
         if values:
@@ -136,7 +137,7 @@ def score_table(suite: Suite) -> Table:
         lines.append((f"mean of{share} {len(among)}", half, values))
     columns = {"scene": lambda line: line[0], "half": lambda line: line[1]}
     for heading, figure in COLUMNS.items():
-        columns[heading.format(at=suite.at)] = lambda line, figure=figure: shown(line[2].get(figure), figure)
+        columns[heading.format(at=suite.at)] = partial(lambda figure, line: shown(line[2].get(figure), figure), figure)
     return table("", columns, lines)
 
 

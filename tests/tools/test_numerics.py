@@ -218,7 +218,7 @@ def test_a_variants_run_has_its_library_and_its_scores(tmp_path, monkeypatch):
     (tmp_path / "good" / "old").touch()
     assert score("good") == {"f_score_5cm": 0.5}
     command, env = asked[0]
-    assert command[3:5] == [Path("_C.so"), "scene.path=hall"] and command[-1] == "k=1" and env["X"] == "1"
+    assert command[3:5] == ["_C.so", "scene.path=hall"] and command[-1] == "k=1" and env["X"] == "1"
     assert f"prior.cache={tmp_path / 'caches' / 'maps'}" in command
     with pytest.raises(InputError, match="no such room"):
         score("bad")

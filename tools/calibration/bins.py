@@ -80,14 +80,13 @@ def calibration(parts: Sequence[Errors]) -> Calibration | None:
         return None
     first, known = parts[0], sum(part.known for part in parts)
     median, p68 = _percentiles(true)
-    figures = {"source": first.source, "kind": first.kind, "share": len(true) / known, "median": median, "p68": p68}
+    share = len(true) / known
     if first.expected is None:
-        return Calibration(**figures, expected=None, within=None, bins=())
+        return Calibration(first.source, first.kind, share, None, median, p68, None, ())
     expected = np.concatenate([part.expected for part in parts if part.expected is not None])
     within = float(np.mean(true <= expected))
-    return Calibration(
-        **figures, expected=float(np.median(expected)), within=within, bins=bins(expected, true, BINS[first.kind])
-    )
+    found = bins(expected, true, BINS[first.kind])
+    return Calibration(first.source, first.kind, share, float(np.median(expected)), median, p68, within, found)
 
 
 def bins(expected: np.ndarray, true: np.ndarray, ends: Sequence[float]) -> tuple[Bin, ...]:

@@ -43,15 +43,15 @@ def tables(found: Found) -> list[Table]:
         if rows:
             shown.append(table(title, _columns(kind), rows))
     for kind, title in TITLES.items():
-        rows = [
+        parts = [
             (scene, one, part)
             for scene, sources in found.items()
             for one in sources
             if one.kind == kind
             for part in one.bins
         ]
-        if rows:
-            shown.append(table(f"{title}: bins of the expected error", _bin_columns(kind), rows))
+        if parts:
+            shown.append(table(f"{title}: bins of the expected error", _bin_columns(kind), parts))
     return shown
 
 

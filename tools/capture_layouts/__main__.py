@@ -19,6 +19,7 @@ import subprocess
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -83,6 +84,7 @@ def differences(scene: Scene, made: Made, layout: Layout) -> Differences:
     points = None
     if layout.points:
         seen = np.unique(np.concatenate([index for index, _ in made.seen]))
+        assert scene.given_points is not None
         points = float(np.abs(scene.given_points().xyz - made.xyz[seen]).max())
     return Differences(float(pose), float(K), levels, depth if layout.depth else None, points, digest.hexdigest())
 
@@ -101,15 +103,15 @@ def compared(
     layout, folder, run = LAYOUTS[name], out / "captures" / name, out / "runs" / name
     shutil.rmtree(folder.parent, ignore_errors=True)
     layout.write(folder, made)
-    told = layout.settings(made)
-    config = replace(load_config([f"scene.path={folder}", "out=unused"]).scene, **ALL, **told)
+    of_scene: dict[str, Any] = {**ALL, **layout.settings(made)}
+    config = replace(load_config([f"scene.path={folder}", "out=unused"]).scene, **of_scene)
     found = differences(read_scene(config), made, layout)
     row: dict[str, object] = {"layout": name, **vars(found)}
     same = next((before for before in known if before["digest"] == found.digest and "mesh" in before), None)
     if gt_mesh is not None and same is not None:
         row |= {key: same[key] for key in MESH} | {"run_of": same.get("run_of", same["layout"])}
     elif gt_mesh is not None:
-        given = [f"scene.{key}={json.dumps(value)}".replace(" ", "") for key, value in {**ALL, **told}.items()]
+        given = [f"scene.{key}={json.dumps(value)}".replace(" ", "") for key, value in of_scene.items()]
         given = [f"scene.path={folder}", f"out={run}", f"scene.gt_mesh={gt_mesh}", *given, *RUN]
         row |= mesh_of([*given, f"points.file={out / 'points.ply'}", *settings], run)
     shutil.rmtree(folder.parent)
@@ -135,7 +137,7 @@ def mesh_of(arguments: list[str], run: Path) -> dict[str, object]:
 
 def table(rows: list[dict[str, object]]) -> str:
     """Markdown; meshes and inputs of the same bits have the same letter."""
-    letters: dict[object, str] = {}
+    letters: dict[tuple[str, object], str] = {}
 
     def letter(kind: str, value: object) -> str:
         if value is None:
@@ -159,7 +161,7 @@ def table(rows: list[dict[str, object]]) -> str:
 
 
 @command_line("capture_layouts")
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="capture_layouts",
@@ -182,7 +184,7 @@ def main(arguments: list[str] | None = None) -> None:
     made = made_of(given.capture, given.first, given.frames, given.step)
     given.out.mkdir(parents=True, exist_ok=True)
     trimesh.PointCloud(made.xyz, colors=made.rgb).export(given.out / "points.ply")
-    rows = []
+    rows: list[dict[str, object]] = []
     for name in given.layouts:
         rows.append(kept(name, made, given, None if given.no_mesh else gt_mesh, [] if given.every else rows))
         print(table(rows[-1:]).splitlines()[-1], flush=True)

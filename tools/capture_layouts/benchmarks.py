@@ -60,14 +60,14 @@ def neuralrgbd(root: Path, made: Made) -> None:
 def monosdf(root: Path, made: Made) -> None:
     """world_mat = K times world-to-camera; scale_mat leads to another frame."""
     root.mkdir(parents=True)
-    arrays = {}
+    arrays: dict[str, np.ndarray] = {}
     for i, pose in enumerate(made.poses):
         photo_file(root / f"{i:06d}_rgb.png", made, i)
         arrays |= {
             f"world_mat_{i}": made.K_at_integers @ np.linalg.inv(pose),
             f"scale_mat_{i}": np.diag([2.5, 2.5, 2.5, 1.0]),
         }
-    np.savez(root / "cameras.npz", **arrays)
+    np.savez(root / "cameras.npz", allow_pickle=True, **arrays)
 
 
 def sdfstudio(root: Path, made: Made) -> None:

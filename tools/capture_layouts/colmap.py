@@ -19,7 +19,8 @@ def colmap_text(folder: Path, made: Made, names: list[str], camera: str, poses=N
     """cameras.txt, images.txt with two lines an image, points3D.txt."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "cameras.txt").write_text(f"# Camera list\n3 {camera}\n")
-    lines, tracks = ["# Image list with two lines of data per image:"], {}
+    lines = ["# Image list with two lines of data per image:"]
+    tracks: dict[int, list[str]] = {}
     for i, pose in enumerate(made.poses if poses is None else poses):
         cam_from_world = np.linalg.inv(pose)
         lines.append(f"{i + 10} {text(wxyz(cam_from_world[:3, :3]))} {text(cam_from_world[:3, 3])} 3 {names[i]}")
@@ -58,7 +59,8 @@ def colmap_binary(root: Path, made: Made) -> None:
     for i, name in enumerate(names):
         photo_file(root / "images" / name, made, i)
     (folder / "cameras.bin").write_bytes(struct.pack("<QIiQQ4d", 1, 3, 1, made.width, made.height, *made.fx_fy_cx_cy))
-    images, tracks = [struct.pack("<Q", made.count)], {}
+    images = [struct.pack("<Q", made.count)]
+    tracks: dict[int, list[tuple[int, int]]] = {}
     for i, pose in enumerate(made.poses):
         cam_from_world = np.linalg.inv(pose)
         images.append(struct.pack("<I7dI", i + 10, *wxyz(cam_from_world[:3, :3]), *cam_from_world[:3, 3], 3))

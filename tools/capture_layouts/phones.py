@@ -69,7 +69,7 @@ def record3d_archive(root: Path, made: Made) -> None:
 def stray(root: Path, made: Made) -> None:
     """A video; columns by their names, OpenCV axes."""
     root.mkdir(parents=True)
-    writer = cv2.VideoWriter(str(root / "rgb.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 30, (made.width, made.height))
+    writer = cv2.VideoWriter(str(root / "rgb.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 30, (made.width, made.height))
     lines = ["timestamp, frame, x, y, z, qx, qy, qz, qw"]
     for i, pose in enumerate(made.poses):
         writer.write(made.photos[i])

@@ -35,7 +35,7 @@ def made_of(capture: Path, first: int, count: int, step: int) -> Made:
     if not alike or any(frame.depth_path is None for frame in frames):
         raise InputError(f"{capture} has to have one camera without distortion, and depth; take another capture")
     photos = np.stack([frame.color()[..., ::-1] for frame in frames])
-    depths = np.stack([np.round(1000 * frame.depth()).astype(np.uint16) for frame in frames])
+    depths = np.stack([_millimetres(frame) for frame in frames])
     jpegs = None
     if all(frame.photo is None and frame.color_path.suffix.lower() in (".jpg", ".jpeg") for frame in frames):
         jpegs = tuple(frame.color_path.read_bytes() for frame in frames)
@@ -44,6 +44,12 @@ def made_of(capture: Path, first: int, count: int, step: int) -> Made:
     seen = [_seen(frame, xyz, depth / 1000) for frame, depth in zip(frames, depths, strict=True)]
     size = frames[0].camera.size
     return Made(K, size, poses, photos, depths, xyz, rgb, seen, jpegs, np.full(size[::-1], 255, np.uint8))
+
+
+def _millimetres(frame: Frame) -> np.ndarray:
+    depth = frame.depth()
+    assert depth is not None
+    return np.round(1000 * depth).astype(np.uint16)
 
 
 def _points(frames: tuple[Frame, ...], depths: np.ndarray, photos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

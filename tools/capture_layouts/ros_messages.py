@@ -49,8 +49,8 @@ class RosMessages:
 
     def packed(self, frame: str, stamp: int, data: bytes, form: str):
         header = self.header(frame, stamp)
-        data = np.frombuffer(data, np.uint8)
-        return self.make("sensor_msgs/msg/CompressedImage", header=header, format=form, data=data)
+        array = np.frombuffer(data, np.uint8)
+        return self.make("sensor_msgs/msg/CompressedImage", header=header, format=form, data=array)
 
     def info(self, frame: str, stamp: int, K: np.ndarray, D=(), model="plumb_bob", size=(96, 72)):
         """`size` is (width, height)."""
@@ -112,14 +112,15 @@ class RosMessages:
         from rosbags.rosbag2 import Writer as Writer2
 
         path.parent.mkdir(parents=True, exist_ok=True)
+        writer: Writer1 | Writer2
         if self.ros1:
-            writer = Writer1(path)
+            writer = first = Writer1(path)
             if packing:
-                writer.set_compression(Writer1.CompressionFormat[packing])
+                first.set_compression(Writer1.CompressionFormat[packing])
         else:
-            writer = Writer2(path, version=9, storage_plugin=StoragePlugin[storage])
+            writer = second = Writer2(path, version=9, storage_plugin=StoragePlugin[storage])
             if packing:
-                writer.set_compression(CompressionMode[packing], CompressionFormat.ZSTD)
+                second.set_compression(CompressionMode[packing], CompressionFormat.ZSTD)
         with writer:
             topics = {}
             for topic, time, message in messages:

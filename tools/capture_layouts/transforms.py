@@ -40,7 +40,7 @@ def instant_ngp(root: Path, made: Made) -> None:
     """Fields of view, no suffix, 3x4 matrices, intrinsics a frame."""
     root.mkdir(parents=True)
     fx, fy, cx, cy = made.fx_fy_cx_cy
-    frames = []
+    frames: list[dict[str, object]] = []
     for i, pose in enumerate(made.poses):
         photo_file(root / f"images/{i + 8}.png", made, i)
         frames.append({"file_path": f"./images/{i + 8}", "transform_matrix": lists((pose @ GL)[:3])})

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -61,7 +62,8 @@ def train(
     """
     torch.manual_seed(options.seed)
     random, order = torch.Generator().manual_seed(options.seed), np.random.default_rng(options.seed)
-    network = CorrectionNetwork().to(memory_format=torch.channels_last)
+    network = CorrectionNetwork()
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
     if start:
         network.load_state_dict(start)
     optimiser = torch.optim.AdamW(network.parameters(), lr=options.lr, weight_decay=options.weight_decay)
@@ -83,7 +85,8 @@ def train(
             found = network(inputs.contiguous(memory_format=torch.channels_last))
         terms = losses(found, target)
         optimiser.zero_grad()
-        sum(WEIGHTS[name] * value for name, value in terms.items()).backward()
+        total: Any = sum(WEIGHTS[name] * value for name, value in terms.items())
+        total.backward()
         torch.nn.utils.clip_grad_norm_(network.parameters(), LARGEST_GRADIENT)
         optimiser.step()
         step, counted = step + 1, counted + 1

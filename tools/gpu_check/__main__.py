@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -100,12 +101,12 @@ def _checked(args: argparse.Namespace, end: float) -> tuple[dict[str, list[Row]]
         do(
             "speed",
             f"{count} surfels at {width}x{height}",
-            lambda w=width, h=height, n=count: speed_row(args.backend, w, h, n),
+            partial(speed_row, args.backend, width, height, count),
         )
     with tempfile.TemporaryDirectory() as folder:
         _demo(args, Path(folder), do)
     for name in names:
-        do("corpus", name, lambda name=name: corpus_row(name, args.backend))
+        do("corpus", name, partial(corpus_row, name, args.backend))
     return found, left_out
 
 
@@ -123,7 +124,7 @@ def _demo(args: argparse.Namespace, folder: Path, do: Callable[[str, str, Callab
 
     handlers = list(LOGGER.handlers)
     for backend in dict.fromkeys((args.backend, "cpu")):
-        do("demo", f"the demo room by {backend}", lambda backend=backend: row(backend))
+        do("demo", f"the demo room by {backend}", partial(row, backend))
     LOGGER.handlers = handlers  # the runs' logs lie in a folder that goes
 
 

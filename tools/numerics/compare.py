@@ -94,7 +94,7 @@ def differentiate(
         surfels, K, pose, scene.width, scene.height, background=background, center_px=center_px,
         near_m=scene.near_m, opacity_floor=scene.opacity_floor,
     )  # fmt: skip
-    total = sum((w.to(x.dtype) * x).sum() for w, x in zip(weights, images, strict=True))
+    total: Any = sum((w.to(x.dtype) * x).sum() for w, x in zip(weights, images, strict=True))
     inputs = [*surfels, K, pose, background, center_px]
     gradients = torch.autograd.grad(total, inputs, allow_unused=True, materialize_grads=True)
     return Rendering(*(x.detach() for x in images)), dict(zip(GRADIENTS, gradients, strict=True))

@@ -31,7 +31,7 @@ NOTHING = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
 @contextmanager
 def _few_steps() -> Iterator[None]:
     whole = optimise.STAGES
-    optimise.STAGES = tuple(stage._replace(steps=FEW_STEPS) for stage in whole)
+    optimise.STAGES = tuple(stage._replace(steps=FEW_STEPS) for stage in whole)  # type: ignore[assignment]
     try:
         yield
     finally:
@@ -106,6 +106,7 @@ def _gradient(
     wide = (reference.in_float64(views), leaf, draws, energy.weights, stiffness.double(), axes.double())
     expected = reference.energy(*wide)
     expected.backward()
+    assert leaf.grad is not None
     off = max(relative_error(*pair) for pair in zip(found[0], (expected.detach(), leaf.grad), strict=True))
     same = all(torch.equal(a, b) for a, b in zip(*found, strict=True))
     return StageResult("energy and gradient against float64", off, 1e-4, bool(np.isfinite(off)), same)

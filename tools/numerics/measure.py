@@ -27,7 +27,7 @@ def raster_row(name: str) -> Row:
     }  # fmt: skip
     row["passed"] = found.passed and still.within(found.bound)
     if len(scene.surfels.centers) * scene.width * scene.height < SIDE_BY_SIDE_PAIRS and (other := choices(scene)):
-        row["parallel_map"] = other._asdict()
+        row["forms"] = other._asdict()
     return row
 
 

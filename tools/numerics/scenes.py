@@ -78,7 +78,7 @@ def _at_home() -> Tensor:
 
 def _scene(surfels: Surfels, K: Tensor | None = None, cam_from_world: Tensor | None = None, size=(37, 29), near=NEAR_M):
     K = intrinsics() if K is None else K
-    return HardScene(surfels, K, pose() if cam_from_world is None else cam_from_world, *size, near)
+    return HardScene(surfels, K, pose() if cam_from_world is None else cam_from_world, size[0], size[1], near)
 
 
 def _some(seed: int = 3, **changes) -> Surfels:

@@ -70,7 +70,7 @@ def _costs(textured: bool, spoilt: bool = False) -> StageResult:
         planes[0] = 10.0 ** random.uniform(-6, 4, planes[0].shape)
         planes[1:] = random.normal(size=planes[1:].shape)
     planes = planes.astype(np.float32)
-    settings = Matching(best=2)
+    settings = Matching(top_k=2)
     views = [packed(photo, camera) for photo, camera in zip(photos, cameras, strict=True)]
     found = []
     try:

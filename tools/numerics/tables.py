@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from room2dgs.report.table import NOTHING, Table, table
@@ -30,19 +31,19 @@ def tables(found: dict[str, list[Row]]) -> list[Table]:
     made = []
     if rows := found.get("raster", []):
         columns = {"case": lambda r: r["case"], "images": lambda r: number(max(r["images"].values()))}
-        columns |= {name: lambda r, name=name: number(r["gradients"][name]) for name in GRADIENTS}
+        columns |= {name: partial(lambda name, r: number(r["gradients"][name]), name) for name in GRADIENTS}
         columns |= {
-            name: lambda r, name=name: _same(r["invariances"][name]) if "invariances" in r else NOTHING
+            name: partial(lambda name, r: _same(r["invariances"][name]) if "invariances" in r else NOTHING, name)
             for name in ("moved", "scaled", "reordered", "threads")
         }
         columns |= {"bound": lambda r: number(r["bound"]), "": _verdict}
         made.append(table("Rasterizer: worst relative error of images and of each gradient, and what must not matter",
                           columns, rows))  # fmt: skip
-        pairs = [row for row in rows if "parallel_map" in row]
+        pairs = [row for row in rows if "forms" in row]
         parts = {"opacity": ("centre form", "three planes"), "depth": ("centre form", "three planes"),
                  "distortion": ("shifted", "running sums")}  # fmt: skip
         columns = {"case": lambda r: r["case"]} | {
-            f"{part}, {form}": lambda r, part=part, k=k: number(r["parallel_map"][part][k])
+            f"{part}, {form}": partial(lambda part, k, r: number(r["forms"][part][k]), part, k)
             for part, forms in parts.items()
             for k, form in enumerate(forms)
         }

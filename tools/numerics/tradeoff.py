@@ -95,7 +95,7 @@ def _environment(isa: str) -> dict[str, str]:
 
 def _run(library: Path, out: Path, isa: str) -> dict[str, float]:
     env = {**os.environ, **_environment(isa)}
-    command = [sys.executable, "-m", "room2dgs.tools.numerics.variant_run", library, out, str(REPEATS)]
+    command = [sys.executable, "-m", "room2dgs.tools.numerics.variant_run", str(library), str(out), str(REPEATS)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=env)
     return json.loads(done.stdout.splitlines()[-1])
 

@@ -21,6 +21,7 @@ def use(library: Path) -> None:
     import room2dgs
 
     spec = importlib.util.spec_from_file_location("room2dgs._C", library)
+    assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     sys.modules["room2dgs._C"] = room2dgs._C = module

@@ -36,7 +36,7 @@ def scored(
     """
     shutil.rmtree(out, ignore_errors=True)
     kept = [f"{key}={caches / folder}" for key, folder in KEPT.items()]
-    command = [sys.executable, "-m", "room2dgs.tools.numerics.variant_score", library]
+    command = [sys.executable, "-m", "room2dgs.tools.numerics.variant_score", str(library)]
     command += [f"scene.path={capture}", f"out={out}", "report.enabled=false", *kept, *settings]
     done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **env}, check=False)
     if done.returncode:

@@ -16,9 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from room2dgs.pipeline.evaluate import ground_truth
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.pipeline.scene import read_capture
 from room2dgs.config import Config, load_config
 from room2dgs.config.overrides import quoted
 from room2dgs.depth.network.maps import read_models
@@ -26,6 +24,8 @@ from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.json_files import read_json
 from room2dgs.logs import Log, in_lines, run_log
+from room2dgs.pipeline.evaluate import ground_truth
+from room2dgs.pipeline.scene import read_capture
 from room2dgs.runs.folder import POINTS, PRIOR_MAPS, absolute
 from room2dgs.study.ablation import rows_of
 from room2dgs.study.jobs import (
@@ -214,7 +214,8 @@ def _prepare(prior: Given, config: Config, out: Path, log: Log) -> None:
     scene = replace(config.scene, frames=frames, stride=1, test_every=0)
     (score,) = measured_scenes([scene], config.prior, log)
     depth = score.depth.get("scale_shift")
-    quality = Quality(depth and depth.abs_rel, depth and depth.delta1, score.normals.get("mean_deg"), score.frames)
+    abs_rel, delta1 = (depth.abs_rel, depth.delta1) if depth else (None, None)
+    quality = Quality(abs_rel, delta1, score.normals.get("mean_deg"), score.frames)
     with whole_file(path) as temporary:
         whole = {"known_by": known_by, "quality": dataclasses.asdict(quality)}
         temporary.write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -122,7 +123,7 @@ def table(curve: Curve) -> Table:
         "acc. (cm)": "accuracy_m", "comp. (cm)": "completion_m", "surfels": "primitives", "train (min)": "train_s",
     }  # fmt: skip
     for heading, figure in figures.items():
-        columns[heading] = lambda point, figure=figure: shown(point.row.values.get(figure), figure)
+        columns[heading] = partial(lambda figure, point: shown(point.row.values.get(figure), figure), figure)
     seeds = sorted({run.seed for point in curve.points for run in point.row.runs})
     title = f"Scores by the prior's errors ({SIMULATED} but where a network is named)"
     title = f"{title}, seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}"

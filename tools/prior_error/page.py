@@ -73,9 +73,9 @@ def _draw(axes: Any, curve: Curve, error: str, score: str, name: str) -> None:
     for _, at, height in known(curve.of("noise"), error, score):
         axes.plot(at, height, "x", color=color, label=f"{name}, noise (simulated)")
     for point in curve.of("none"):
-        height = point.score(score)
-        if height is not None:
-            axes.axhline(height, color=color, ls=":", lw=1, label=f"{name}, no prior")
+        level = point.score(score)
+        if level is not None:
+            axes.axhline(level, color=color, ls=":", lw=1, label=f"{name}, no prior")
     for point, at, height in known(curve.of("real"), error, score):
         axes.plot(at, height, "*", color=color, ms=12, mec="black", mew=0.5)
         if score == F_SCORE:

@@ -120,5 +120,5 @@ def _stacked(made: list[tuple[Seen, np.ndarray]]) -> Batch:
     depth = torch.from_numpy(np.stack([seen.depth for seen, _ in made]))[:, None]
     normal = torch.from_numpy(np.stack([seen.normal for seen, _ in made])).permute(0, 3, 1, 2)
     intrinsics = torch.from_numpy(np.stack([seen.intrinsics for seen, _ in made]))
-    slopes = ray_slopes(intrinsics, *depth.shape[-2:], OUTPUT_STRIDE)
+    slopes = ray_slopes(intrinsics, depth.shape[-2], depth.shape[-1], OUTPUT_STRIDE)
     return Batch(image, intrinsics, Truth(depth, normal, plane_distance(depth, normal, slopes)))

@@ -68,10 +68,10 @@ def load_checkpoint(path: Path, grow: bool = False) -> Checkpoint:
     """
     path = path / NAME if path.is_dir() else path
     tensors, meta = read_tensors(path, KIND)
-    parts: dict[str, dict[str, Tensor]] = {part: {} for part in PARTS}
+    parts: dict[str, dict[str, Tensor]] = {name: {} for name in PARTS}
     for key, tensor in tensors.items():
-        part, _, name = key.partition("/")
-        parts[part][name] = tensor
+        which, _, name = key.partition("/")
+        parts[which][name] = tensor
     network = PriorNetwork()
     wanted = {name: parameter.shape for name, parameter in network.named_parameters()}
     for key, part in parts.items():
@@ -118,7 +118,7 @@ def state_tensors(
     network: PriorNetwork, average: dict[str, Tensor], optimiser: torch.optim.Optimizer
 ) -> dict[str, dict[str, Tensor]]:
     """Copies of all that a checkpoint keeps."""
-    parts: dict[str, dict[str, Tensor]] = {part: {} for part in PARTS}
+    parts: dict[str, dict[str, Tensor]] = {name: {} for name in PARTS}
     for name, parameter in network.named_parameters():
         moments = optimiser.state.get(parameter, {})
         parts["weights"][name] = parameter.detach().clone()

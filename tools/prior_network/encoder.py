@@ -82,7 +82,7 @@ class Encoder(nn.Module):
         """image (B, 3, H, W) RGB in [0, 1] -> features (B, FEATURE_WIDTHS[i], H / 2^(i+1), W / 2^(i+1)), about unit."""
         # the scaling that EfficientNet-Lite was trained with: (rgb8 - 127) / 128
         x = F.relu6(self.stem((image * 255.0 - 127.0) / 128.0), inplace=True)
-        features = []
+        features: list[Tensor] = []
         for index, stage in enumerate(self.stages):
             x = stage(x)
             if index in TAPS:

@@ -58,7 +58,7 @@ def gradient_maker(network: PriorNetwork, work: Work, threads: int) -> Iterator[
         work: what to train on.
         threads: 1: this process alone; from 2 on, two processes with half of them each.
     """
-    parameters = list(network.parameters())
+    parameters: list[torch.Tensor] = list(network.parameters())
     with ExitStack() as stack:
         if threads < 2:
             batches = stack.enter_context(_part_batches(work, range(PARTS)))

@@ -124,16 +124,27 @@ class PriorNetwork(nn.Module):
         for name, module in self.named_modules():
             if isinstance(module, nn.Conv2d) and not name.startswith("encoder"):
                 nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
+                assert module.bias is not None
                 nn.init.zeros_(module.bias)
         with torch.no_grad():
             for rung in self.rungs:
+                assert isinstance(rung, Rung)
                 if rung.residual is not None:
-                    rung.residual[-1].weight.mul_(0.1)
+                    _weights_of_last(rung.residual).mul_(0.1)
             for block in (*self.context, *self.finer_context):
+                assert isinstance(block, ContextBlock)
                 block.joined.weight.mul_(0.1)
-                block.perceptron[-1].weight.mul_(0.1)
-            self.heads[-1].weight.mul_(0.1)
-            self.heads[-1].bias.copy_(torch.tensor(HEAD_START))
+                _weights_of_last(block.perceptron).mul_(0.1)
+            _weights_of_last(self.heads).mul_(0.1)
+            bias = self.heads[-1].bias
+            assert isinstance(bias, Tensor)
+            bias.copy_(torch.tensor(HEAD_START))
+
+
+def _weights_of_last(layers: nn.Sequential) -> Tensor:
+    weight = layers[-1].weight
+    assert isinstance(weight, Tensor)
+    return weight
 
 
 class FullSize(nn.Module):

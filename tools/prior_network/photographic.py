@@ -167,4 +167,6 @@ def _compressed(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         return image
     # channel order only decides which chroma is coarser; it need not be converted twice
     _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-    return cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1]
+    decoded = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    assert decoded is not None
+    return decoded[..., ::-1]

@@ -17,9 +17,8 @@ def ray_slopes(intrinsics: Tensor, height: int, width: int, stride: int) -> Tens
     Returns:
         (B, 2, height, width): (x - cx) / fx and (y - cy) / fy.
     """
-    like = {"device": intrinsics.device, "dtype": intrinsics.dtype}
-    x = (torch.arange(width, **like) + 0.5) * stride
-    y = (torch.arange(height, **like) + 0.5) * stride
+    x = (torch.arange(width, device=intrinsics.device, dtype=intrinsics.dtype) + 0.5) * stride
+    y = (torch.arange(height, device=intrinsics.device, dtype=intrinsics.dtype) + 0.5) * stride
     fx, fy, cx, cy = (intrinsics[:, row, column, None] for row, column in ((0, 0), (1, 1), (0, 2), (1, 2)))
     across = ((x - cx) / fx)[:, None, :].expand(-1, height, -1)
     down = ((y - cy) / fy)[:, :, None].expand(-1, -1, width)

@@ -97,7 +97,8 @@ def _loop(
     run: Run, gradients: NextGradients, held_out: Shards, options: TrainOptions, path: Path, scalars: Scalars, log
 ) -> None:
     clock, saved, reported = (time.monotonic(),) * 3
-    sums, counted, bad = {}, 0, 0
+    sums: dict[str, float] = {}
+    counted = bad = 0
     while progress(options, run.step, run.seconds) < 1.0:
         terms, norm = _step(run, gradients, options)
         bad = 0 if math.isfinite(norm) else bad + 1
@@ -185,8 +186,13 @@ def _with_state(network: PriorNetwork, state: Checkpoint, options: TrainOptions)
     return run
 
 
+def channels_last(network: PriorNetwork) -> PriorNetwork:
+    """Its weights as convolutions of a CPU like them."""
+    return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
+
+
 def _run(network: PriorNetwork, options: TrainOptions) -> Run:
-    network = network.to(memory_format=torch.channels_last).train()
+    network = channels_last(network).train()
     encoder = list(network.encoder.parameters())
     others = [parameter for name, parameter in network.named_parameters() if not name.startswith("encoder.")]
     groups = [{"params": others}, {"params": encoder}]
@@ -210,7 +216,7 @@ def _save(path: Path, run: Run, options: TrainOptions) -> None:
 
 
 def _validate(run: Run, held_out: Shards, options: TrainOptions, scalars: Scalars, log) -> None:
-    network = PriorNetwork().to(memory_format=torch.channels_last)
+    network = channels_last(PriorNetwork())
     network.load_state_dict(run.average)
     result = validate(network.eval(), held_out, options.size, options.validation_samples, options.batch, options.seed)
     scalars.add({f"validation/{name}": value for name, value in result.scores.items()}, run.step)

@@ -35,7 +35,8 @@ def validate(
         the network trusts most; *_expected: what the network expects abs_rel and normal_mean to be.
     """
     chosen = np.unique(np.linspace(0, len(shards) - 1, min(samples, len(shards))).astype(int)).tolist()
-    rows, drawn = [], {}
+    rows: list[dict[str, float]] = []
+    drawn: dict[str, np.ndarray] = {}
     for start in range(0, len(chosen), batch):
         made = validation_batch(shards, size, chosen[start : start + batch], seed)
         with torch.inference_mode():

@@ -197,7 +197,7 @@ def shape(rng: Rng, size: float | None = None) -> list[Patch]:
     half = size * rng.uniform(0.3, 1.0, 3)
     material = materials.anything(rng)
     kinds = (
-        lambda: moved(block(*(2 * half), material, "shape"), (0, 0, -half[2])),
+        lambda: moved(block(2 * half[0], 2 * half[1], 2 * half[2], material, "shape"), (0, 0, -half[2])),
         lambda: [rounded_box(half, half.min() * rng.uniform(0.2, 1.0), material, "shape")],
         lambda: [ellipsoid(half, material, "shape")],
         lambda: [cone(half, material)],
@@ -261,8 +261,10 @@ def leaf_sheet(rng: Rng) -> list[Patch]:
     return resting(board, rotation(rng.uniform(-3, 3), 0.0, rng.uniform(-1.3, -0.2)))
 
 
-SMALL = (bottle, bottle, cup, cup, bowl, book_pile, papers, carton, ball, tool, resting_shape, resting_shape, cable)
-SMALL = (*SMALL, cloth_heap, leaf_sheet)
+SMALL = (
+    *(bottle, bottle, cup, cup, bowl, book_pile, papers, carton, ball, tool, resting_shape, resting_shape, cable),
+    *(cloth_heap, leaf_sheet),
+)
 LARGE = (carton, carton, bag, basket, pillow, ball, book_pile, cloth_heap, shoe, resting_shape, papers, leaf_sheet)
 
 
@@ -272,7 +274,8 @@ def scatter(rng: Rng, low, high, z: float, count: float, things=SMALL) -> list[P
     Args:
         low, high: (2,) corners of the rectangle, metres.
     """
-    patches, taken = [], []
+    patches: list[Patch] = []
+    taken: list[tuple[np.ndarray, float]] = []
     low, high = np.asarray(low, float), np.asarray(high, float)
     room = float((high - low).min())
     for _ in range(int(rng.poisson(count))):

@@ -65,7 +65,8 @@ def podium(rng: Rng, style: Style) -> list[Patch]:
 
 def heap(rng: Rng, style: Style) -> list[Patch]:
     """Boxes, bags and shapes piled up about the origin."""
-    patches, reach = [], rng.uniform(0.25, 0.6)
+    patches: list[Patch] = []
+    reach = rng.uniform(0.25, 0.6)
     for _ in range(int(rng.integers(3, 12))):
         thing = LARGE[rng.integers(len(LARGE))](rng)
         tall = float(extent(thing)[1][2])

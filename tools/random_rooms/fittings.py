@@ -91,16 +91,16 @@ def ceiling_lamp(rng: Rng, style: Style, light: Material, hanging: bool = False)
     if kind < 0.55:
         width, depth = rng.uniform(0.15, 1.2), rng.uniform(0.1, 0.6)
         patches = moved(block(width, depth, 0.05, rim, "lamp"), (0, 0, -0.05))
-        glow = [(-width / 2 + 0.01, -depth / 2 + 0.01, -0.054), (0, depth - 0.02, 0), (width - 0.02, 0, 0)]
-        return [*patches, parallelogram(*glow, light, "light")]
+        corner = (-width / 2 + 0.01, -depth / 2 + 0.01, -0.054)
+        return [*patches, parallelogram(corner, (0, depth - 0.02, 0), (width - 0.02, 0, 0), light, "light")]
     drop = rng.uniform(0.25, 0.9)
     patches = [rod((0, 0, -drop), (0, 0, 0), 0.004, materials.plastic(rng), "lamp")]
     if kind < 0.7:
         radius = rng.uniform(0.06, 0.18)
         t = np.linspace(-np.pi / 2, np.pi / 2, 11)
-        profile = np.column_stack([radius * np.cos(t), radius * np.sin(t)])
-        profile[[0, -1], 0] = 0
-        return patches + moved([lathe(profile, light, "light", 18)], (0, 0, -drop - radius + 0.01))
+        half_circle = np.column_stack([radius * np.cos(t), radius * np.sin(t)])
+        half_circle[[0, -1], 0] = 0
+        return patches + moved([lathe(half_circle, light, "light", 18)], (0, 0, -drop - radius + 0.01))
     radius, tall = rng.uniform(0.1, 0.28), rng.uniform(0.1, 0.3)
     neck = radius * rng.uniform(0.1, 0.9)
     outer = [(radius, 0), (neck, tall)]

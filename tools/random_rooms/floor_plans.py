@@ -16,22 +16,22 @@ def random_outline(rng: np.random.Generator) -> np.ndarray:
     w, d = float(width), float(depth)
     kind = rng.random()
     if kind < 0.50 or min(w, d) < 2.2:
-        outline = [(0, 0), (w, 0), (w, d), (0, d)]
+        corners = [(0, 0), (w, 0), (w, d), (0, d)]
     elif kind < 0.68:  # L
         a, b = w * rng.uniform(0.35, 0.7), d * rng.uniform(0.35, 0.7)
-        outline = [(0, 0), (w, 0), (w, b), (a, b), (a, d), (0, d)]
+        corners = [(0, 0), (w, 0), (w, b), (a, b), (a, d), (0, d)]
     elif kind < 0.80:  # alcove in the wall y = d
         a, b = w * rng.uniform(0.1, 0.35), w * rng.uniform(0.6, 0.9)
         deep = rng.uniform(0.3, 1.4)
-        outline = [(0, 0), (w, 0), (w, d), (b, d), (b, d + deep), (a, d + deep), (a, d), (0, d)]
+        corners = [(0, 0), (w, 0), (w, d), (b, d), (b, d + deep), (a, d + deep), (a, d), (0, d)]
     elif kind < 0.90:  # a chimney breast or a duct that juts into the room
         a = w * rng.uniform(0.2, 0.6)
         b, deep = a + rng.uniform(0.3, 0.3 * w), rng.uniform(0.15, 0.6)
-        outline = [(0, 0), (w, 0), (w, d), (b, d), (b, d - deep), (a, d - deep), (a, d), (0, d)]
+        corners = [(0, 0), (w, 0), (w, d), (b, d), (b, d - deep), (a, d - deep), (a, d), (0, d)]
     else:  # a cut corner
         a, b = rng.uniform(0.4, 0.5 * w), rng.uniform(0.4, 0.5 * d)
-        outline = [(0, 0), (w, 0), (w, d - b), (w - a, d), (0, d)]
-    outline = np.array(outline, float)
+        corners = [(0, 0), (w, 0), (w, d - b), (w - a, d), (0, d)]
+    outline = np.array(corners, float)
     if rng.random() < 0.5:
         outline = (outline * (-1, 1))[::-1]
     if rng.random() < 0.5:

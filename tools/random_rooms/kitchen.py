@@ -23,7 +23,8 @@ def kitchen_run(rng: Rng, style: Style) -> list[Patch]:
     count = int(rng.integers(2, 7))
     widths = rng.choice([0.4, 0.45, 0.5, 0.6, 0.6, 0.8, 0.9], count)
     edges = np.concatenate([[0.0], np.cumsum(widths)]) - widths.sum() / 2
-    front, body, counter = carcass(rng, style), carcass(rng, style), materials.stone(rng)
+    front, body = carcass(rng, style), carcass(rng, style)
+    counter: Material = materials.stone(rng)
     if rng.random() < 0.3:
         counter = style.wood
     sink = int(rng.integers(count)) if rng.random() < 0.75 else -1

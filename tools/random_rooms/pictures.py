@@ -74,7 +74,8 @@ def _color(rng: np.random.Generator, value=(0.15, 0.95)) -> np.ndarray:
 
 
 def _levels(rng: np.random.Generator) -> tuple[int, int, int]:
-    return tuple(int(c) for c in 255 * _color(rng, (0.0, 1.0)))
+    red, green, blue = (int(c) for c in 255 * _color(rng, (0.0, 1.0)))
+    return red, green, blue
 
 
 def _blend(rng: np.random.Generator, weight: np.ndarray) -> np.ndarray:

@@ -101,7 +101,7 @@ def plant(rng: Rng, size: float | None = None) -> list[Patch]:
             )
             patches.append(tube(stem, 0.004 + 0.004 * rest, green, "stem", 6))
             for k in rng.uniform(0.25, 1, int(rng.integers(3, 8))):
-                base = [np.interp(k, t, stem[:, axis]) for axis in range(3)]
+                base = tuple(float(np.interp(k, t, stem[:, axis])) for axis in range(3))
                 patches += leaf(
                     base,
                     rng.uniform(-3.2, 3.2),

@@ -15,7 +15,7 @@ import open3d as o3d
 
 from room2dgs.demo_room.atlas import Charts, lookup, pack, srgb_to_linear
 from room2dgs.demo_room.geometry import Patch, TriangleSoup, triangulated
-from room2dgs.demo_room.light import cast, hit_uv, light_atlas
+from room2dgs.demo_room.light import cast, hit_uv, light_atlas, tensor
 from room2dgs.demo_room.render import ray_scene
 from room2dgs.tools.random_rooms.materials import Light, Surface
 from room2dgs.tools.random_rooms.pictures import SIDE, mean_colors, pool
@@ -59,7 +59,7 @@ class Room:
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """(N,) metres from points (N, 3) to the nearest surface."""
-        return self.scene.compute_distance(o3d.core.Tensor(np.ascontiguousarray(points, np.float32))).numpy()
+        return self.scene.compute_distance(tensor(np.ascontiguousarray(points, np.float32))).numpy()
 
     def radiance(self, patch: np.ndarray, uv: np.ndarray) -> np.ndarray:
         """(N, 3) float32 linear radiance at parameters uv (N, 2) of patches (N,), gloss aside."""
@@ -133,7 +133,9 @@ def light_up(patches: list[Patch], rng: np.random.Generator) -> Room:
     weakest = min((float(radiance.mean()) for _, radiance in lights), default=1.0)
     for row in np.flatnonzero(looks.emits):
         (x, y), (w, h) = charts.corner[row], charts.size[row]
-        atlas[y : y + h, x : x + w] = GLARE * np.array(patches[row].material.radiance) / weakest
+        material = patches[row].material
+        assert isinstance(material, Light)
+        atlas[y : y + h, x : x + w] = GLARE * np.array(material.radiance) / weakest
     return Room(soup, scene, atlas, charts, looks)
 
 
@@ -155,7 +157,7 @@ def render(
         fine: colour rays along each side of a pixel.
     """
     color_rays = rays(focal, world_from_cam, width, height, fine)
-    color = shade(room, *color_rays, rng).reshape(height * fine, width * fine, 3)
+    color = shade(room, color_rays[0], color_rays[1], rng).reshape(height * fine, width * fine, 3)
     origins, directions = rays(focal, world_from_cam, width, height, 1)
     hits = cast(room.scene, origins, directions)
     depth, ids = hits["t_hit"], hits["primitive_ids"]

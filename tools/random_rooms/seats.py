@@ -154,8 +154,8 @@ def seat_group(rng: Rng, style: Style, width: float, seats: int) -> list[Patch]:
     cover = fabric_ if rng.random() < 0.7 else fabric(rng, style)
     edges = np.linspace(-h + arm, h - arm, seats + 1)
     for left, right in pairwise(edges):
-        low, high = (left + 0.005, back - 0.02, base - 0.01), (right - 0.005, depth + 0.02, seat_top)
-        patches += soft_box(low, high, min(radius + 0.02, 0.07), cover, tag)
+        near, far = (left + 0.005, back - 0.02, base - 0.01), (right - 0.005, depth + 0.02, seat_top)
+        patches += soft_box(near, far, min(radius + 0.02, 0.07), cover, tag)
         if rng.random() < 0.6:
             rest = soft_box((-0.47 * (right - left), -0.09, 0), (0.47 * (right - left), 0.07, 0.45), 0.07, cover, tag)
             patches += moved(rest, ((left + right) / 2, back + 0.08, seat_top), rotation(0, 0, 0.2))

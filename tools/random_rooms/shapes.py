@@ -136,17 +136,18 @@ def rounded_box(
     step = float(np.clip(step, (half.sum()) / 18, 0.3))
     arc = max(2, int(np.ceil(0.5 * np.pi * radius / step)), 3 if radius > 0.02 else 2)
     corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * inner[:2]
-    centre, out = [], []
+    centres: list[np.ndarray] = []
+    outs: list[np.ndarray] = []
     for k in range(4):
         angle = k * np.pi / 2 + np.linspace(0, np.pi / 2, arc + 1)
-        centre.append(np.repeat(corners[k : k + 1], arc + 1, axis=0))
-        out.append(np.column_stack([np.cos(angle), np.sin(angle)]))
+        centres.append(np.repeat(corners[k : k + 1], arc + 1, axis=0))
+        outs.append(np.column_stack([np.cos(angle), np.sin(angle)]))
         following = corners[(k + 1) % 4]
         cells = max(1, int(np.ceil(np.linalg.norm(following - corners[k]) / step)))
         share = np.linspace(0, 1, cells + 1)[1:-1, None]
-        centre.append(corners[k] + share * (following - corners[k]))
-        out.append(np.repeat(out[-1][-1:], cells - 1, axis=0))
-    centre, out = np.concatenate([*centre, corners[:1]]), np.concatenate([*out, [[1.0, 0.0]]])
+        centres.append(corners[k] + share * (following - corners[k]))
+        outs.append(np.repeat(outs[-1][-1:], cells - 1, axis=0))
+    centre, out = np.concatenate([*centres, corners[:1]]), np.concatenate([*outs, [[1.0, 0.0]]])
     fan = np.linspace(0, 1, max(1, int(np.ceil(inner[:2].min() / step))) + 1)
     latitude = np.linspace(0, np.pi / 2, arc + 1)
     tall = np.linspace(-inner[2], inner[2], max(1, int(np.ceil(2 * inner[2] / step))) + 1)

@@ -115,7 +115,8 @@ def space_patches(space: Space, floor: Material, ceiling: Material, walls: list[
     """Floor, ceiling and walls around a space, facing its air; openings are left out."""
     patches = []
     for corners in trapezoids(space.outline, np.zeros(0)):
-        patches.append(quad(*(np.append(c, 0.0) for c in corners), floor, "floor"))
+        a, b, c, d = (np.append(p, 0.0) for p in corners)
+        patches.append(quad(a, b, c, d, floor, "floor"))
     for corners in trapezoids(space.outline, space.profile[:, 0]):
         a, b, c, d = (np.append(p, space.top(p[1])) for p in corners)
         patches.append(quad(d, c, b, a, ceiling, "ceiling"))
@@ -129,10 +130,10 @@ def wall_patches(space: Space, index: int, material: Material) -> list[Patch]:
     start, length, yaw = space.wall(index)
     rise = np.sin(yaw)
     holes = space.openings.get(index, [])
-    cuts = [0.0, length, *(hole.start for hole in holes), *(hole.end for hole in holes)]
+    ends = [0.0, length, *(hole.start for hole in holes), *(hole.end for hole in holes)]
     if abs(rise) > 1e-3:
-        cuts += list((space.profile[:, 0] - start[1]) / rise)
-    cuts = np.unique(np.round(np.clip(cuts, 0, length), 6))
+        ends += list((space.profile[:, 0] - start[1]) / rise)
+    cuts = np.unique(np.round(np.clip(ends, 0, length), 6))
     if not holes:
         return space.on_wall([whole_wall(space, index, cuts, material)], index, 0.0)
     patches = []
@@ -142,8 +143,9 @@ def wall_patches(space: Space, index: int, material: Material) -> list[Patch]:
         tops = space.top(start[1] + rise * np.array([left, right]))
         middle = (left + right) / 2
         inside = sorted((h.low, h.high) for h in holes if h.start < middle < h.end)
-        levels = [0.0, *(z for hole in inside for z in hole), None]
-        for low, high in zip(levels[::2], levels[1::2], strict=True):
+        lows = [0.0, *(high for _, high in inside)]
+        highs = [*(low for low, _ in inside), None]
+        for low, high in zip(lows, highs, strict=True):
             if high is not None and high - low < 1e-4:
                 continue
             top_left, top_right = tops if high is None else (high, high)

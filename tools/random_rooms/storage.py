@@ -52,7 +52,8 @@ def fronts(rng: Rng, style: Style, low, high, y: float, material: Material, colu
 
 def shelf_content(rng: Rng, width: float, depth: float, room: float, fullness: float) -> list[Patch]:
     """What stands on one board (y from 0 to `depth`): books, boxes, vessels, gaps."""
-    patches, x = [], -width / 2 + 0.01
+    patches: list[Patch] = []
+    x = -width / 2 + 0.01
     kind = rng.random()
     if kind > fullness + 0.15:
         return patches

@@ -88,7 +88,8 @@ def floor_area(room: RandomRoom) -> float:
 
 def tour(air: FreeAir, rng: Rng, length: float) -> np.ndarray:
     """(K, 2) points of a closed route past far corners of the free air, laps added until it is `length` metres long."""
-    laps, total = [], 0.0
+    laps: list[np.ndarray] = []
+    total = 0.0
     while total < length:
         stops = far_apart(air, rng)
         lap = np.concatenate([air.places[air.route(a, b)] for a, b in zip(stops, np.roll(stops, -1), strict=True)])

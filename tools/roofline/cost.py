@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from room2dgs.tools.roofline.devices import ATOMIC_BYTES, Device
-from room2dgs.tools.roofline.scene import Counts
 
 WARP = 32
 # of the bound: nothing keeps every unit busy. Stated, not measured; both rasterizers get the same.
@@ -69,7 +68,7 @@ class Kernel(NamedTuple):
     launches: int = 1
 
 
-def total(kernel: Kernel, counts: Counts) -> Cost:
+def total(kernel: Kernel, counts: NamedTuple) -> Cost:
     """Of a view, instructions by warps."""
     summed = Cost()
     for unit, cost in kernel.parts.items():
@@ -83,7 +82,7 @@ def total(kernel: Kernel, counts: Counts) -> Cost:
     return summed
 
 
-def seconds(kernel: Kernel, counts: Counts, device: Device) -> dict[str, float]:
+def seconds(kernel: Kernel, counts: NamedTuple, device: Device) -> dict[str, float]:
     """Of each resource alone, all of it used: the largest is the bound."""
     work = total(kernel, counts)
     clocks = device.sms * device.clock_hz
@@ -98,7 +97,7 @@ def seconds(kernel: Kernel, counts: Counts, device: Device) -> dict[str, float]:
     }
 
 
-def expected(kernel: Kernel, counts: Counts, device: Device) -> tuple[float, float, str]:
+def expected(kernel: Kernel, counts: NamedTuple, device: Device) -> tuple[float, float, str]:
     """(bound, expected) in seconds, and what binds."""
     each = seconds(kernel, counts, device)
     name = max(each, key=lambda key: each[key] / REACHED[key])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -55,7 +55,7 @@ def measured(surfels: Surfels, K: Tensor, cam_from_world: Tensor, width: int, he
     Both have the near plane at `NEAR_M`.
     """
     images = [torch.empty(height, width, *tail) for tail in ((3,), (), (), (), (3,))]
-    frame = _C.RasterFrame()
+    frame: Any = _C.RasterFrame()  # its stubs know arrays alone
     frame.forward(
         *surfels, cam_from_world.double(), K.double(), width, height, NEAR_M, OPACITY_FLOOR, torch.zeros(3),
         *images, None
@@ -114,11 +114,11 @@ def boxes(
     count = (end - first).clamp_min(0).prod(-1)
     count = torch.where((p[:, 2] >= near_m) & (distance != 0), count, torch.zeros_like(count))
     seen = count > 0
-    first, end, depth = (x[seen].numpy() for x in (first, end, p[:, 2]))
+    begin, stop, depth = (x[seen].numpy() for x in (first, end, p[:, 2]))
     listed, walked = np.zeros((2, columns * rows))
     # as many passes as the largest box has tiles; the long tail of large boxes is short
-    wide, size = (end - first)[:, 0].astype(np.int64), (end - first).prod(-1).astype(np.int64)
-    origin = (first[:, 1] * columns + first[:, 0]).astype(np.int64)
+    wide, size = (stop - begin)[:, 0].astype(np.int64), (stop - begin).prod(-1).astype(np.int64)
+    origin = (begin[:, 1] * columns + begin[:, 0]).astype(np.int64)
     left = np.arange(len(size))
     for k in range(int(size.max(initial=0))):
         left = left[size[left] > k]

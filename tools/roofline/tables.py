@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from room2dgs.bench.raster_scene import box_surfels, inside_view
@@ -70,7 +71,7 @@ def tables(rows: list[Row], shown: Row) -> list[Table]:
         {
             "case": lambda x: x[0],
             **{
-                f"{d.name}{' gsplat' if who == 'gsplat' else ''}": lambda x, who=who, d=d: _pair(x[1], who, d.name)
+                f"{d.name}{' gsplat' if who == 'gsplat' else ''}": partial(_pair_of, who, d.name)
                 for d in DEVICES
                 for who in SETS
             },
@@ -92,7 +93,7 @@ def tables(rows: list[Row], shown: Row) -> list[Table]:
             "MB memory": lambda x: f"{x[1]['work']['dram'] / 1e6:.0f}",
             "MB L2": lambda x: f"{x[1]['work']['l2'] / 1e6:.0f}",
             "M atomics": lambda x: f"{x[1]['work']['atomics'] / 1e6:.1f}",
-            **{d.name: lambda x, d=d: _bound(x[1]["times"][d.name]) for d in DEVICES},
+            **{d.name: partial(lambda d, x: _bound(x[1]["times"][d.name]), d) for d in DEVICES},
         },
         parts,
     )
@@ -119,6 +120,10 @@ def _lanes(row: Row) -> float:
     """Of the warps that blend a surfel, the lanes that do."""
     counts = row["ours"]["counts"]
     return counts["kept"] / max(1.0, 32 * counts["kept_warps"])
+
+
+def _pair_of(who: str, device: str, named: tuple[str, dict[str, Any]]) -> str:
+    return _pair(named[1], who, device)
 
 
 def _pair(row: Row, who: str, device: str) -> str:

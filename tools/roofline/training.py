@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import torch
@@ -146,7 +147,7 @@ def training_table() -> Table:
         "MB memory": lambda k: f"{total(k, of_one).dram / 1e6:.0f}",
     }
     for device in DEVICES:
-        columns[device.name] = lambda k, device=device: _time(k, of_one, device)
+        columns[device.name] = partial(lambda device, k: _time(k, of_one, device), device)
     return table("Kernels of training, stereo and fusion at 640x480, 500 k surfels", columns, kernels())
 
 

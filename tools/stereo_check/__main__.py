@@ -43,7 +43,8 @@ def main(argv: list[str]) -> int:
     """
     if asked_for_help(argv):
         return show(USAGE, HELP, ("scene", "stereo"))
-    widths = [_width(text) for part in argv if part.startswith(WIDTHS) for text in part[len(WIDTHS) :].split(",")]
+    lists = [part.removeprefix(WIDTHS).split(",") for part in argv if part.startswith(WIDTHS)]
+    widths: list[int | None] = [_width(text) for texts in lists for text in texts]
     scenes, overrides = split_scenes([text for text in argv if not text.startswith(WIDTHS)])
     rows = []
     for scene in scenes:

@@ -7,6 +7,7 @@ import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -124,8 +125,8 @@ def score_table(found: Tradeoff) -> Table:
         "settings": lambda line: line[1],
     }
     for heading, figure in COLUMNS.items():
-        columns[heading.format(at=found.at, far=f"{100 * far_m(found.threshold_m):g} cm")] = (
-            lambda line, figure=figure: shown(line[2].get(figure), figure)
+        columns[heading.format(at=found.at, far=f"{100 * far_m(found.threshold_m):g} cm")] = partial(
+            lambda figure, line: shown(line[2].get(figure), figure), figure
         )
     return table("", columns, lines)
 
