@@ -1,4 +1,4 @@
-"""What brings a prediction into the ground truth's frame, where the two were made in different ones."""
+"""Alignment of a prediction to the ground truth's frame by cameras or by surfaces (ICP)."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ LEAST_PHOTOS = 4
 SAMPLES = 20_000  # of each surface
 ROUNDS = 40
 REACH_M = (0.5, 0.1)  # what counts as the same surface, first and last: samples lie centimetres apart
-LEAST_MET = 0.3  # of the prediction
-WELL_MET = 0.8  # below it other turns are tried
+MIN_INLIER_SHARE = 0.3  # of the prediction
+GOOD_INLIER_SHARE = 0.8  # below it other turns are tried
 FEW, FEW_ROUNDS = 2500, 16  # samples and rounds of a try
 STILL = 1e-7
 
 
 class Alignment(NamedTuple):
-    """A similarity, and how well it holds.
+    """A similarity, and how well it fits.
 
     Attributes:
         method: "cameras" or "icp".
         truth_from_pred: (4, 4): scale times rotation, and translation.
-        rms_m: of what was brought together: the cameras' centres, or the surfaces where they meet.
-        pairs: of photos, or of points.
-        searched: it was not begun where the meshes lie, nor from cameras, but from a search over all turns.
+        rms_m: root mean square distance of the aligned camera centres, or of the surfaces' inliers.
+        pairs: number of photos, or of points.
+        searched: it began from a search over all rotations, not from the meshes' own frames or from cameras.
     """
 
     method: str
@@ -122,7 +122,7 @@ def _by_number(names: list[str]) -> dict[int, str]:
 
 
 def similarity(first: np.ndarray, second: np.ndarray, weights: np.ndarray, with_scale: bool) -> np.ndarray:
-    """(4, 4) that takes points (N, 3) to others with the least weighted squares (Umeyama 1991)."""
+    """(4, 4) similarity with the least weighted squared distances between points (N, 3) (Umeyama 1991)."""
     weights = weights / weights.sum()
     mean, other_mean = weights @ first, weights @ second
     a, b = first - mean, second - other_mean
@@ -138,30 +138,32 @@ def similarity(first: np.ndarray, second: np.ndarray, weights: np.ndarray, with_
 def by_surfaces(
     pred: trimesh.Trimesh, truth: trimesh.Trimesh, start: np.ndarray | None, with_scale: bool, seed: int = 0
 ) -> Alignment:
-    """Point to plane, both ways, from a first guess; without one from where the meshes lie, and if that does not bring
-    most of the prediction to the truth, from the best of all turns that lay the room's directions on each other.
+    """Point-to-plane ICP in both directions.
+
+    It starts from a given transform. Without one it starts from the meshes' own frames; if too few samples are inliers
+    then, it starts from the best of all rotations that map the main axes of one room to those of the other.
 
     Raises:
-        InputError: they do not meet.
+        InputError: too few samples are inliers.
     """
     surfaces = _Surfaces(*_samples(pred, seed), *_samples(truth, seed + 1))
-    found = _brought_together(surfaces, np.eye(4) if start is None else start, with_scale, ROUNDS)
-    searched = start is None and found.met < WELL_MET
+    found = _icp(surfaces, np.eye(4) if start is None else start, with_scale, ROUNDS)
+    searched = start is None and found.inlier_share < GOOD_INLIER_SHARE
     if searched:
         few = _Surfaces(*(values[:: SAMPLES // FEW] for values in surfaces))
         starts = (found.matrix, *guesses(few.points, few.normals, few.truth_points, few.truth_normals, with_scale))
-        tried = [_brought_together(few, guess, with_scale, FEW_ROUNDS) for guess in starts]
-        best = min(range(len(tried)), key=lambda index: tried[index].apart_m)
+        tried = [_icp(few, guess, with_scale, FEW_ROUNDS) for guess in starts]
+        best = min(range(len(tried)), key=lambda index: tried[index].mean_distance_m)
         searched = best > 0
         if searched:
-            found = _brought_together(surfaces, tried[best].matrix, with_scale, ROUNDS)
-    if found.met < LEAST_MET:
+            found = _icp(surfaces, tried[best].matrix, with_scale, ROUNDS)
+    if found.inlier_share < MIN_INLIER_SHARE:
         mend = (
             "give eval.align_scene=DIR, the capture with the true poses of the same photos, to start from"
             if start is None
             else "give eval.align=cameras"
         )
-        raise InputError(f"eval.align=icp brings only {found.met:.0%} of the mesh to the ground truth; {mend}")
+        raise InputError(f"eval.align=icp brings only {found.inlier_share:.0%} of the mesh to the ground truth; {mend}")
     rms_m = float(np.sqrt(np.mean(np.minimum(np.abs(found.error), REACH_M[1]) ** 2)))
     return Alignment("icp", found.matrix, rms_m, len(found.error), searched)
 
@@ -175,26 +177,26 @@ class _Surfaces(NamedTuple):
     truth_normals: np.ndarray
 
 
-class _Together(NamedTuple):
-    """How two surfaces lie after rounds of small steps.
+class _IcpResult(NamedTuple):
+    """Result of ICP.
 
     Attributes:
         matrix: (4, 4) truth_from_pred.
-        met: share of the prediction's samples that has the truth within the last reach.
-        apart_m: mean distance of all samples of both to the other, each at most the first reach.
-        error: of what met, along the truth's normals.
+        inlier_share: share of the prediction's samples within the last reach of the truth.
+        mean_distance_m: over all samples of both, to the other surface, each at most the first reach.
+        error: signed distances of the inliers along the truth's normals, metres.
     """
 
     matrix: np.ndarray
-    met: float
-    apart_m: float
+    inlier_share: float
+    mean_distance_m: float
     error: np.ndarray
 
 
-def _brought_together(surfaces: _Surfaces, matrix: np.ndarray, with_scale: bool, rounds: int) -> _Together:
+def _icp(surfaces: _Surfaces, matrix: np.ndarray, with_scale: bool, rounds: int) -> _IcpResult:
     points, _, truth_points, truth_normals = surfaces
     truth_tree = cKDTree(truth_points)
-    met, error, distances = 0.0, np.zeros(0), [np.full(1, np.inf)]
+    inlier_share, error, distances = 0.0, np.zeros(0), [np.full(1, np.inf)]
     for step in range(rounds):
         reach = max(REACH_M[1], REACH_M[0] * (REACH_M[1] / REACH_M[0]) ** (step / (rounds // 2)))
         here = transformed(points, matrix)
@@ -202,7 +204,7 @@ def _brought_together(surfaces: _Surfaces, matrix: np.ndarray, with_scale: bool,
         good = np.isfinite(distance)
         back, back_nearest = cKDTree(here).query(truth_points, distance_upper_bound=reach)
         back_good = np.isfinite(back)
-        met, distances = float(good.mean()), [distance, back]
+        inlier_share, distances = float(good.mean()), [distance, back]
         if good.sum() + back_good.sum() < 100:
             break
         source = np.concatenate([here[good], here[back_nearest[back_good]]])
@@ -216,14 +218,14 @@ def _brought_together(surfaces: _Surfaces, matrix: np.ndarray, with_scale: bool,
         matrix = step_matrix @ matrix
         if step > rounds // 2 and np.abs(step_matrix - np.eye(4)).max() < STILL:
             break
-    apart_m = float(np.concatenate([np.minimum(values, REACH_M[0]) for values in distances]).mean())
-    return _Together(matrix, met, apart_m, error)
+    mean_distance_m = float(np.concatenate([np.minimum(values, REACH_M[0]) for values in distances]).mean())
+    return _IcpResult(matrix, inlier_share, mean_distance_m, error)
 
 
 def _small_step(
     source: np.ndarray, plane: np.ndarray, error: np.ndarray, weights: np.ndarray, with_scale: bool
 ) -> np.ndarray:
-    """(4, 4) of the rotation, translation and scale that take most of the error away, to first order."""
+    """(4, 4) Gauss-Newton step in rotation, translation and scale."""
     middle = source.mean(axis=0)
     arm = source - middle
     columns = [np.cross(arm, plane), plane]

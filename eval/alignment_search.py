@@ -1,8 +1,8 @@
-"""First guesses of how two surfaces of one room lie to each other, whatever the turn between them.
+"""Initial transforms between two surfaces of one room in different frames.
 
-A room has a few directions in which most of its surface looks. They are found in both meshes, and each way to lay one
-set of axes on the other is a guess, 24 in all; the shift along each axis is the one that lays most walls on walls, the
-scale what brings the surfaces' reach to the truth's. All of it follows from the samples alone.
+Most of a room's surface has one of three normal directions. These main axes are found in both meshes; each of the 24
+rotations that map one set of axes to the other is a candidate. The shift along each axis is the one that puts most
+walls on walls, the scale is the ratio of the extents.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LONGEST_M = 1000.0  # of a room; the search takes the square of it
 def guesses(
     points: np.ndarray, normals: np.ndarray, truth_points: np.ndarray, truth_normals: np.ndarray, with_scale: bool
 ) -> list[np.ndarray]:
-    """(4, 4) similarities that take points (N, 3) to the truth's; normals are unit vectors of either sign."""
+    """(4, 4) candidate similarities from points (N, 3) to the truth's; normals are unit vectors of either sign."""
     axes, truth_axes = main_axes(normals), main_axes(truth_normals)
     truth_points, truth_normals = truth_points @ truth_axes, truth_normals @ truth_axes
     reach = _reach(truth_points)
@@ -49,13 +49,13 @@ def guesses(
 
 
 def _reach(points: np.ndarray) -> np.ndarray:
-    """(3,) how far points lie apart along each axis, without a few strays."""
+    """(3,) extent of points along each axis, without outliers."""
     low, high = np.quantile(points, (EDGE, 1 - EDGE), axis=0)
     return high - low
 
 
 def _shift(places: np.ndarray, truth_places: np.ndarray) -> float:
-    """What to add to places along an axis so that most of the surfaces across it come to lie on those of the truth."""
+    """The shift along an axis that puts most surfaces across it on those of the truth."""
     if not len(places) or not len(truth_places):
         return 0.0
     low, truth_low = places.min(), truth_places.min()

@@ -1,4 +1,4 @@
-"""What the cameras saw: the part of a mesh that a comparison may speak about.
+"""Culling to what the cameras saw, the only part of a mesh that is scored.
 
 A point of a mesh is *observed* if at least one camera
 1. has it inside its image and at least NEAR_M in front,

@@ -1,4 +1,4 @@
-"""Where the error sits: by kind of surface, by number of views, by size."""
+"""Breakdown of the error by kind of surface, number of views and size."""
 
 from __future__ import annotations
 

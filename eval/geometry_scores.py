@@ -33,7 +33,7 @@ class AtThreshold:
 
 @dataclass(frozen=True)
 class Scores:
-    """What a protocol says of a mesh; a distance is None where no point was there to measure it.
+    """Scores of a mesh by one protocol; a distance is None without points to measure it.
 
     Attributes:
         accuracy_m: mean distance from prediction to ground truth, metres.

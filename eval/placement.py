@@ -1,4 +1,4 @@
-"""Whether a mesh and its truth can be of one world: in another unit, or far from each other, every score is 0."""
+"""Checks that a mesh and its ground truth are in one frame and unit; otherwise every score would be 0."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SURE = 1.6  # factor to both sides by which sizes tell a unit
 
 
 def check_together(mesh: trimesh.Trimesh, name: str) -> None:
-    """A mesh whose faces all lie where most of them do.
+    """Check that no face of a mesh is far from the others.
 
     Distances are found in float32 about the middle of a mesh. One vertex that is 1e8 m away leaves the room steps of
     4 m there, and every query as near to one face as to all others.

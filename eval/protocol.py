@@ -1,4 +1,4 @@
-"""What every protocol takes and gives."""
+"""Input and output of every protocol."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class MeshFile:
 
 @dataclass(frozen=True)
 class Result:
-    """One protocol's verdict.
+    """Scores by one protocol.
 
     Attributes:
         constants: every number that the protocol depends on, by name.
@@ -115,7 +115,7 @@ def by_vertex(
     threshold_m: float,
     constants: dict[str, Any],
 ) -> Result:
-    """Verdict of a protocol that compares vertices, averaged in cells, by nearest neighbours.
+    """Scores by a protocol that compares vertices, averaged in cells, by nearest neighbours.
 
     Args:
         vertices: (N, 3) of the prediction and (M, 3) of the ground truth, culled as the protocol wants it; metres.

@@ -1,4 +1,4 @@
-"""Which way is up, from how people hold cameras."""
+"""The up axis from cameras and surface normals."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ SNAP_DEG = 20.0  # surface normals within this angle of the first guess refine i
 def up_axis(cameras: Sequence[Camera], normals: np.ndarray, prior: float = PRIOR) -> np.ndarray:
     """(3,) unit vector, world, pointing up.
 
-    A hand-held camera pitches and turns but hardly rolls, so its x axes lie in the horizontal plane: up is what
-    they span least. Floors and ceilings then refine it.
+    A hand-held camera pitches and turns but hardly rolls, so its x axes are nearly horizontal: up is the direction in
+    which they vary least. Normals of floors and ceilings refine it.
 
     Args:
         normals: (N, 3) unit normals of area samples, either sign; may be empty.
-        prior: the less, the less must the cameras have turned for their x axes to tell.
+        prior: weight of "up is against the mean image y axis", which decides if the cameras hardly turn.
     """
     right = np.stack([camera.cam_from_world[0, :3] for camera in cameras])
     against_y = -np.stack([camera.cam_from_world[1, :3] for camera in cameras]).mean(axis=0)
