@@ -11,7 +11,7 @@ import pytest
 import torch
 import trimesh
 
-from room2dgs import cli
+from room2dgs import cli, open_run
 from room2dgs.geometry.rotations import quaternions_to
 from room2dgs.mesh.io import read_mesh, write_mesh
 from room2dgs.registries.exporters import EXPORTERS
@@ -82,6 +82,16 @@ def test_the_mesh_and_its_scores_are_the_same_elsewhere(runs):
     assert before["f_score_5cm"] > 0.9
     assert "(500,000, 5,400,000, 300) m" in (runs[1] / "log.txt").read_text()
     assert "coordinates:" not in (runs[0] / "log.txt").read_text()
+
+
+def test_python_has_mesh_surfels_and_cameras_of_both_in_one_frame(runs):
+    near, far = map(open_run, runs)
+    assert near.origin_m == (0, 0, 0) and far.origin_m == tuple(OFFSET)
+    assert np.allclose(far.mesh.vertices, near.mesh.vertices, atol=1e-5)
+    assert np.allclose(far.mesh.vertices + far.origin_m, read_mesh(runs[1] / "mesh.ply").vertices)
+    for run in (near, far):
+        seen = [np.abs(camera.centre[:2]).max() for camera in run.cameras.values()]
+        assert max(seen) < 1 and abs(np.median(run.mesh.vertices[:, 2]) - WALL_Z) < 0.02
 
 
 def test_the_mesh_of_the_error_lies_on_the_mesh(runs):
