@@ -17,7 +17,10 @@ DISPATCH_KEYS = {"cpu": "CPU", "meta": "Meta"}
 
 @contextmanager
 def block_code_on(device_type: str, build: Build) -> Iterator[None]:
-    """Until the block ends a build of block code is used for a type of device, and the loops treat it as a GPU."""
+    """Until the block ends a build of block code is used for a type of device, and the loops treat it as a GPU.
+
+    Operators that are defined by then are replaced: import `room2dgs.splat` and `room2dgs.losses` first.
+    """
     before = BLOCK_BUILDS.get(device_type)
     with torch.library._scoped_library(NAMESPACE, "IMPL") as library:
         with warnings.catch_warnings():
