@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.short_keys import written_out
+from room2dgs.commands.short_keys import with_full_keys
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.pipeline.evaluate import evaluate_mesh, evaluate_run, ground_truth
@@ -20,7 +20,7 @@ def main(argv: list[str]) -> int:
     """Score an earlier run, or any mesh against a ground truth seen by a capture's cameras."""
     if asked_for_help(argv):
         return show(USAGE, main.__doc__, ("scene", "eval"))
-    overrides = written_out(argv, SHORT)
+    overrides = with_full_keys(argv, SHORT)
     out = last_value(overrides, "out")
     if not out or not (Path(out).expanduser() / CONFIG).is_file():
         evaluate_mesh(absolute(load_config(_with_folder(overrides, out))))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from room2dgs.commands.own_arguments import own_arguments
 from room2dgs.commands.settings_help import asked_for_help, settings
-from room2dgs.commands.short_keys import written_out
+from room2dgs.commands.short_keys import with_full_keys
 from room2dgs.errors import InputError
 from room2dgs.pipeline.export import export_run
 from room2dgs.registries.exporters import EXPORTERS, place_of
@@ -29,7 +29,7 @@ def main(argv: list[str]) -> int:
     if not run:
         raise InputError("run is not given; add run=DIR, the folder of an earlier run")
     own, rest = own_arguments(argv, OWN)
-    config = earlier_run([*written_out(rest, SHORT), f"out={run}"])
+    config = earlier_run([*with_full_keys(rest, SHORT), f"out={run}"])
     names = [name for name in own.get("to", "").strip("[]").split(",") if name]
     export_run(config, names, Path(out) if out else None)
     return 0

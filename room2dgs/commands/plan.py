@@ -6,7 +6,7 @@ from pathlib import Path
 
 from room2dgs.commands.own_arguments import own_arguments
 from room2dgs.commands.settings_help import asked_for_help
-from room2dgs.commands.short_keys import written_out
+from room2dgs.commands.short_keys import with_full_keys
 from room2dgs.errors import InputError
 from room2dgs.pipeline.plan import write_plan
 from room2dgs.runs.folder import earlier_run, last_value
@@ -27,6 +27,6 @@ def main(argv: list[str]) -> int:
     if not run:
         raise InputError("run is not given; add run=DIR, the folder of an earlier run")
     _, rest = own_arguments(argv, ("run", "out"))
-    config = earlier_run([*written_out(rest, {"up": "export.up"}), f"out={run}"])
+    config = earlier_run([*with_full_keys(rest, {"up": "export.up"}), f"out={run}"])
     write_plan(config, Path(out) if out else None)
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.short_keys import FOOTAGE, written_out
+from room2dgs.commands.short_keys import FOOTAGE, with_full_keys
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.logs import to_terminal
@@ -25,7 +25,7 @@ def main(argv: list[str]) -> int:
     """
     if asked_for_help(argv):
         return show(USAGE, main.__doc__, ("prepare",))
-    overrides = written_out(argv, FOOTAGE)
+    overrides = with_full_keys(argv, FOOTAGE)
     out = last_value(overrides, "out")
     if not out:
         raise InputError("out is not given; add out=DIR, where the capture goes")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from room2dgs.commands.settings_help import asked_for_help, show
-from room2dgs.commands.short_keys import FOOTAGE, written_out
+from room2dgs.commands.short_keys import FOOTAGE, with_full_keys
 from room2dgs.errors import InputError
 from room2dgs.registries.meshers import MESHERS
 from room2dgs.runs.folder import CONFIG, last_value
@@ -36,7 +36,7 @@ def main(argv: list[str]) -> int:
         return _run_all([text for text in argv if text not in MULTIRUN])
     from room2dgs.pipeline.reconstruct import start_run
 
-    start_run(written_out(argv, FOOTAGE))
+    start_run(with_full_keys(argv, FOOTAGE))
     return 0
 
 

@@ -10,7 +10,7 @@ from room2dgs.config.overrides import group_choices
 FOOTAGE = {"video": "prepare.video", "images": "prepare.images"}  # of which a capture is made first
 
 
-def written_out(argv: Sequence[str], short: Mapping[str, str]) -> list[str]:
+def with_full_keys(argv: Sequence[str], short: Mapping[str, str]) -> list[str]:
     """Short names as the settings that they stand for; a choice of a group (`scene=default`) stays one.
 
     Args:

@@ -14,9 +14,9 @@ Test = Callable[[Any], bool]
 
 
 class Kind(NamedTuple):
-    """What a value may be, in words and as a test."""
+    """What a value may be: a name for it, and a test."""
 
-    words: str
+    name: str
     fits: Test
 
 
@@ -29,7 +29,7 @@ def checked(metrics: dict[str, Any], path: Path) -> dict[str, Any]:
     for key, value in metrics.items():
         kind = _kind_of(key)
         if kind is not None and value is not None and not kind.fits(value):
-            raise InputError(f"{path}: {key} is no {kind.words}; delete the file, then make the figures again")
+            raise InputError(f"{path}: {key} is no {kind.name}; delete the file, then make the figures again")
     return metrics
 
 
