@@ -23,11 +23,10 @@ from room2dgs.bench.timing import best_seconds
 from room2dgs.cores import available_cores
 from room2dgs.losses.photometric import rgb_loss
 from room2dgs.losses.surface import normal_consistency
-from room2dgs.splat import Surfels, reference
+from room2dgs.splat import Surfels
 
 SIZES = ((320, 240), (640, 480))
 COUNTS = (20_000, 100_000, 500_000)
-REFERENCE = ((320, 240), 20_000)  # the torch reference takes seconds there, and minutes at the largest
 TILE_STEP = 8  # the bare loop runs every n-th tile
 FLOOR = 1 / 32  # as conf/train has it
 
@@ -64,14 +63,6 @@ class Case:
             self.back(out)
             backward.append(time.perf_counter() - start)
         return forward, min(backward[1:])
-
-    def reference_seconds(self) -> tuple[float, float]:
-        """The same by the torch reference, once."""
-        start = time.perf_counter()
-        out = self.draw(reference.render, self.leaves)
-        middle = time.perf_counter()
-        self.back(out)
-        return middle - start, time.perf_counter() - middle
 
     def bare_seconds(self, repeats: int) -> dict[str, Any]:
         """Seconds a (pixel, surfel) pair of the bare loops on one thread, and the pairs of the whole image."""
@@ -172,7 +163,8 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument("--json", type=Path, help="also write the figures here")
     args = parser.parse_args(argv)
-    from room2dgs.runs.metrics import commit, machine
+    from room2dgs.commit import commit
+    from room2dgs.runs.metrics import machine
 
     torch.set_num_threads(1)  # as training has it: its kernels have the threads
     sizes, counts = (SIZES[:1], COUNTS[:1]) if args.quick else (SIZES, COUNTS)
@@ -191,14 +183,6 @@ def main(argv: list[str] | None = None) -> int:
                 "photo_alone_ms": photo,
             }
         )  # fmt: skip
-    chosen = next(c for c in cases if ((c.width, c.height), c.count) == REFERENCE)
-    slow = chosen.reference_seconds()
-    fast = chosen.seconds(args.repeats)
-    report["torch_reference"] = {
-        "width": chosen.width, "height": chosen.height, "surfels": chosen.count,
-        "forward_ms": slow[0] * 1e3, "backward_ms": slow[1] * 1e3,
-        "forward_ratio": slow[0] / fast[0], "backward_ratio": slow[1] / fast[1],
-    }  # fmt: skip
     _print(report)
     if args.json:
         args.json.parent.mkdir(parents=True, exist_ok=True)
@@ -242,13 +226,6 @@ def _print(report: dict[str, Any]) -> None:
             *(f"{sum(r[k].values()):.1f}" for k in ("stages_ms", "photo_alone_ms")),
         )
     console.print(stages)
-    ref = report["torch_reference"]
-    console.print(
-        f"torch reference at {ref['width']}x{ref['height']}, {ref['surfels']} surfels: "
-        f"forward {ref['forward_ms']:.0f} ms, backward {ref['backward_ms']:.0f} ms; "
-        f"the kernels are {ref['forward_ratio']:.0f} and "
-        f"{ref['backward_ratio']:.0f} times as fast"
-    )
 
 
 if __name__ == "__main__":

@@ -13,17 +13,18 @@ from room2dgs.bench.prior_in_run import depth_in_run
 from room2dgs.bench.prior_report import HTML, MARKDOWN, NOTES, sentences, tables, write_report
 from room2dgs.bench.prior_views import EXACT
 from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.commit import commit
 from room2dgs.config import Config, load_config
 from room2dgs.cores import available_cores
 from room2dgs.errors import InputError
 from room2dgs.report.table import terminal
 from room2dgs.runs.folder import absolute, last_value
-from room2dgs.runs.metrics import commit, machine, versions
+from room2dgs.runs.metrics import machine, versions
 
 USAGE = "room2dgs bench prior SCENE... [out=DIR] [in_run=true] [scene.frames=N] [KEY=VALUE ...]"
 HELP = """Measures depth, normals, confidence and time of the configured prior on captures with depth, or on made rooms.
 
-For example: room2dgs bench prior room other_room out=report prior/depth=tcmonodepth prior.depth.onnx.model=FILE
+For example: room2dgs bench prior room other_room out=report prior/depth=tcmonodepth prior.depth.model=FILE
 It prints tables; with out=DIR it writes them as bench_prior.json, bench_prior.md and, with pictures, bench_prior.html.
 With in_run=true it also does to the depth maps of each capture what a run does (minutes a scene).
 """

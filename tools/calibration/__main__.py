@@ -12,10 +12,11 @@ from typing import Any
 
 from room2dgs.commands.bench_prior import scene_config, split_scenes
 from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.commit import commit
 from room2dgs.errors import InputError
 from room2dgs.report.table import markdown, terminal
 from room2dgs.runs.folder import last_value
-from room2dgs.runs.metrics import commit, machine
+from room2dgs.runs.metrics import machine
 from room2dgs.tools.calibration.bins import Calibration
 from room2dgs.tools.calibration.report import DRAWING, MARKDOWN, NOTES, tables, write_calibration
 from room2dgs.tools.calibration.sources import calibrations

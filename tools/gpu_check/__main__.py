@@ -51,7 +51,8 @@ def main(argv: list[str]) -> int:
     parser.add_argument("--json", type=Path, help="also write all figures here")
     parser.add_argument("settings", nargs="*", metavar="KEY=VALUE", help="of the runs on the room")
     args = parser.parse_args(argv)
-    from room2dgs.runs.metrics import commit, machine
+    from room2dgs.commit import commit
+    from room2dgs.runs.metrics import machine
     from room2dgs.tools.gpu_check.rendering import device_of
 
     device = device_of(args.backend)

@@ -14,11 +14,12 @@ from typing import Any
 import torch
 
 from room2dgs import _C
+from room2dgs.commit import commit
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.json_files import update_json
 from room2dgs.report.table import Table, markdown, terminal
-from room2dgs.runs.metrics import commit, machine
+from room2dgs.runs.metrics import machine
 from room2dgs.tools.command_line import command_line
 from room2dgs.tools.numerics.measure import measured
 from room2dgs.tools.numerics.tables import tables

@@ -10,10 +10,10 @@ import shlex
 import sys
 from pathlib import Path
 
+from room2dgs.commit import commit
 from room2dgs.files import whole_file
 from room2dgs.json_files import update_json
 from room2dgs.report.table import markdown, terminal
-from room2dgs.runs.metrics import commit
 from room2dgs.tools.command_line import command_line
 from room2dgs.tools.roofline.cost import REACHED
 from room2dgs.tools.roofline.devices import DEVICES

@@ -13,10 +13,11 @@ import pandas as pd
 
 from room2dgs.commands.bench_prior import scene_config, split_scenes
 from room2dgs.commands.settings_help import asked_for_help, show
+from room2dgs.commit import commit
 from room2dgs.errors import InputError
 from room2dgs.report.csv_text import as_csv_text
 from room2dgs.runs.folder import last_value
-from room2dgs.runs.metrics import commit, machine
+from room2dgs.runs.metrics import machine
 from room2dgs.tools.command_line import command_line
 from room2dgs.tools.stereo_check.scores import measured
 
