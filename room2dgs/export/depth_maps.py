@@ -35,7 +35,7 @@ class TooFar:
         self.pixels += pixels
         self.views += pixels > 0
 
-    def tell(self, log: Log, instead: str) -> None:
+    def log_to(self, log: Log, instead: str) -> None:
         """A line if there were any; `instead` is the argument that writes metres."""
         if self.pixels:
             where = f"{self.pixels:,} pixels of {self.views} views"
@@ -77,7 +77,7 @@ def _write_maps(source: Source, folder: Path, encode: Callable[[Rendering, TooFa
         with whole_file(path) as temporary:
             temporary.write_bytes(encode(rendering, far))
         written.append(path)
-    far.tell(source.log, "to=depth_npy")
+    far.log_to(source.log, "to=depth_npy")
     cameras = {
         frame.name: camera_entry(camera_in_world(frame.camera, source.origin_m)) for frame in source.scene.frames
     }
@@ -99,9 +99,9 @@ def camera_entry(camera: Camera) -> dict[str, object]:
 def in_millimetres(depth: np.ndarray, far: TooFar) -> np.ndarray:
     """(H, W) uint16 of metres, 0 = nothing known or farther than 65.535 m; counts the latter."""
     millimetres = np.round(depth * MILLIMETRES)
-    held = millimetres <= FARTHEST_MM
-    far.add(int(np.count_nonzero(~held)))
-    return np.where(held, millimetres, 0).astype(np.uint16)
+    fits = millimetres <= FARTHEST_MM
+    far.add(int(np.count_nonzero(~fits)))
+    return np.where(fits, millimetres, 0).astype(np.uint16)
 
 
 def depth_png(rendering: Rendering, far: TooFar) -> bytes:

@@ -132,10 +132,10 @@ class Source:
         far = self.origin_m != AT_ORIGIN
         digits = ".17g" if far else ".9g"  # thousands of kilometres are turned by it
         numbers = " ".join(f"{value:{digits}}" for value in rotation.ravel())
-        said = [f"room2dgs {__version__}, metres", f"file_from_world (rows of the rotation) {numbers}"]
+        lines = [f"room2dgs {__version__}, metres", f"file_from_world (rows of the rotation) {numbers}"]
         if far and local:
-            said.append("offset " + " ".join(f"{value:.17g}" for value in self.offset_m(rotation)))
-        return said
+            lines.append("offset " + " ".join(f"{value:.17g}" for value in self.offset_m(rotation)))
+        return lines
 
     def _normals(self) -> np.ndarray:
         """(N, 3) unit, of surfels; of the mesh where nothing was trained."""

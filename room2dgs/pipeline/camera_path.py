@@ -83,7 +83,7 @@ def render_path(options: PathOptions, scene: Scene, surfels: Splats, config: Con
                 bar.update(done, f"{frame.name}")
     finally:
         bar.stop()
-    far.tell(run.log, "save=depth_npy")
+    far.log_to(run.log, "save=depth_npy")
     run.log(f"renders: {len(frames)} views ({', '.join(options.save)}) in {folder}")
     return folder
 

@@ -74,14 +74,14 @@ def render_frames(
 
     from room2dgs.geometry.camera_tensors import view_matrices
     from room2dgs.primitives.registry import render
-    from room2dgs.train.device import moved, on_device
+    from room2dgs.train.device import on_device, to_device
 
     with on_device(device) as where:
-        there = moved(surfels, where)
-        background = moved(torch.tensor(config.render.background, dtype=torch.float32), where)
+        there = to_device(surfels, where)
+        background = to_device(torch.tensor(config.render.background, dtype=torch.float32), where)
     for frame in frames:
         camera = frame.camera
-        K, cam_from_world = (moved(matrix, where) for matrix in view_matrices(camera))
+        K, cam_from_world = (to_device(matrix, where) for matrix in view_matrices(camera))
         with on_device(device), torch.no_grad():  # around the call alone: a generator would leave it on in its caller
             view = render(
                 there,

@@ -68,13 +68,13 @@ def _drawn_mesh(mesh: Path, scene: Scene) -> DrawnMesh:
 
 def _add_meshes(viewer: Viewer, mesh: Path, scene: Scene) -> None:
     from room2dgs.mesh.world import read_in_scene
-    from room2dgs.runs.page.mesh_layer import solid, with_error
+    from room2dgs.runs.page.mesh_layer import page_mesh, with_error
     from room2dgs.viewer.server import ERROR
     from room2dgs.viewer.server import MESH as SHOWN_MESH
 
     if not mesh.is_file():
         return
-    room = with_error(solid(read_in_scene(mesh, scene.origin_m), FACES), mesh.parent, scene.origin_m)
+    room = with_error(page_mesh(read_in_scene(mesh, scene.origin_m), FACES), mesh.parent, scene.origin_m)
     for name, layer in ((SHOWN_MESH, "color"), (ERROR, "error")):
         if layer in room.layers:
             viewer.add_mesh(name, room.vertices, room.faces, room.layers[layer])

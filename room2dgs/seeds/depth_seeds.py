@@ -27,9 +27,9 @@ MIN_NUM_CONSISTENT = 2  # other views, where nobody knows the pixel's expected e
 UNKNOWN = 0.4  # weight of such a pixel
 # Occlusion violations: of the other views with a depth there, this share may have a surface behind the point.
 MAX_VIOLATIONS = 0.34
-LEAST_WEIGHT = 2.0  # of a cell's pixels, over all views; with less it is noise
+MIN_WEIGHT = 2.0  # of a cell's pixels, over all views; with less it is noise
 # Means of neighbouring cells nearer than this share of a cell are one piece of surface, cut by the cells' border.
-LEAST_APART = 0.5
+MIN_SEPARATION = 0.5
 NORMAL_STEP = 4  # pixels to either side
 
 
@@ -70,15 +70,15 @@ def prior_surface(frames: Sequence[Frame], priors: Mapping[str, ViewMaps], voxel
     for frame in frames:
         depths.add(frame.name, partial(_depth, priors, frame.name))
     views = overlap(frames, depths, {})
-    parts = [_standing_pixels(views, index, frame, priors[frame.name]) for index, frame in enumerate(frames)]
+    parts = [_unoccluded_pixels(views, index, frame, priors[frame.name]) for index, frame in enumerate(frames)]
     xyz, normals, rgb, weight = (np.concatenate(values) for values in zip(*parts, strict=True))
     return _in_cells(xyz, normals, rgb, weight, voxel_m)
 
 
 def away_from(surface: Surface, xyz: np.ndarray, voxel_m: float) -> Surface:
     """The pieces whose cell holds none of the points `xyz` (M, 3)."""
-    taken = np.unique(cell_keys(xyz, voxel_m))
-    free = ~np.isin(cell_keys(surface.cells, voxel_m), taken)
+    occupied = np.unique(cell_keys(xyz, voxel_m))
+    free = ~np.isin(cell_keys(surface.cells, voxel_m), occupied)
     return Surface(*(values[free] for values in surface))
 
 
@@ -88,10 +88,10 @@ def _depth(priors: Mapping[str, ViewMaps[np.ndarray]], name: str) -> np.ndarray:
     return depth
 
 
-def _standing_pixels(
+def _unoccluded_pixels(
     views: Overlap, index: int, frame: Frame, maps: ViewMaps[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """World points, normals, colours and weights of those pixels of one view that other views leave standing."""
+    """World points, normals, colours and weights of the pixels of one view that few other views see through."""
     grid = (slice(views.step // 2, None, views.step),) * 2
     depth = maps.depth
     assert depth is not None
@@ -112,16 +112,16 @@ def _standing_pixels(
         covering += good
         consistent += good & ((ratio - 1).abs() < MAX_RELATIVE_DIFFERENCE)
         violating += good & (ratio < 1 - MAX_RELATIVE_DIFFERENCE)
-    standing = (violating <= MAX_VIOLATIONS * covering).numpy()
+    accepted = (violating <= MAX_VIOLATIONS * covering).numpy()
     if maps.depth_confidence is None:
         weight = np.where(consistent.numpy() >= MIN_NUM_CONSISTENT, UNKNOWN, 0.0)
     else:  # about the inverse of the expected error
         weight = np.sqrt(maps.depth_confidence[grid][row.numpy(), column.numpy()].astype(np.float64))
-    standing &= weight > 0
+    accepted &= weight > 0
     camera = frame.camera
-    xyz = camera.to_world(in_cam.numpy()[standing])
-    picked = (row.numpy()[standing], column.numpy()[standing])
-    return xyz, camera.turned_to_world(normal[picked]), frame.color()[grid][picked] / 255.0, weight[standing]
+    xyz = camera.to_world(in_cam.numpy()[accepted])
+    picked = (row.numpy()[accepted], column.numpy()[accepted])
+    return xyz, camera.turned_to_world(normal[picked]), frame.color()[grid][picked] / 255.0, weight[accepted]
 
 
 def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, weight: np.ndarray, voxel_m: float) -> Surface:
@@ -137,8 +137,8 @@ def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, weight: np.
     length = np.linalg.norm(normal, axis=1)
     # normals that cancel are no surface; a slanted one is cut by cells into slivers, of which the fuller stays
     # the sum of five weights of 0.4 is not 2 to the last bit
-    good = (total >= LEAST_WEIGHT - 1e-6) & (length > 0.5)
-    good &= ~_suppressed(place, np.where(good, total, 0), LEAST_APART * voxel_m)
+    good = (total >= MIN_WEIGHT - 1e-6) & (length > 0.5)
+    good &= ~_suppressed(place, np.where(good, total, 0), MIN_SEPARATION * voxel_m)
     return Surface(cell_centres(keys, voxel_m)[good], place[good], normal[good] / length[good, None], color[good])
 
 

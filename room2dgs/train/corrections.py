@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from room2dgs.train.rows import Rows
+from room2dgs.train.per_view_adam import PerViewAdam
 from room2dgs.train.schedule import correction_share
 from room2dgs.train.trainer import Hook, Iteration, Trainer
 from room2dgs.train.views import View
@@ -29,7 +29,7 @@ class PoseCorrections(Hook):
         rates = trainer.config.train.rates
         self._rates = torch.tensor([rates.pose_rotation] * 3 + [rates.pose_center] * 3, dtype=torch.float64)
         self._rates = self._rates.to(trainer.device)
-        self._rows = Rows(len(cameras), 6, trainer.device)
+        self._rows = PerViewAdam(len(cameras), 6, trainer.device)
         self._leaf: Tensor | None = None
 
     def before_iteration(self, trainer: Trainer, iteration: Iteration) -> None:
@@ -45,7 +45,7 @@ class PoseCorrections(Hook):
         if self._leaf is None or self._leaf.grad is None or share == 0:
             return
         self._rows.step(iteration.view_index, self._leaf.grad, share * self._rates)
-        self._rows.values = anchored(self._rows.values, self._from_mean)
+        self._rows.values = without_world_motion(self._rows.values, self._from_mean)
 
     def state(self) -> dict[str, Tensor]:
         return self._rows.state()
@@ -54,11 +54,11 @@ class PoseCorrections(Hook):
         self._rows.load(state)
 
     def on_end(self, trainer: Trainer) -> None:
-        turned, moved = self._rows.values[:, :3].norm(dim=1), self._rows.values[:, 3:].norm(dim=1)
+        turns, shifts = self._rows.values[:, :3].norm(dim=1), self._rows.values[:, 3:].norm(dim=1)
         trainer.log(
-            f"pose corrections: {100 * moved.median().item():.2f} cm, "
-            f"{turned.rad2deg().median().item():.3f} deg (median), {100 * moved.max().item():.2f} cm, "
-            f"{turned.rad2deg().max().item():.3f} deg (largest)"
+            f"pose corrections: {100 * shifts.median().item():.2f} cm, "
+            f"{turns.rad2deg().median().item():.3f} deg (median), {100 * shifts.max().item():.2f} cm, "
+            f"{turns.rad2deg().max().item():.3f} deg (largest)"
         )
 
 
@@ -72,7 +72,7 @@ class ExposureCorrections(Hook):
     name = "exposure_corrections"
 
     def on_start(self, trainer: Trainer) -> None:
-        self._rows = Rows(len(trainer.views), 6, trainer.device)
+        self._rows = PerViewAdam(len(trainer.views), 6, trainer.device)
         self._rate = trainer.config.train.rates.exposure
         self._leaf: Tensor | None = None
 
@@ -111,7 +111,7 @@ def corrected(view: View, correction: Tensor) -> View:
     return view._replace(cam_from_world=pose.to(view.cam_from_world.dtype))
 
 
-def anchored(corrections: Tensor, from_mean: Tensor) -> Tensor:
+def without_world_motion(corrections: Tensor, from_mean: Tensor) -> Tensor:
     """The corrections without what moves the world as a whole: mean turn, mean shift, and change of scale.
 
     Args:

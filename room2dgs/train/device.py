@@ -36,12 +36,12 @@ def upload(values: Tensor, device: torch.device) -> Tensor:
     return values.pin_memory().to(device, non_blocking=True) if device.type == "cuda" else values.to(device)
 
 
-def moved(values: Any, device: torch.device) -> Any:
+def to_device(values: Any, device: torch.device) -> Any:
     """A named tuple's tensors on a device, in those inside it too; all else as it is."""
     if isinstance(values, Tensor):
         return upload(values, device)
     if isinstance(values, tuple) and hasattr(values, "_fields"):
-        return type(values)(*(moved(value, device) for value in values))
+        return type(values)(*(to_device(value, device) for value in values))
     return values
 
 
@@ -62,7 +62,7 @@ class DeviceCache:
         if key in self._kept:
             self._kept.move_to_end(key)
             return self._kept[key][0]
-        found = moved(make(), self.device)
+        found = to_device(make(), self.device)
         self._kept[key] = found, _bytes(found)
         self._used += self._kept[key][1]
         while self._used > self._budget and len(self._kept) > 1:

@@ -28,7 +28,7 @@ ABSENT = {
     "render.device": "cpu", "train.random_background": False, "train.opacity_floor.until": 0, "primitive": "surfel2d",
 }  # fmt: skip
 # These say where things lie. What lies there counts (`contents`), or it follows from other settings.
-PLACES = ("scene.path", "points.file", "points.cache")
+LOCATIONS = ("scene.path", "points.file", "points.cache")
 PHOTOS, POINTS_FILE = "photos", "given points"
 VIEWS = "training views"
 PRIORS = "prior maps"
@@ -80,7 +80,7 @@ def check_same(before: dict[str, Any], now: dict[str, Any], where: Path) -> None
     """
     # what comes over JSON has lists where there may be tuples
     now = json.loads(json.dumps(now))
-    before, now = _without_places(before, now)
+    before, now = _without_locations(before, now)
     # a key that only one has follows from another one that differs
     both = before.keys() & now.keys()
     last = ("", VIEWS, PHOTOS, POINTS_FILE, PRIORS)
@@ -103,13 +103,13 @@ def check_same(before: dict[str, Any], now: dict[str, Any], where: Path) -> None
         )
 
 
-def _without_places(before: dict[str, Any], now: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _without_locations(before: dict[str, Any], now: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Both without the settings that say where things lie, and without digests that an older run did not note."""
-    places = set(PLACES)
+    locations = set(LOCATIONS)
     if PHOTOS not in before:
-        places -= {"scene.path", "points.file"}  # only the name tells what lay there
-        places |= {PHOTOS, POINTS_FILE}
-    kept = [{key: value for key, value in one.items() if key not in places} for one in (before, now)]
+        locations -= {"scene.path", "points.file"}  # only the name tells what lay there
+        locations |= {PHOTOS, POINTS_FILE}
+    kept = [{key: value for key, value in one.items() if key not in locations} for one in (before, now)]
     return kept[0], kept[1]
 
 

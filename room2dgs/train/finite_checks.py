@@ -28,8 +28,8 @@ class FiniteCheck(Hook):
         self._bad: Tensor | None = None
 
     def after_step(self, trainer: Trainer, iteration: Iteration) -> None:
-        ask = iteration.done % EVERY == 0 or iteration.done % trainer.config.train.checkpoint_every == 0
-        if self._bad is not None and (ask or trainer.finished) and bool(self._bad.isnan()):
+        check_now = iteration.done % EVERY == 0 or iteration.done % trainer.config.train.checkpoint_every == 0
+        if self._bad is not None and (check_now or trainer.finished) and bool(self._bad.isnan()):
             raise RuntimeError(
                 f"up to iteration {iteration.number}: a loss or gradient was not finite; this is a fault of room2dgs, "
                 "and resume=true goes on from the last checkpoint"

@@ -39,7 +39,7 @@ class StageClock:
 
 
 class Means:
-    """Running means by name since the last `take`; a name may come in some iterations only."""
+    """Running means by name since the last `pop`; a name may come in some iterations only."""
 
     def __init__(self) -> None:
         self._values: dict[str, list[float | Tensor]] = {}
@@ -49,7 +49,7 @@ class Means:
         for name, value in values.items():
             self._values.setdefault(name, []).append(value)
 
-    def take(self) -> dict[str, float]:
+    def pop(self) -> dict[str, float]:
         """The means, and start anew."""
         means = {name: _mean(values) for name, values in self._values.items()}
         self._values = {}

@@ -43,7 +43,7 @@ class Report(Hook):
         if done % PSNR_EVERY == 0 or trainer.finished:
             self._means.add({"psnr_db": psnr_db(step.color, step.target)})
         if done % self._config.log_every == 0 or trainer.finished:
-            self.losses = self._means.take()
+            self.losses = self._means.pop()
             self._figures = self._line(done, surfels)
             self._log(f"{where}: {self._figures}")
             self._scalars.add({f"train/{name}": value for name, value in self.losses.items()}, done)

@@ -95,4 +95,4 @@ def _wrong_number(tensors: dict[str, Tensor]) -> str:
         "scales that are not above 0": (scales > 0) & (scales <= FARTHEST_M),
         "opacities that are not from 0 to 1": (opacities >= 0) & (opacities <= 1),
     }
-    return next((f"has {words}" for words, fits in within.items() if not bool(fits.all())), "")
+    return next((f"has {problem}" for problem, fits in within.items() if not bool(fits.all())), "")

@@ -36,7 +36,7 @@ class ShowTraining(Hook):
         if self.viewer.watched and now - self._shown >= EVERY_S:
             self._shown = now
             self.viewer.show(trainer.surfels())
-            self.viewer.say(f"iteration {iteration.done} of {trainer.config.train.iterations}")
+            self.viewer.show_message(f"iteration {iteration.done} of {trainer.config.train.iterations}")
 
     def on_end(self, trainer: Trainer) -> None:
         if hasattr(self, "viewer"):

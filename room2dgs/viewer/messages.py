@@ -73,7 +73,7 @@ def _vector(count: int, shortest: float = 0.0, longest: float = math.inf) -> Fit
     return fit
 
 
-def _places(value: Any) -> tuple | None:
+def _screen_positions(value: Any) -> tuple | None:
     """On the screen: one or two."""
     pair = _vector(2)
     found = tuple(map(pair, value)) if isinstance(value, list | tuple) and 1 <= len(value) <= 2 else (None,)
@@ -101,7 +101,7 @@ FIELDS: dict[str, dict[str, Fit]] = {
         "look_at": _vector(3),
         "up_direction": _vector(3),
     },
-    "ScenePointerMessage": {"event_type": one_of(lambda: ("click",)), "screen_pos": _places, **RAY},
+    "ScenePointerMessage": {"event_type": one_of(lambda: ("click",)), "screen_pos": _screen_positions, **RAY},
     "SceneNodeClickMessage": {
         "name": _text,
         "instance_index": whole(0, 2**31),

@@ -17,7 +17,7 @@ from room2dgs.geometry.rotations import quaternions_from
 from room2dgs.logs import Log
 from room2dgs.primitives.primitive import Splats
 from room2dgs.viewer.door import EVERYWHERE, LOOPBACK, NAMES_OF_LOOPBACK, Door, in_url, names_of
-from room2dgs.viewer.listening import listening
+from room2dgs.viewer.guarded_server import guarded_server
 from room2dgs.viewer.messages import Fit, one_of, switch, whole
 from room2dgs.viewer.pace import Pace
 from room2dgs.viewer.picture import KINDS, camera_at, hit, picture
@@ -37,19 +37,19 @@ MARK_M = 0.015  # radius of a measured point
 
 
 @dataclass
-class Eye:
+class Browser:
     """One browser's window: what it wants to see, and what it was shown last.
 
     Attributes:
         client: viser's handle.
-        moved: when its camera moved last, `time.monotonic`.
+        moved_at: when its camera moved last, `time.monotonic`.
         drawn: what was drawn last: (number of what is shown, kind, moved, still).
         failed: a picture for it has failed, and was told.
     """
 
     client: Any
     pace: Pace
-    moved: float = 0.0
+    moved_at: float = 0.0
     drawn: tuple = ()
     marks: list = field(default_factory=list)
     failed: bool = False
@@ -86,13 +86,13 @@ class Viewer:
         self.door = Door(names)
         self._named = next((name for name in names if name not in EVERYWHERE), EVERYWHERE.get(self.host, LOOPBACK))
         self._controllable: dict[str, Fit] = {}
-        self._server = listening(viser, self.host, port, self.door, self._controllable)
+        self._server = guarded_server(viser, self.host, port, self.door, self._controllable)
         # viser can open a tunnel to the outside when any browser asks for it: not from here
         self._server.request_share_url = lambda *_, **__: None
         self._server.gui.configure_theme(show_share_button=False, show_logo=False)
         self._server.scene.set_up_direction(tuple(float(x) for x in up))
         self.port = self._server.get_port()
-        self._eyes: dict[int, Eye] = {}
+        self._browsers: dict[int, Browser] = {}
         self._drawing = threading.Lock()
         self._wake, self._ended = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
@@ -115,7 +115,7 @@ class Viewer:
     @property
     def watched(self) -> bool:
         """Whether any browser is connected."""
-        return bool(self._eyes)
+        return bool(self._browsers)
 
     def start(self) -> None:
         """Draw from now on, in a thread."""
@@ -135,9 +135,9 @@ class Viewer:
         self._shown, self._number = surfels, self._number + 1
         self._wake.set()
 
-    def say(self, line: str) -> None:
+    def show_message(self, line: str) -> None:
         """A line among the controls."""
-        self._said.content = line
+        self._message.content = line
 
     def look_from(self, camera: Camera) -> None:
         """Where browsers that connect begin."""
@@ -190,32 +190,32 @@ class Viewer:
         """One picture for each browser that wants one; how many were drawn."""
         drawn = 0
         with self._drawing:
-            for eye in list(self._eyes.values()):
+            for browser in list(self._browsers.values()):
                 try:
-                    drawn += self._draw(eye)
+                    drawn += self._draw(browser)
                 except Exception as error:  # others go on, whatever one browser wants to see
-                    self._failed(eye, error)
+                    self._failed(browser, error)
         return drawn
 
-    def _failed(self, eye: Eye, error: Exception) -> None:
-        if not eye.failed:
-            eye.failed = True
+    def _failed(self, browser: Browser, error: Exception) -> None:
+        if not browser.failed:
+            browser.failed = True
             print(f"a picture for a browser failed ({type(error).__name__}: {first_line(error)})", file=sys.stderr)
 
     def _controls(self) -> None:
         gui = self._server.gui
         self._kind = gui.add_dropdown("show", KINDS, initial_value=KINDS[0])
         self._kind.on_update(lambda _: self._chosen())
-        self._takes(self._kind, one_of(lambda: tuple(self._kind.options)))
+        self._accepts(self._kind, one_of(lambda: tuple(self._kind.options)))
         rate = gui.add_slider("pictures a second", *FPS, 1, min(max(round(self._fps), FPS[0]), FPS[1]))
         rate.on_update(lambda _: self._paced(rate.value))
-        self._takes(rate, whole(*FPS))
+        self._accepts(rate, whole(*FPS))
         self._measure = gui.add_checkbox("measure: click two points", False)
         self._measure.on_update(lambda _: self._clear())
-        self._takes(self._measure, switch)
-        self._said = gui.add_markdown("")
+        self._accepts(self._measure, switch)
+        self._message = gui.add_markdown("")
 
-    def _takes(self, control: Any, fit: Fit) -> None:
+    def _accepts(self, control: Any, fit: Fit) -> None:
         """What browsers may set a control to; others are deaf to them."""
         self._controllable[control._impl.uuid] = fit
 
@@ -229,7 +229,7 @@ class Viewer:
             self._again()
 
         box.on_update(switched)
-        self._takes(box, switch)
+        self._accepts(box, switch)
 
     def _chosen(self) -> None:
         for name, mesh in self._meshes.items():
@@ -237,27 +237,27 @@ class Viewer:
         self._again()
 
     def _again(self) -> None:
-        for eye in list(self._eyes.values()):
-            eye.drawn = ()
+        for browser in list(self._browsers.values()):
+            browser.drawn = ()
         self._wake.set()
 
     def _paced(self, fps: float) -> None:
-        for eye in list(self._eyes.values()):
-            eye.pace.fps = fps
+        for browser in list(self._browsers.values()):
+            browser.pace.fps = fps
 
     def _connected(self, client: Any) -> None:
-        eye = Eye(client, Pace(self._fps), time.monotonic())
-        self._eyes[client.client_id] = eye
+        browser = Browser(client, Pace(self._fps), time.monotonic())
+        self._browsers[client.client_id] = browser
 
-        def moved(_: Any) -> None:
-            eye.moved = time.monotonic()
+        def camera_moved(_: Any) -> None:
+            browser.moved_at = time.monotonic()
             self._wake.set()
 
-        client.camera.on_update(moved)
+        client.camera.on_update(camera_moved)
         self._wake.set()
 
     def _gone(self, client: Any) -> None:
-        self._eyes.pop(client.client_id, None)
+        self._browsers.pop(client.client_id, None)
 
     def _loop(self) -> None:
         while not self._ended.is_set():
@@ -266,23 +266,23 @@ class Viewer:
             while not self._ended.is_set() and self.draw():
                 pass
 
-    def _draw(self, eye: Eye) -> bool:
-        kind, moved, number = self._kind.value, eye.moved, self._number
-        still = time.monotonic() - moved > STILL_S
-        if eye.drawn == (number, kind, moved, still):
+    def _draw(self, browser: Browser) -> bool:
+        kind, moved_at, number = self._kind.value, browser.moved_at, self._number
+        still = time.monotonic() - moved_at > STILL_S
+        if browser.drawn == (number, kind, moved_at, still):
             return False
-        eye.drawn = (number, kind, moved, still)
-        scene = eye.client.scene
+        browser.drawn = (number, kind, moved_at, still)
+        scene = browser.client.scene
         if kind not in KINDS:  # the browser draws it
             scene.set_background_image(None)
             return False
-        camera = eye.client.camera
+        camera = browser.client.camera
         widest = min(camera.image_width or WIDEST, WIDEST)
         aspect = max(float(camera.aspect), 0.1)
-        size = size_that_stands(aspect, widest) if still else eye.pace.size(aspect, widest)
+        size = full_size(aspect, widest) if still else browser.pace.size(aspect, widest)
         start = time.perf_counter()
         seen = picture(self._shown, camera_at(camera.wxyz, camera.position, camera.fov, size), kind, self._near_m)
-        eye.pace.took(size, time.perf_counter() - start)
+        browser.pace.took(size, time.perf_counter() - start)
         # what the browser draws is hidden behind surfaces by their depth; it costs more to send than the picture
         depth = np.where(seen.depth > 0, seen.depth + BEHIND_M, FAR_M)[..., None] if still else None
         quality = STILL_QUALITY if still else MOVING_QUALITY
@@ -290,33 +290,33 @@ class Viewer:
         return True
 
     def _clicked(self, event: Any) -> None:
-        eye = self._eyes.get(event.client_id)
-        if eye is None or not self._measure.value:
+        browser = self._browsers.get(event.client_id)
+        if browser is None or not self._measure.value:
             return
         point = hit(self._shown, np.array(event.ray_origin), np.array(event.ray_direction), self._near_m)
         if point is None:
-            self.say("Nothing was reconstructed there.")
+            self.show_message("Nothing was reconstructed there.")
             return
-        if len(eye.marks) >= 2:
+        if len(browser.marks) >= 2:
             self._clear()
-        eye.marks.append(point)
-        self.say("Now the second point.")
+        browser.marks.append(point)
+        self.show_message("Now the second point.")
         scene = self._server.scene
-        index = len(eye.marks)
+        index = len(browser.marks)
         scene.add_icosphere(f"/measured/{index}", radius=MARK_M, color=(194, 24, 91), position=tuple(point))
         if index == 2:
-            one, other = eye.marks
-            words = distance_in_words(one, other)
+            one, other = browser.marks
+            text = distance_text(one, other)
             scene.add_line_segments("/measured/line", np.stack([one, other])[None], (194, 24, 91), thickness=MARK_M / 2)
-            scene.add_label("/measured/words", words, position=tuple((one + other) / 2))
-            self.say(f"Distance: {words}")
+            scene.add_label("/measured/text", text, position=tuple((one + other) / 2))
+            self.show_message(f"Distance: {text}")
 
     def _clear(self) -> None:
-        for eye in list(self._eyes.values()):
-            eye.marks.clear()
-        for name in ("1", "2", "line", "words"):
+        for browser in list(self._browsers.values()):
+            browser.marks.clear()
+        for name in ("1", "2", "line", "text"):
             self._server.scene.remove_by_name(f"/measured/{name}")
-        self.say("")
+        self.show_message("")
 
 
 def found_viser() -> Any:
@@ -332,13 +332,13 @@ def found_viser() -> Any:
     return viser
 
 
-def size_that_stands(aspect: float, widest: int) -> tuple[int, int]:
+def full_size(aspect: float, widest: int) -> tuple[int, int]:
     """(width, height) of a picture as wide as a window, if it does not become too high."""
     height = max(1, round(widest / aspect))
     return (widest, height) if height <= HIGHEST else (max(1, round(HIGHEST * aspect)), HIGHEST)
 
 
-def distance_in_words(one: np.ndarray, other: np.ndarray) -> str:
+def distance_text(one: np.ndarray, other: np.ndarray) -> str:
     """Between two points in metres, to the millimetre."""
     return f"{np.linalg.norm(np.asarray(other) - np.asarray(one)):.3f} m"
 

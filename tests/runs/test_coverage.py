@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 
 from room2dgs.runs.page.coverage import blurred_photos, coverage, spots
-from room2dgs.runs.page.mesh_layer import solid
+from room2dgs.runs.page.mesh_layer import page_mesh
 
 SIDE = 4.0
 
@@ -20,7 +20,7 @@ def plate(make, hole=None):
     if hole:
         keep = np.abs(mesh.triangles_center[:, :2]).max(axis=1) > hole
         mesh = trimesh.Trimesh(mesh.vertices, mesh.faces[keep], process=False)
-    return solid(mesh, 10_000)
+    return page_mesh(mesh, 10_000)
 
 
 @dataclass

@@ -14,8 +14,8 @@ import trimesh
 
 from room2dgs.json_files import update_json
 from room2dgs.mesh.io import write_mesh
-from room2dgs.runs.page.mesh_layer import solid, with_error
-from room2dgs.runs.page.plots import HELD_OUT, PSNR, drawings, read_curves
+from room2dgs.runs.page.mesh_layer import page_mesh, with_error
+from room2dgs.runs.page.plots import HELD_OUT, PSNR, drawings, read_plots
 from room2dgs.runs.page.surfel_layer import turned_over
 from room2dgs.runs.page.trust import picture, sentences
 from room2dgs.runs.trust import read_trust
@@ -142,11 +142,11 @@ def test_views_have_their_pictures(page):
 
 
 def test_curves_are_those_of_the_log(reported):
-    curves = read_curves((reported.out / "log.txt").read_text().splitlines())
-    assert curves["loss"]["training"] == {10: 0.5, 20: 0.25}  # what the resumed run did anew counts
-    assert curves["loss: normal_prior"]["training"] == {10: 0.1, 20: 0.05}
-    assert curves[PSNR] == {"training views": {10: 18.0, 20: 24.0}, HELD_OUT: {20: 22.5}}
-    drawn = {one["title"]: one for one in drawings(curves)}
+    plots = read_plots((reported.out / "log.txt").read_text().splitlines())
+    assert plots["loss"]["training"] == {10: 0.5, 20: 0.25}  # what the resumed run did anew counts
+    assert plots["loss: normal_prior"]["training"] == {10: 0.1, 20: 0.05}
+    assert plots[PSNR] == {"training views": {10: 18.0, 20: 24.0}, HELD_OUT: {20: 22.5}}
+    drawn = {one["title"]: one for one in drawings(plots)}
     assert drawn["loss"]["lines"][0]["points"] == "56.0,10.0 310.0,150.0"  # it falls
 
 
@@ -175,5 +175,5 @@ def test_the_error_of_an_aligned_mesh_is_where_it_belongs(tmp_path):
     (tmp_path / "eval").mkdir()
     write_mesh(tmp_path / "eval/error.ply", scored)
     update_json(tmp_path / "metrics.json", {"protocol": "area", "align": {"truth_from_pred": turn.tolist()}})
-    layer = with_error(solid(box, 10**6), tmp_path, (0.0, 0.0, 0.0)).layers["error"]
+    layer = with_error(page_mesh(box, 10**6), tmp_path, (0.0, 0.0, 0.0)).layers["error"]
     np.testing.assert_array_equal(layer[:, 0] > 200, wrong)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from room2dgs.depth.network.map_cache import is_cached
 from room2dgs.logs import logged
 from room2dgs.prepare.stage_cache import StageCache
-from room2dgs.runs.page.plots import drawings, read_curves
+from room2dgs.runs.page.plots import drawings, read_plots
 from room2dgs.runs.trust import read_trust
 
 GOOD = np.full((3, 4), 7, np.uint8)
@@ -71,7 +71,7 @@ WORDS = st.sampled_from(
 @given(st.lists(WORDS, max_size=24).map("".join))
 def test_any_log_gives_curves_of_numbers_or_none(text):
     for line in ("iteration 1/2: loss 0.5 (rgb 0.5), 3 surfels", text):
-        drawn = drawings(read_curves([*line.splitlines(), "iteration 2/2: loss 0.1 (rgb 0.1), 3 surfels"]))
+        drawn = drawings(read_plots([*line.splitlines(), "iteration 2/2: loss 0.1 (rgb 0.1), 3 surfels"]))
         assert all(
             "nan" not in line["points"] and "inf" not in line["points"] for one in drawn for line in one["lines"]
         )

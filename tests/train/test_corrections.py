@@ -15,8 +15,8 @@ from room2dgs.errors import InputError
 from room2dgs.geometry.poses import pose_at
 from room2dgs.splat import set_threads
 from room2dgs.train import Hook, checkpoint, load_surfels, train
-from room2dgs.train.corrections import anchored, corrected
-from room2dgs.train.rows import Rows
+from room2dgs.train.corrections import corrected, without_world_motion
+from room2dgs.train.per_view_adam import PerViewAdam
 from room2dgs.train.schedule import correction_share
 from room2dgs.train.views import Views
 
@@ -65,20 +65,20 @@ def test_anchoring_takes_out_what_moves_the_world():
     centre = random.normal(size=(7, 3))
     from_mean = torch.from_numpy(centre - centre.mean(axis=0))
     world = torch.cat([torch.tensor([[0.1, 0.2, 0.3]] * 7), 0.5 + 0.1 * from_mean], dim=1).double()
-    assert anchored(world, from_mean).abs().max() < 1e-12
-    own = anchored(torch.from_numpy(random.normal(size=(7, 6))), from_mean)
+    assert without_world_motion(world, from_mean).abs().max() < 1e-12
+    own = without_world_motion(torch.from_numpy(random.normal(size=(7, 6))), from_mean)
     assert own.mean(dim=0).abs().max() < 1e-12 and abs((own[:, 3:] * from_mean).sum()) < 1e-12
-    torch.testing.assert_close(anchored(own + world, from_mean), own)
+    torch.testing.assert_close(without_world_motion(own + world, from_mean), own)
     nowhere = torch.zeros(7, 3, dtype=torch.float64)
-    torch.testing.assert_close(anchored(own, nowhere), own)  # cameras that only turn
+    torch.testing.assert_close(without_world_motion(own, nowhere), own)  # cameras that only turn
 
 
 def test_a_row_moves_by_its_own_gradients_alone():
-    rows, rates = Rows(3, 2), torch.tensor([0.1, 0.01], dtype=torch.float64)
+    rows, rates = PerViewAdam(3, 2), torch.tensor([0.1, 0.01], dtype=torch.float64)
     for _ in range(3):
         rows.step(1, torch.tensor([5.0, -1e-7], dtype=torch.float64), rates)
     np.testing.assert_allclose(rows.values.numpy(), [[0, 0], [-0.3, 0.03], [0, 0]], rtol=1e-6)
-    other = Rows(3, 2)
+    other = PerViewAdam(3, 2)
     other.load({name: value.clone() for name, value in rows.state().items()})
     for one in (rows, other):
         one.step(2, torch.tensor([1.0, 2.0], dtype=torch.float64), rates)
@@ -113,7 +113,7 @@ def test_shifted_cameras_go_back(capture, configure, log, tmp_path):
     rows = learnt(tmp_path, log, "pose_corrections")
     centre = np.stack([frame.camera.centre for frame in scene.train])
     errors = torch.from_numpy(np.concatenate([np.zeros_like(shift), shift], axis=1))
-    there = anchored(errors, torch.from_numpy(centre - centre.mean(axis=0))).numpy()[:, 3:5]
+    there = without_world_motion(errors, torch.from_numpy(centre - centre.mean(axis=0))).numpy()[:, 3:5]
     assert np.linalg.norm(rows[:, 3:5] + there) < 0.3 * np.linalg.norm(there)
     assert np.abs(rows.mean(axis=0)).max() < 1e-12
     assert any(line.startswith("pose corrections: ") for line in log.lines)

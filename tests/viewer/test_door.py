@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from room2dgs.errors import InputError
-from room2dgs.viewer import listening
+from room2dgs.viewer import guarded_server
 from room2dgs.viewer.door import FORBIDDEN, OK, SEE_OTHER, Door, in_url, names_of
 from room2dgs.viewer.server import Viewer
 
@@ -89,7 +89,7 @@ def test_names_are_read_from_the_setting():
 @pytest.fixture(scope="module")
 def viewer(wall_surfels):
     pytest.importorskip("viser", reason="viser is missing (the extra `view`)")
-    viewer = Viewer(wall_surfels, UP, port=listening.free_port("127.0.0.1", 18_080))
+    viewer = Viewer(wall_surfels, UP, port=guarded_server.free_port("127.0.0.1", 18_080))
     yield viewer
     viewer.stop()
 
@@ -167,6 +167,6 @@ def test_a_port_that_is_taken_leads_to_the_next_and_the_last_to_a_sentence():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         if port < 65_535:
-            assert listening.free_port("127.0.0.1", port) > port
+            assert guarded_server.free_port("127.0.0.1", port) > port
     with socket.create_server(("127.0.0.1", 65_535)), pytest.raises(InputError, match="another port="):
-        listening.free_port("127.0.0.1", 65_535)
+        guarded_server.free_port("127.0.0.1", 65_535)

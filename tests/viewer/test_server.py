@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from room2dgs.pipeline.view import viewer_of
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
 from room2dgs.eval.pictures import error_mesh
 from room2dgs.eval.surface import Surface
 from room2dgs.mesh.io import write_mesh
+from room2dgs.pipeline.view import viewer_of
 from room2dgs.train import save_surfels
 from room2dgs.viewer.pace import Pace
 from room2dgs.viewer.picture import hit
-from room2dgs.viewer.server import Eye, Viewer, distance_in_words, found_viser, size_that_stands, warn_of_host
+from room2dgs.viewer.server import Browser, Viewer, distance_text, found_viser, full_size, warn_of_host
 
 pytest.importorskip("viser", reason="viser is missing (the extra `view`)")
 client_of = pytest.importorskip("websockets.sync.client")
@@ -91,18 +91,18 @@ def test_a_client_is_shown_what_it_looks_at_and_can_measure(wall_surfels):
         with connected(viewer) as socket_:
             send(socket_, moved_to(0.0))
             until(lambda: viewer.watched)
-            (eye,) = viewer._eyes.values()
-            until(lambda: eye.drawn and eye.drawn[-1])  # it stands: drawn at full size
-            first = eye.drawn
+            (browser,) = viewer._browsers.values()
+            until(lambda: browser.drawn and browser.drawn[-1])  # it stands: drawn at full size
+            first = browser.drawn
             send(socket_, moved_to(0.1))
-            until(lambda: eye.drawn != first and eye.drawn[-1])
+            until(lambda: browser.drawn != first and browser.drawn[-1])
             viewer.show(wall_surfels)
-            until(lambda: eye.drawn[0] == 1)
+            until(lambda: browser.drawn[0] == 1)
             viewer._measure.value = True
             send(socket_, clicked_along((0.0, 0.0, 1.0)))
-            until(lambda: len(eye.marks) == 1)
+            until(lambda: len(browser.marks) == 1)
             send(socket_, clicked_along((-0.5, 0.0, 1.0)))
-            until(lambda: "1.000 m" in viewer._said.content)  # from (0, 0, 2) to (-1, 0, 2)
+            until(lambda: "1.000 m" in viewer._message.content)  # from (0, 0, 2) to (-1, 0, 2)
         until(lambda: not viewer.watched)
     with pytest.raises(OSError):
         socket.create_connection(("127.0.0.1", viewer.port), timeout=1)
@@ -121,55 +121,55 @@ def test_nobody_can_open_a_tunnel_and_only_the_loopback_listens(wall_surfels):
 def test_what_one_browser_says_never_ends_the_pictures_of_another(wall_surfels):
     with serving(wall_surfels) as viewer, connected(viewer) as good, connected(viewer) as bad:
         send(good, moved_to(0.0))
-        until(lambda: len(viewer._eyes) == 1)
-        (eye,) = viewer._eyes.values()
+        until(lambda: len(viewer._browsers) == 1)
+        (browser,) = viewer._browsers.values()
         rate = next(one for one in viewer._server.gui._gui_input_handle_from_uuid.values() if one.value == 20)
         for fov in (0.0, -1.0, 1e308, float("nan"), float("inf")):
             send(bad, moved_to(0.0, fov))
         send(bad, moved_to(1e308))
         bad.send(b"\x93" * 1000)
-        bad.send("words")
+        bad.send("text")
         send(bad, set_to(rate, 1e308))
-        until(lambda: rate.value == 30 and len(viewer._eyes) == 2)  # brought between its ends
+        until(lambda: rate.value == 30 and len(viewer._browsers) == 2)  # brought between its ends
         send(bad, set_to(rate, "many"))
         send(bad, set_to(viewer._kind, "no such picture"))
         send(bad, set_to(viewer._measure, [1]))
         send(bad, clicked_along((0.0, 0.0, 0.0)))
         send(bad, moved_to(0.3))
         for x in (0.1, 0.2):
-            before = eye.drawn
+            before = browser.drawn
             send(good, moved_to(x))
-            until(lambda before=before: eye.drawn != before and eye.drawn[-1])
+            until(lambda before=before: browser.drawn != before and browser.drawn[-1])
         assert rate.value == 30 and viewer._kind.value == "colour" and viewer._measure.value is False
         with connected(viewer) as later:  # all that was said before is sent to those who come later
             assert later.recv(timeout=10)
             send(later, moved_to(0.0))
-            until(lambda: len(viewer._eyes) == 3)
+            until(lambda: len(viewer._browsers) == 3)
 
 
 def test_a_picture_that_fails_costs_itself(wall_surfels, monkeypatch, capsys):
     with serving(wall_surfels) as viewer, connected(viewer) as one, connected(viewer) as other:
         draw = Viewer._draw
 
-        def failing(self, eye):
-            if eye.client.client_id == 0:
+        def failing(self, browser):
+            if browser.client.client_id == 0:
                 raise RuntimeError("nothing to see")
-            return draw(self, eye)
+            return draw(self, browser)
 
         monkeypatch.setattr(Viewer, "_draw", failing)
         send(one, moved_to(0.0))
         send(other, moved_to(0.0))
-        until(lambda: 1 in viewer._eyes and viewer._eyes[1].drawn and viewer._eyes[1].drawn[-1])
+        until(lambda: 1 in viewer._browsers and viewer._browsers[1].drawn and viewer._browsers[1].drawn[-1])
         send(other, moved_to(0.1))
-        before = viewer._eyes[1].drawn
-        until(lambda: viewer._eyes[1].drawn != before)
+        before = viewer._browsers[1].drawn
+        until(lambda: viewer._browsers[1].drawn != before)
         assert viewer._thread.is_alive()
     assert capsys.readouterr().err.count("nothing to see") == 1  # told once, not with each picture
 
 
 @pytest.mark.parametrize(("aspect", "size"), [(2.0, (1280, 640)), (0.001, (3, 2560)), (1e5, (1280, 1))])
 def test_no_window_asks_for_a_picture_without_end(aspect, size):
-    assert size_that_stands(aspect, 1280) == size
+    assert full_size(aspect, 1280) == size
 
 
 def test_another_host_is_warned_of():
@@ -180,7 +180,7 @@ def test_another_host_is_warned_of():
 
 
 def test_distances_are_said_to_the_millimetre():
-    assert distance_in_words(np.zeros(3), np.array([0.3, 0.4, 1.2])) == "1.300 m"
+    assert distance_text(np.zeros(3), np.array([0.3, 0.4, 1.2])) == "1.300 m"
     assert found_viser().__name__ == "viser"
 
 
@@ -228,10 +228,10 @@ def test_what_is_nearer_than_the_settings_draw_is_not_drawn(wall, wall_surfels, 
         drawn, found = [], []
         page = SimpleNamespace(set_background_image=lambda *_, depth, drawn=drawn, **__: drawn.append(depth))
         try:
-            viewer._draw(Eye(SimpleNamespace(camera=at, scene=page), viewer_pace := Pace(15)))
+            viewer._draw(Browser(SimpleNamespace(camera=at, scene=page), viewer_pace := Pace(15)))
             viewer._measure.value = True
-            viewer._eyes[7] = Eye(None, viewer_pace)
-            viewer.say = found.append
+            viewer._browsers[7] = Browser(None, viewer_pace)
+            viewer.show_message = found.append
             viewer._clicked(SimpleNamespace(client_id=7, ray_origin=(0, 0, 1.5), ray_direction=(0, 0, 1)))
         finally:
             viewer.stop()

@@ -39,11 +39,11 @@ def baked(
     total, weight = np.zeros((len(points), 3)), np.zeros(len(points))
     for frame, gain in zip(full_size(frames), brightness, strict=True):
         part = seen(frame, occluder, points, facing)
-        merit = (part.merit / frame.camera.width).astype(
+        quality = (part.quality / frame.camera.width).astype(
             np.float64
         ) ** SHARPNESS  # of the scene's size, not the photo's
-        total[part.points] += part.color / gain * merit[:, None]
-        weight[part.points] += merit
+        total[part.points] += part.color / gain * quality[:, None]
+        weight[part.points] += quality
     colors = colors_of(mesh).astype(np.float64)[found.source]
     color = shown.of_vertices(found.faces, colors)
     known = weight > 0

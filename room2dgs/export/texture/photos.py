@@ -17,7 +17,7 @@ from room2dgs.mesh.open3d import o3c, o3d
 WIDEST_PX = 2048  # photos are used at their own size up to this
 TOLERANCE_M, TOLERANCE_SHARE = 0.02, 0.01  # farther behind what the camera sees first, a point is hidden
 STEP_SHARE = 0.05  # depth that differs by more within a pixel's surroundings is an edge: what is behind may show there
-SHARPNESS = 4  # power of a view's merit: the best views count, and few others, so that nothing is seen double
+SHARPNESS = 4  # power of a view's quality: the best views count, and few others, so that nothing is seen double
 MIN_COSINE = 0.1
 RIM_PX = 3.0
 ROUNDS = 20
@@ -29,12 +29,12 @@ class Seen(NamedTuple):
     Attributes:
         points: (N,) which of them, by index.
         color: (N, 3) float32, 0..255.
-        merit: (N,) float32: how squarely and how near they are seen.
+        quality: (N,) float32: how squarely and how near they are seen.
     """
 
     points: np.ndarray
     color: np.ndarray
-    merit: np.ndarray
+    quality: np.ndarray
 
 
 class Occluder:
@@ -86,8 +86,8 @@ def seen(frame: Frame, occluder: Occluder, points: np.ndarray, normals: np.ndarr
         good &= mask[row, column]
     index, pixel, z, cosine = index[good], pixel[good], z[good], cosine[good]
     rim = np.minimum(pixel, np.array(camera.size) - pixel).min(axis=1)
-    merit = cosine * camera.K[0, 0] / z * np.clip(rim / RIM_PX, 0.1, 1)
-    return Seen(index, _colors(frame.color(), pixel), merit.astype(np.float32))
+    quality = cosine * camera.K[0, 0] / z * np.clip(rim / RIM_PX, 0.1, 1)
+    return Seen(index, _colors(frame.color(), pixel), quality.astype(np.float32))
 
 
 def gains(frames: Iterable[Frame], occluder: Occluder, points: np.ndarray, normals: np.ndarray) -> np.ndarray:

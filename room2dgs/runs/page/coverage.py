@@ -16,9 +16,9 @@ from room2dgs.captures.selection import evenly_spaced
 from room2dgs.eval.culling import sees
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
-from room2dgs.runs.page.mesh_layer import Solid
+from room2dgs.runs.page.mesh_layer import PageMesh
 
-ASKED = 150  # cameras, evenly spaced
+MAX_CAMERAS = 150  # cameras, evenly spaced
 INWARDS = 0.1  # of the way from a corner to its triangle's middle
 FEW = 3  # photos: fewer and nothing checks the depth
 SLANT_COS = 0.26  # 75 degrees between the normal and the best ray
@@ -28,7 +28,7 @@ RIM = 0.6  # of the room's diagonal: an open edge so long is the rim of what was
 SHARP_WIDTH = 320
 BLURRED = 0.4  # of the sharpness of its neighbours in the capture
 NEIGHBOURS = 4  # to either side
-LOOKED_AT = 300  # photos
+MAX_PHOTOS = 300  # photos
 
 
 class Spot(NamedTuple):
@@ -55,12 +55,12 @@ class Coverage(NamedTuple):
     steepest: np.ndarray
 
 
-def coverage(room: Solid, cameras: Sequence[Camera]) -> Coverage:
+def coverage(room: PageMesh, cameras: Sequence[Camera]) -> Coverage:
     """Which vertices the cameras see, by casting rays against the mesh itself."""
     import trimesh
 
     surface = Surface(trimesh.Trimesh(room.vertices, room.faces, process=False))
-    some = evenly_spaced(cameras, ASKED)
+    some = evenly_spaced(cameras, MAX_CAMERAS)
     corners = room.vertices[room.faces]
     points = room.vertices.copy()
     # a little inside of a triangle: rays to the rim itself may slip by
@@ -75,7 +75,7 @@ def coverage(room: Solid, cameras: Sequence[Camera]) -> Coverage:
     return Coverage(count * (len(cameras) / len(some)), steepest)
 
 
-def spots(room: Solid, seen: Coverage, frames: Sequence[Frame]) -> list[Spot]:
+def spots(room: PageMesh, seen: Coverage, frames: Sequence[Frame]) -> list[Spot]:
     """Places of the mesh that want more photos, the largest first."""
     few = (seen.photos[room.faces] < FEW).all(axis=1)
     slant = (seen.steepest[room.faces] < SLANT_COS).all(axis=1) & ~few
@@ -116,7 +116,7 @@ def advice(scene: Scene, seen: Coverage | None) -> list[str]:
 
 def blurred_photos(frames: Sequence[Frame]) -> list[str]:
     """Names of photos with much less fine detail than those before and after them."""
-    step = max(1, len(frames) // LOOKED_AT)
+    step = max(1, len(frames) // MAX_PHOTOS)
     some = frames[::step]
     detail = np.array([_detail(frame.color()) for frame in some])
     names = []
@@ -134,7 +134,7 @@ def _detail(photo: np.ndarray) -> float:
     return float(cv2.Laplacian(grey, cv2.CV_32F).std())
 
 
-def _patches(room: Solid, bad: np.ndarray) -> list[tuple[np.ndarray, float]]:
+def _patches(room: PageMesh, bad: np.ndarray) -> list[tuple[np.ndarray, float]]:
     """Middle and area, m², of the largest connected sets of the marked triangles."""
     corners = room.vertices[room.faces]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
@@ -154,7 +154,7 @@ def _patches(room: Solid, bad: np.ndarray) -> list[tuple[np.ndarray, float]]:
     return found
 
 
-def _holes(room: Solid) -> list[tuple[np.ndarray, float]]:
+def _holes(room: PageMesh) -> list[tuple[np.ndarray, float]]:
     """Middle and size, metres, of the largest closed runs of edges that only one triangle has."""
     edges = np.sort(room.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     unique, times = np.unique(edges, axis=0, return_counts=True)

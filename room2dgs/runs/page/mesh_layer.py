@@ -28,7 +28,7 @@ SEEN = (
 )
 
 
-class Solid(NamedTuple):
+class PageMesh(NamedTuple):
     """A simplified mesh.
 
     Attributes:
@@ -44,7 +44,7 @@ class Solid(NamedTuple):
     layers: dict[str, np.ndarray]
 
 
-def solid(mesh: trimesh.Trimesh, faces: int) -> Solid:
+def page_mesh(mesh: trimesh.Trimesh, faces: int) -> PageMesh:
     """The mesh with at most about so many triangles, with the layers "color" and "shape"."""
     if len(mesh.faces) > FINE * faces:
         mesh = _joined(mesh, float(np.sqrt(mesh.area / (FINE * faces))))
@@ -56,7 +56,7 @@ def solid(mesh: trimesh.Trimesh, faces: int) -> Solid:
     if own is not None:
         layers["color"] = own[:, :3].astype(np.uint8)
     normals = np.asarray(mesh.vertex_normals, np.float64)
-    return Solid(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64), normals, layers)
+    return PageMesh(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64), normals, layers)
 
 
 def _joined(mesh: trimesh.Trimesh, side_m: float) -> trimesh.Trimesh:
@@ -77,7 +77,7 @@ def _joined(mesh: trimesh.Trimesh, side_m: float) -> trimesh.Trimesh:
     return trimesh.Trimesh(np.asarray(made.vertices), np.asarray(made.triangles), vertex_colors=colors, process=False)
 
 
-def with_error(one: Solid, out: Path, origin_m: Origin) -> Solid:
+def with_error(one: PageMesh, out: Path, origin_m: Origin) -> PageMesh:
     """With the layer "error", if the run's mesh was scored: colours of eval/error.ply, each vertex its nearest."""
     error_file = out / "eval" / "error.ply"
     # meshing anew takes the scores out of metrics.json; the picture of the earlier mesh's error stays on the disk
@@ -95,14 +95,14 @@ def with_error(one: Solid, out: Path, origin_m: Origin) -> Solid:
     return one._replace(layers={**one.layers, "error": colors})
 
 
-def with_photos(one: Solid, photos: np.ndarray) -> Solid:
+def with_photos(one: PageMesh, photos: np.ndarray) -> PageMesh:
     """With the layer "seen": photos (N,) that see each vertex."""
     kind = np.searchsorted([start for start, _, _ in SEEN], photos, side="right") - 1
     ramp = np.round(np.array([color for _, color, _ in SEEN]) * 255).astype(np.uint8)
     return one._replace(layers={**one.layers, "seen": ramp[kind]})
 
 
-def block(one: Solid) -> tuple[dict, str]:
+def block(one: PageMesh) -> tuple[dict, str]:
     """What viewer.js wants to know of the mesh, and its bytes."""
     place, low, step = stepped(one.vertices)
     about = {

@@ -19,7 +19,7 @@ PSNR, HELD_OUT, SURFELS, WHOLE = "PSNR, dB", "held-out views", "surfels", "loss"
 Line = dict[int, float]
 
 
-def read_curves(log: Iterable[str]) -> dict[str, dict[str, Line]]:
+def read_plots(log: Iterable[str]) -> dict[str, dict[str, Line]]:
     """Title -> line's name -> iteration -> value. Of an iteration that was done twice the last counts."""
     found: dict[str, dict[str, Line]] = {}
 
@@ -52,12 +52,12 @@ def read_curves(log: Iterable[str]) -> dict[str, dict[str, Line]]:
     return found
 
 
-def drawings(curves: Mapping[str, Mapping[str, Line]]) -> list[dict[str, Any]]:
+def drawings(plots: Mapping[str, Mapping[str, Line]]) -> list[dict[str, Any]]:
     """For the template: titles, ends of the axes, and the lines' points."""
     drawn = []
-    first = [title for title in (PSNR, WHOLE, SURFELS) if title in curves]
-    for title in [*first, *(title for title in curves if title not in first)]:
-        lines = curves[title]
+    first = [title for title in (PSNR, WHOLE, SURFELS) if title in plots]
+    for title in [*first, *(title for title in plots if title not in first)]:
+        lines = plots[title]
         steps = [step for line in lines.values() for step in line]
         values = [value for line in lines.values() for value in line.values()]
         if len(set(steps)) < 2:

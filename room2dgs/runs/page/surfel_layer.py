@@ -12,13 +12,13 @@ from room2dgs.geometry.rotations import normals
 from room2dgs.runs.page.packing import packed, stepped
 
 if TYPE_CHECKING:
-    from room2dgs.runs.page.mesh_layer import Solid
+    from room2dgs.runs.page.mesh_layer import PageMesh
     from room2dgs.splat.types import Surfels
 
 C0 = 0.28209479177387814  # the constant harmonic
 
 
-def block(surfels: Surfels, most: int, room: Solid | None) -> tuple[dict, str]:
+def block(surfels: Surfels, most: int, room: PageMesh | None) -> tuple[dict, str]:
     """What viewer.js wants to know of the discs, and their bytes.
 
     Colours are those that do not depend on the direction (harmonics of degree 0). Where there is a mesh, discs are

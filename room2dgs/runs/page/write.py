@@ -24,8 +24,8 @@ from room2dgs.runs.folder import MESH, REPORT, TRUST
 from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.page import surfel_layer, texts, trust
 from room2dgs.runs.page.coverage import Coverage, Spot, advice, coverage, spots
-from room2dgs.runs.page.mesh_layer import SEEN, Solid, block, solid, with_error, with_photos
-from room2dgs.runs.page.plots import drawings, read_curves
+from room2dgs.runs.page.mesh_layer import SEEN, PageMesh, block, page_mesh, with_error, with_photos
+from room2dgs.runs.page.plots import drawings, read_plots
 from room2dgs.runs.page.views import FULL, KINDS, Rendered, view_pictures
 from room2dgs.runs.trust import read_trust
 
@@ -68,14 +68,14 @@ def write_report(scene: Scene, surfels: Surfels | None, rendered: Rendered, conf
         opening=texts.opening(config, metrics),
         facts=texts.facts(scene, metrics),
         warnings=texts.warnings(scene, config, metrics, log),
-        solid=_solid(room, surfels, places, scene, config, texts.threshold_m(metrics, config)) if room else None,
+        solid=_page_mesh(room, surfels, places, scene, config, texts.threshold_m(metrics, config)) if room else None,
         views=view_pictures(scene, rendered, maps, settings.views),
         kinds=[kind for kind in KINDS if kind[0] != "trust" or maps],
         kind_keys=_kind_keys(source),
         spots=[spot.words for spot in places],
         advice=advice(scene, seen),
         trusted=trust.sentences(maps, source),
-        curves=drawings(read_curves(log)),
+        plots=drawings(read_plots(log)),
         tables=texts.tables(metrics),
         changed=texts.changed_settings(config),
         settings=dump_config(config),
@@ -87,10 +87,10 @@ def write_report(scene: Scene, surfels: Surfels | None, rendered: Rendered, conf
     return out / REPORT
 
 
-def _room(scene: Scene, config: Config, out: Path) -> tuple[Solid | None, Coverage | None, list[Spot]]:
+def _room(scene: Scene, config: Config, out: Path) -> tuple[PageMesh | None, Coverage | None, list[Spot]]:
     if not (out / MESH).is_file():
         return None, None, []
-    room = solid(read_in_scene(out / MESH, scene.origin_m), config.report.faces)
+    room = page_mesh(read_in_scene(out / MESH, scene.origin_m), config.report.faces)
     if not len(room.faces):
         return None, None, []
     room = with_error(room, out, scene.origin_m)
@@ -98,8 +98,8 @@ def _room(scene: Scene, config: Config, out: Path) -> tuple[Solid | None, Covera
     return with_photos(room, seen.photos), seen, spots(room, seen, scene.frames)
 
 
-def _solid(
-    room: Solid, surfels: Surfels | None, places: list[Spot], scene: Scene, config: Config, threshold_m: float
+def _page_mesh(
+    room: PageMesh, surfels: Surfels | None, places: list[Spot], scene: Scene, config: Config, threshold_m: float
 ) -> dict[str, Any]:
     cameras = [frame.camera for frame in scene.frames]
     up = up_axis(cameras, room.normals)
@@ -116,9 +116,9 @@ def _solid(
     }
     shown = dict.fromkeys(room.layers)
     said = f"{len(room.faces):,} triangles of the mesh"
-    if config.report.discs and surfels is not None:
-        about["discs"], disc_bytes = surfel_layer.block(surfels, config.report.discs, room)
-        blocks.append(("discs", disc_bytes))
+    if config.report.max_surfels and surfels is not None:
+        about["discs"], surfel_bytes = surfel_layer.block(surfels, config.report.max_surfels, room)
+        blocks.append(("discs", surfel_bytes))
         shown["discs"] = None
         said += f" and {about['discs']['count']:,} of {len(surfels.centers):,} surfels"
     end_cm = FULL_THRESHOLDS * threshold_m * 100
@@ -137,7 +137,7 @@ def _solid(
     }
 
 
-def _beside(room: Solid, cameras: Sequence[Camera], up: np.ndarray) -> np.ndarray:
+def _beside(room: PageMesh, cameras: Sequence[Camera], up: np.ndarray) -> np.ndarray:
     """(3,) unit, level: from where to look at first. Half a room is seen from the side of its cameras."""
     across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
     side = np.mean([camera.centre for camera in cameras], axis=0) - room.vertices.mean(axis=0)

@@ -75,8 +75,8 @@ class SeedStrategy(Strategy):
         if self._gradients is None:
             return {}
         gathered = torch.tensor(self._gathered)
-        mine = {"opacity_sums": self._opacities, "unseen": self._unseen, "gathered": gathered}
-        return self._gradients.state() | mine
+        own = {"opacity_sums": self._opacities, "unseen": self._unseen, "gathered": gathered}
+        return self._gradients.state() | own
 
     def load(self, state: dict[str, Tensor]) -> None:
         if state:

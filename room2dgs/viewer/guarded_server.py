@@ -20,7 +20,7 @@ HEADERS = {"Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}  # the
 _one_start = threading.Lock()
 
 
-def listening(viser: Any, host: str, port: int, door: Door, controls: dict[str, Fit]) -> Any:
+def guarded_server(viser: Any, host: str, port: int, door: Door, controls: dict[str, Fit]) -> Any:
     """A `viser.ViserServer` that listens.
 
     viser has no setting for who may look. It hands its handlers to `websockets.asyncio.server.serve`; they are wrapped
@@ -41,8 +41,8 @@ def listening(viser: Any, host: str, port: int, door: Door, controls: dict[str, 
 
         def guarded(handler: Callable, *args: Any, process_request: Callable | None = None, **options: Any) -> Any:
             wrapped.append(True)
-            options |= {"process_request": at_the_door(door, process_request), "max_size": LONGEST}
-            return serve(hearing(handler, controls), *args, **options)
+            options |= {"process_request": door_check(door, process_request), "max_size": LONGEST}
+            return serve(fitting_messages_only(handler, controls), *args, **options)
 
         websockets_server.serve = guarded
         try:
@@ -59,7 +59,7 @@ def listening(viser: Any, host: str, port: int, door: Door, controls: dict[str, 
     return server
 
 
-def at_the_door(door: Door, inside: Callable | None) -> Callable:
+def door_check(door: Door, inside: Callable | None) -> Callable:
     """What `websockets` asks about each request, before `inside` is."""
     from websockets.datastructures import Headers
     from websockets.http11 import Response
@@ -84,7 +84,7 @@ def at_the_door(door: Door, inside: Callable | None) -> Callable:
     return process_request
 
 
-def hearing(handler: Callable, controls: dict[str, Fit]) -> Callable:
+def fitting_messages_only(handler: Callable, controls: dict[str, Fit]) -> Callable:
     """A handler of connections that hears fitting messages alone."""
     import msgspec
 

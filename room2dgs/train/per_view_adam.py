@@ -1,4 +1,4 @@
-"""A few numbers for each view, learnt when the view's turn comes."""
+"""A few numbers of each view with an Adam of their own: they learn when the view is rendered."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ BETAS = 0.9, 0.999
 EPSILON = 1e-15  # as the surfels' Adam: gradients of a mean over pixels are tiny
 
 
-class Rows:
+class PerViewAdam:
     """(V, P) float64 numbers, zeros at first, and Adam whose moments and step counts are each row's own.
 
     A row is changed only by its own gradients: with one view an iteration, a common Adam would go on moving the rows of
@@ -51,9 +51,9 @@ class Rows:
         Raises:
             ValueError: it is of another number of views.
         """
-        for name, mine in self.state().items():
-            if state[name].shape != mine.shape or state[name].dtype != mine.dtype:
-                raise ValueError(f"{name} is of shape {tuple(state[name].shape)}, not {tuple(mine.shape)}")
+        for name, own in self.state().items():
+            if state[name].shape != own.shape or state[name].dtype != own.dtype:
+                raise ValueError(f"{name} is of shape {tuple(state[name].shape)}, not {tuple(own.shape)}")
         self.values, self._mean, self._square = (
             state[name].clone().to(self.values.device) for name in ("values", "mean", "square")
         )
