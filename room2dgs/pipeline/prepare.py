@@ -48,10 +48,7 @@ def prepare_capture(config: Config, out: Path, show: Log | None = None) -> None:
             prepare(config, out, run_log(out, show))
         except InputError as error:
             if not by_the_machine(error) and not any((out / WORK).iterdir()):  # nothing that a second try could use
-                for name in {WORK, IMAGES} - there:
-                    shutil.rmtree(out / name, ignore_errors=True)
-                if LOG_FILE not in there:
-                    (out / LOG_FILE).unlink(missing_ok=True)
+                _remove_made(out, there)
             raise
 
 
@@ -60,3 +57,11 @@ def _check_place(out: Path) -> None:
         return
     if any(path.name != LOCK and not is_temporary(path.name) for path in out.iterdir()):
         raise InputError(f"{out} is not empty and holds no capture that was being prepared; choose another out=DIR")
+
+
+def _remove_made(out: Path, there: set[str]) -> None:
+    """Without what a capture that came to nothing has made; `there` was in the folder before."""
+    for name in {WORK, IMAGES} - there:
+        shutil.rmtree(out / name, ignore_errors=True)
+    if LOG_FILE not in there:
+        (out / LOG_FILE).unlink(missing_ok=True)
