@@ -31,7 +31,7 @@ def in_words(prior: PriorConfig) -> str:
     for kind in KINDS:
         part = getattr(prior, kind)
         what = {"files": f"maps in {Path(part.path or '').name}", "none": "none"}
-        parts.append(f"{kind}: {what.get(part.source, Path(part.onnx.model or NAME).name)}")
+        parts.append(f"{kind}: {what.get(part.source, Path(part.model or NAME).name)}")
     return ", ".join(parts)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from room2dgs.captures.scene import Frame
 from room2dgs.config import PriorConfig
 from room2dgs.depth.files import find_map, read_depth, read_normal
+from room2dgs.depth.network.card import format_of
 from room2dgs.depth.network.flip import Prediction as RawMap
 from room2dgs.depth.network.maps import KINDS, at_camera, read_models
 from room2dgs.depth.network.network import predictions, same_input
@@ -77,7 +78,7 @@ def open_networks(config: PriorConfig) -> list[list[Network]]:
     groups: list[list[Network]] = []
     digests: list[str] = []
     for kind, model in read_models(config).items():
-        settings = getattr(config, kind).onnx
+        settings = format_of(getattr(config, kind), kind)
         same = bool(groups) and digests[-1] == model.digest and same_input(groups[-1][0].settings, settings)
         session = groups[-1][0].session if same else None
         network = open_network(model.path, kind, settings, config.threads, config.provider, session)

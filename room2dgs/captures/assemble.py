@@ -24,6 +24,7 @@ from room2dgs.captures.photo_names import shared_stems
 from room2dgs.captures.reach import near_each_other
 from room2dgs.captures.scene import Dropped, Frame, Scene
 from room2dgs.captures.selection import evenly_spaced, hold_out
+from room2dgs.captures.working_size import ImageWidth, resized_camera, size_note
 from room2dgs.captures.world_offset import AT_ORIGIN, in_scene, offset_note, origin_beside, rounded_centres
 from room2dgs.config import SceneConfig
 from room2dgs.errors import InputError
@@ -135,7 +136,7 @@ def _disk_pose(shot: Shot) -> np.ndarray:
     return rigid(np.asarray(shot.pose, np.float64), f"the pose of {shot.path}")
 
 
-def _frame(entry: Entry, image_width: int | None, wide: bool) -> Frame:
+def _frame(entry: Entry, image_width: ImageWidth, wide: bool) -> Frame:
     lens, depth, shot = entry.fitted_lens, entry.shot.depth, entry.shot
     pinhole = pinhole_of(lens) if lens.distorts else None
     K, size = (lens.K, lens.known_size) if pinhole is None else (pinhole.K, pinhole.size)
@@ -152,21 +153,6 @@ def _frame(entry: Entry, image_width: int | None, wide: bool) -> Frame:
         transparent=entry.transparent,
         depth_map=None if isinstance(depth, Path) else depth,
     )
-
-
-def resized_camera(camera: Camera, image_width: int | None, wide: bool) -> Camera:
-    """The camera at the working width; photos are never enlarged: that adds work and no detail.
-
-    Args:
-        wide: there are photos that are wider than high; then those that stand upright get the width as their height.
-    """
-    if image_width is None:
-        return camera
-    if wide and camera.height > camera.width:
-        if image_width >= camera.height:
-            return camera
-        return camera.resized(max(1, round(camera.width * image_width / camera.height)), image_width)
-    return camera if image_width >= camera.width else camera.resized_to_width(image_width)
 
 
 def _check_names(frames: Sequence[Frame]) -> None:
@@ -230,5 +216,6 @@ def _notes(capture: Capture, config: SceneConfig, entries: list[Entry]) -> list[
     depths = sum(entry.shot.depth is not None for entry in entries)
     if depths:
         found.append(f"sensor depth: {depths} of {count} photos")
+    found += size_note([entry.size for entry in entries], config.image_width)
     links = links_out(capture, [entry.shot for entry in entries])
     return found if links is None else [*found, links]

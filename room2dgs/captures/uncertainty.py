@@ -31,8 +31,8 @@ def measured_weight(sigma: np.ndarray, half: float, largest: float) -> np.ndarra
 
     Args:
         sigma: (H, W), of depth or, in radians, of normals.
-        half: sigma that weighs a half (`onnx.error_scale`).
-        largest: sigma above which nothing counts (`onnx.max_error`).
+        half: sigma that weighs a half (`error_scale`).
+        largest: sigma above which nothing counts (`max_error`).
 
     Returns:
         (H, W) float32 in 0..1; 0 where sigma is more than `largest` or no number.

@@ -1,13 +1,12 @@
 """Settings: composed by Hydra, validated by pydantic at the fields' own bounds."""
 
-from room2dgs.config.composing import conf_dir
+from room2dgs.config.folder import conf_dir
 from room2dgs.config.groups.eval import EvalConfig
 from room2dgs.config.groups.loss import LossConfig, MultiviewConfig, NormalReweightingConfig, TermConfig
 from room2dgs.config.groups.mesh import MeshConfig
-from room2dgs.config.groups.network import NETWORK_SOURCES, OnnxConfig
 from room2dgs.config.groups.points import PointsConfig
 from room2dgs.config.groups.prepare import PrepareConfig
-from room2dgs.config.groups.prior import DepthPriorConfig, NormalPriorConfig, PriorConfig
+from room2dgs.config.groups.prior import NETWORK_SOURCES, DepthPriorConfig, NormalPriorConfig, PriorConfig
 from room2dgs.config.groups.render import RenderConfig
 from room2dgs.config.groups.report import ReportConfig
 from room2dgs.config.groups.scene import SceneConfig
@@ -31,7 +30,6 @@ __all__ = [
     "MultiviewConfig",
     "NormalPriorConfig",
     "NormalReweightingConfig",
-    "OnnxConfig",
     "PointsConfig",
     "PrepareConfig",
     "PriorConfig",

@@ -17,15 +17,14 @@ from hydra.core.singleton import Singleton
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-
-def conf_dir() -> Path:
-    """The folder of the Hydra groups, in a checkout and in an installed wheel alike."""
-    inside = Path(__file__).parents[1] / "conf"
-    return inside if inside.is_dir() else Path(__file__).parents[2] / "conf"
+from room2dgs.config.defaults import store_defaults
+from room2dgs.config.folder import conf_dir
 
 
 def composed(overrides: Sequence[str]) -> DictConfig:
-    """conf/config.yaml with its groups and the overrides, as Hydra puts them together; not validated.
+    """The defaults, changed by conf/config.yaml with its choices and the overrides, as Hydra puts them together.
+
+    Nothing is validated here.
 
     Hydra takes a third of a second to put the groups together: what it came to is kept for the next call with them.
 
@@ -72,3 +71,4 @@ def hydra_to_itself() -> Iterator[None]:
 
 
 _OURS = (GlobalHydra, hydra_version.VersionBase)
+store_defaults()

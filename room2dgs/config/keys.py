@@ -6,13 +6,15 @@ import dataclasses
 import functools
 import types
 import typing
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from annotated_types import Ge, Gt, Le
+from pydantic.fields import FieldInfo
 
-from room2dgs.config.fields import IsPath, Wants
+from room2dgs.config.defaults import default_tree
+from room2dgs.config.fields import IsPath, Name, Wants
 from room2dgs.config.schema import Config
 
 _WORDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
@@ -26,7 +28,9 @@ class Key:
         name: dotted, as it is overridden ("train.rates.center").
         wants: the type in words ("a whole number or null").
         allowed: what to write in place of an impossible value ("choose from a, b"; "give a value of 1 or more").
-        comment: the field's description.
+        comment: what it decides, in whole sentences.
+        default: its value where nobody gives one, as OmegaConf has it ("???": it must be given).
+        public: every help shows it; the others are for experts.
         is_path: it names a file or folder.
         choices: the values of a single-valued setting that has only so many; else empty.
     """
@@ -35,24 +39,37 @@ class Key:
     wants: str
     allowed: str
     comment: str
+    default: Any
+    public: bool
     is_path: bool
     choices: tuple[str, ...]
 
 
 @functools.cache
-def leaf_keys(schema: type = Config, prefix: str = "") -> tuple[Key, ...]:
-    """Every setting below `schema`, a config dataclass, in the order of its fields."""
-    keys: list[Key] = []
-    for name, field in schema.__pydantic_fields__.items():
+def leaf_keys() -> tuple[Key, ...]:
+    """Every setting, in the order of the fields."""
+    return tuple(_leaves(Config, "", "", default_tree()))
+
+
+def _leaves(schema: Any, prefix: str, called: str, defaults: Mapping[str, Any]) -> Iterator[Key]:
+    """The settings below a dataclass.
+
+    Args:
+        called: what stands for "{term}" in their descriptions.
+        defaults: of its fields.
+    """
+    fields: dict[str, FieldInfo] = schema.__pydantic_fields__
+    for name, field in fields.items():
+        marks = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
         if dataclasses.is_dataclass(field.annotation):
-            keys += leaf_keys(field.annotation, f"{prefix}{name}.")
+            yield from _leaves(field.annotation, f"{prefix}{name}.", str(marks.get("called", "")), defaults[name])
             continue
         hints = list(_hints(field.annotation, field.metadata))
         is_path = any(isinstance(mark, IsPath) for mark in hints)
         words = _in_words(field.annotation, field.metadata)
+        comment = (field.description or "").replace("{term}", called)
         allowed, choices = _allowed(hints, words), _single_choices(words, hints)
-        keys.append(Key(prefix + name, words, allowed, field.description or "", is_path, choices))
-    return tuple(keys)
+        yield Key(prefix + name, words, allowed, comment, defaults[name], bool(marks.get("public")), is_path, choices)
 
 
 @functools.cache
@@ -79,10 +96,14 @@ def _hints(hint: Any, metadata: Iterable[Any] = ()) -> Iterator[Any]:
 
 def _in_words(hint: Any, metadata: Iterable[Any] = ()) -> str:
     """`int | None` -> "a whole number or null"."""
-    wants = next((mark.words for mark in metadata if isinstance(mark, Wants)), None)
+    marks = list(metadata)
+    wants = next((mark.words for mark in marks if isinstance(mark, Wants)), None)
+    names = next((mark.known() for mark in marks if isinstance(mark, Name)), None)
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if wants:
         words = wants
+    elif names is not None:
+        words = f"one of {', '.join(names)}"
     elif origin is typing.Annotated:
         words = _in_words(inner[0], inner[1:])
     elif origin in (types.UnionType, typing.Union):
@@ -100,11 +121,16 @@ def _example(item: Any) -> str:
     """What may stand in a list."""
     if dataclasses.is_dataclass(item):
         return "{" + ",".join(f"{field.name}:..." for field in dataclasses.fields(item)) + "}"
-    return "a,b" if typing.get_origin(item) is Literal else "0.1,0.2"
+    return "0.1,0.2" if item in (int, float) or typing.get_args(item)[:1] in ((int,), (float,)) else "a,b"
 
 
 def _choices(hints: list[Any]) -> tuple[str, ...]:
-    return next((typing.get_args(mark) for mark in hints if typing.get_origin(mark) is Literal), ())
+    for mark in hints:
+        if isinstance(mark, Name):
+            return mark.known()
+        if typing.get_origin(mark) is Literal:
+            return typing.get_args(mark)
+    return ()
 
 
 def _single_choices(words: str, hints: list[Any]) -> tuple[str, ...]:

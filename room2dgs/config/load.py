@@ -1,10 +1,10 @@
-"""From conf/ and overrides to a validated `Config`."""
+"""From defaults, conf/ and overrides to a validated `Config`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,22 +14,25 @@ from omegaconf.errors import OmegaConfBaseException
 from pydantic import TypeAdapter, ValidationError
 
 from room2dgs.config import sentences
-from room2dgs.config.composing import composed, conf_dir
+from room2dgs.config.card import with_conventions
+from room2dgs.config.composing import composed
+from room2dgs.config.defaults import NOT_GIVEN
+from room2dgs.config.folder import conf_dir
+from room2dgs.config.groups.prior import NETWORK_SOURCES
 from room2dgs.config.keys import leaf_keys, path_keys
 from room2dgs.config.overrides import (
-    GONE,
     RENAMED,
     checked_overrides,
     group_choices,
     override_keys,
     path_of,
+    why_gone,
     without_paths,
 )
 from room2dgs.config.saved import as_yaml, no_configuration, read_saved
 from room2dgs.config.schema import Config
 from room2dgs.errors import InputError, first_line
 
-NOT_GIVEN = "???"  # OmegaConf's mark of a value that must come from the user
 Tree = dict[str, Any]
 
 
@@ -58,7 +61,8 @@ def load_config(overrides: Sequence[str] = (), earlier: Path | None = None) -> C
         key, _, text = override.partition("=")
         _put(values, key, path_of(text))
     try:
-        return TypeAdapter(Config).validate_python(values)
+        config = TypeAdapter(Config).validate_python(values)
+        return replace(config, prior=with_conventions(config.prior, NETWORK_SOURCES))
     except ValidationError as error:
         raise InputError(sentences.of_validation(error, overrides)) from error
 
@@ -79,7 +83,7 @@ def _on_top_of(earlier: Path, tree: Tree, chosen: list[str]) -> Tree:
     for old, new in RENAMED.items():
         if any(name == old or name.startswith(old + ".") for name in leaves):
             raise InputError(f"{earlier} is of an earlier version: {old} is now {new}; rename it there")
-    leaves = {name: value for name, value in leaves.items() if name not in GONE}
+    leaves = {name: value for name, value in leaves.items() if why_gone(name) is None}
     if not leaves or not {key.name for key in leaf_keys()}.issuperset(leaves):
         raise no_configuration(earlier)
     result = deepcopy(tree)

@@ -14,15 +14,31 @@ DOLLAR = re.compile(r"(\\*)\$\{")
 # Keys of earlier versions, also as they stand in an earlier run's config.yaml -> what they are called now.
 RENAMED = {
     "prior.depth.square": "prior.depth.manhattan",
+    "prior.depth.second_look": "prior.depth.second_pass",
     "loss.normal_doubt": "loss.normal_reweighting",
+    "stereo.neighbours": "stereo.num_source_views",
+    "stereo.best": "stereo.top_k",
+    "stereo.asked": "stereo.consistency_views",
+    "stereo.min_agreeing": "stereo.min_num_consistent",
+    "stereo.max_px": "stereo.max_reprojection_px",
+    "stereo.max_relative": "stereo.max_relative_difference",
+    "report.discs": "report.max_surfels",
+    **{
+        f"prior.{kind}.onnx.{name}": f"prior.{kind}.{name}"
+        for kind in ("depth", "normal")
+        for name in ("model", "error_scale", "max_error")
+    },
 }
-# And those that nothing takes the place of -> why.
+# And those that nothing takes the place of, with all below them -> why.
 GONE = {
     **dict.fromkeys(
         ("prior.depth.max_misfit", "prior.depth.max_outlier_ratio", "prior.depth.max_residual"),
         "depth is trusted pixel by pixel now, by prior.depth.completion",
     ),
+    "prior.depth.relief": "planes do not bend, which no capture showed to help",
     "mesh.min_confidence": "mesh.max_expected_m says in metres what is left out",
+    "prior.depth.onnx": "the card beside the model says it, or prior.depth.card=FILE",
+    "prior.normal.onnx": "the card beside the model says it, or prior.normal.card=FILE",
 }
 
 
@@ -64,8 +80,8 @@ def known_key(override: str, groups: dict[str, list[str]]) -> str:
         raise InputError(f"{override!r} is not understood; settings are written KEY=VALUE")
     if new_name(key):
         raise InputError(f"{key} is now {new_name(key)}")
-    if key in GONE:
-        raise InputError(f"{key} is gone: {GONE[key]}; leave it out")
+    if why := why_gone(key):
+        raise InputError(f"{key} is gone: {why}; leave it out")
     nodes = {part for known in leaf_keys() for part in _ancestors(known.name)} | set(groups)
     if key not in nodes:
         raise InputError(no_setting(key, nodes))
@@ -83,6 +99,11 @@ def new_name(key: str) -> str | None:
         if key == old or key.startswith(old + "."):
             return new + key.removeprefix(old)
     return None
+
+
+def why_gone(key: str) -> str | None:
+    """Why a key of an earlier version has nothing in its place; None for any other."""
+    return next((why for old, why in GONE.items() if key == old or key.startswith(old + ".")), None)
 
 
 def without_paths(overrides: Iterable[str]) -> tuple[list[str], list[str]]:

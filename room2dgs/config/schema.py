@@ -1,13 +1,14 @@
-"""The whole configuration: one field for each Hydra group of conf/."""
+"""The whole configuration: one field for each group of settings."""
 
 from __future__ import annotations
 
 from operator import attrgetter
+from typing import Annotated
 
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Folder
+from room2dgs.config.fields import GROUP, REQUIRED, Folder, Name, expert, group, public
 from room2dgs.config.groups.eval import EvalConfig
 from room2dgs.config.groups.export import ExportConfig
 from room2dgs.config.groups.loss import LossConfig
@@ -24,7 +25,7 @@ from room2dgs.config.groups.sfm import SfmConfig
 from room2dgs.config.groups.stereo import StereoConfig
 from room2dgs.config.groups.strategy import StrategyConfig
 from room2dgs.config.groups.train import TrainConfig
-from room2dgs.config.names import PrimitiveName, described
+from room2dgs.config.names import described
 from room2dgs.registries.decoders import DECODERS
 from room2dgs.registries.meshers import MESHERS
 from room2dgs.registries.primitives import PRIMITIVES
@@ -35,25 +36,27 @@ from room2dgs.registries.strategies import STRATEGIES
 class Config:
     """The whole configuration of a run."""
 
-    out: Folder = Field(description="the run's folder")
-    resume: bool = Field(description="go on from the last checkpoint in `out`")
-    primitive: PrimitiveName = Field(description=described("What the room is made of.", PRIMITIVES))
-    prepare: PrepareConfig = Field()
+    out: Folder = public(REQUIRED, "Folder of the run.")
+    resume: bool = public(False, "Whether the run in `out` goes on from its last checkpoint.")
+    primitive: Annotated[str, Name(PRIMITIVES.names)] = expert(
+        "surfel2d", described("What the room is made of.", PRIMITIVES)
+    )
+    prepare: PrepareConfig = group(PrepareConfig)
     scene: SceneConfig = Field()
-    sfm: SfmConfig = Field()
-    points: PointsConfig = Field()
-    stereo: StereoConfig = Field()
-    prior: PriorConfig = Field()
-    seeds: SeedsConfig = Field()
-    render: RenderConfig = Field()
-    loss: LossConfig = Field()
-    strategy: StrategyConfig = Field()
-    train: TrainConfig = Field()
-    mesh: MeshConfig = Field()
-    eval: EvalConfig = Field()
-    report: ReportConfig = Field()
-    export: ExportConfig = Field()
-    memory: MemoryConfig = Field()
+    sfm: SfmConfig = group(SfmConfig)
+    points: PointsConfig = group(PointsConfig)
+    stereo: StereoConfig = group(StereoConfig)
+    prior: PriorConfig = group(PriorConfig)
+    seeds: SeedsConfig = group(SeedsConfig)
+    render: RenderConfig = group(RenderConfig)
+    loss: LossConfig = group(LossConfig)
+    strategy: StrategyConfig = group(StrategyConfig)
+    train: TrainConfig = group(TrainConfig)
+    mesh: MeshConfig = group(MeshConfig)
+    eval: EvalConfig = group(EvalConfig)
+    report: ReportConfig = group(ReportConfig)
+    export: ExportConfig = group(ExportConfig)
+    memory: MemoryConfig = group(MemoryConfig)
 
     @model_validator(mode="after")
     def _groups_fit_together(self) -> Config:

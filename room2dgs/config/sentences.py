@@ -86,7 +86,7 @@ def _found(place: tuple[int | str, ...]) -> tuple[str, Key | None, tuple[int | s
 
 
 def _is_type(part: int | str) -> bool:
-    return part in ("int", "float", "bool") or str(part).startswith("literal[")
+    return part in ("int", "float", "bool", "str") or str(part).startswith(("literal[", "constrained-", "function-"))
 
 
 def _rank(kind: str) -> int:

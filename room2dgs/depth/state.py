@@ -16,7 +16,7 @@ from room2dgs.captures.scene import Frame
 from room2dgs.captures.stored_maps import StoredMaps
 from room2dgs.captures.uncertainty import measured_weight
 from room2dgs.captures.view_maps import ViewMaps
-from room2dgs.config import DepthPriorConfig, OnnxConfig, PriorConfig
+from room2dgs.config import DepthPriorConfig, PriorConfig
 from room2dgs.depth.align.scale_shift import Fit
 from room2dgs.depth.completion.correction import Correct
 from room2dgs.depth.completion.free_space import FreeSpace
@@ -115,7 +115,7 @@ class DepthState:
 
     def depth_weights(self) -> Mapping[str, np.ndarray]:
         """Frame name -> (H, W) float32 weights of the source's depth, of the views that have a sigma."""
-        return weights_of(self.sigmas, self.depth_settings.onnx)
+        return weights_of(self.sigmas, self.depth_settings)
 
     def put_depth(self, name: str, depth: np.ndarray, weight: np.ndarray | None) -> None:
         """Store a view's depth, and its weights where it is valid, beside its normals."""
@@ -144,7 +144,7 @@ def next_pass(state: DepthState) -> DepthState:
     )
 
 
-def weights_of(sigmas: Mapping[str, np.ndarray], settings: OnnxConfig) -> Mapping[str, np.ndarray]:
+def weights_of(sigmas: Mapping[str, np.ndarray], settings: DepthPriorConfig) -> Mapping[str, np.ndarray]:
     """Frame name -> (H, W) float32 weights, made when they are asked for."""
     weights: LazyMaps[np.ndarray] = LazyMaps()
     for name in sigmas:
@@ -152,7 +152,7 @@ def weights_of(sigmas: Mapping[str, np.ndarray], settings: OnnxConfig) -> Mappin
     return weights
 
 
-def _weight(sigmas: Mapping[str, np.ndarray], name: str, settings: OnnxConfig) -> np.ndarray:
+def _weight(sigmas: Mapping[str, np.ndarray], name: str, settings: DepthPriorConfig) -> np.ndarray:
     return measured_weight(sigmas[name], settings.error_scale, settings.max_error)
 
 

@@ -43,7 +43,7 @@ def write_run_report(scene: Scene, surfels: Splats | None, config: Config, run: 
         path = write_report(scene, surfels, draw, config, run.path)
     size_mb = path.stat().st_size / 1e6
     run.record({"report_mb": round(size_mb, 2)})
-    smaller = "; smaller with less of report.views, report.faces, report.discs" if size_mb > LARGE_MB else ""
+    smaller = "; smaller with less of report.views, report.faces, report.max_surfels" if size_mb > LARGE_MB else ""
     run.log(f"report: {path} ({size_mb:.1f} MB{smaller})")
     return path
 

@@ -199,7 +199,7 @@ def _scene(out: Path, model: Path, config: Config) -> Scene:
         out, "colmap", model_shots(read, out / IMAGES, None), W2C_OPENCV, metric=False, why="", points=read.points
     )
     settings = replace(
-        config.scene, frames=None, stride=1, image_width=None, intrinsics=None, pixel_centres="auto", poses="auto",
+        config.scene, frames=None, stride=1, image_width="full", intrinsics=None, pixel_centres="auto", poses="auto",
         unit=None, test_every=0, gt_mesh=None,
     )  # fmt: skip
     return assembled(capture, settings)

@@ -92,13 +92,14 @@ def network_depths(threads: int | None) -> DepthOf:
     Raises:
         InputError: the network did not come with this installation.
     """
+    from room2dgs.depth.network.card import format_of
     from room2dgs.depth.network.maps import at_camera
     from room2dgs.depth.network.network import predicted
     from room2dgs.depth.network.session import open_network
     from room2dgs.depth.network.shipped import model_path
 
     settings = load_config(["scene.path=unused", "out=unused", "prior/depth=room_prior"]).prior.depth
-    network = open_network(model_path(settings), "depth", settings.onnx, threads, "cpu")
+    network = open_network(model_path(settings), "depth", format_of(settings, "depth"), threads, "cpu")
 
     def depth_of(frame: Frame) -> tuple[np.ndarray, np.ndarray] | None:
         found = at_camera(predicted(network, frame.color(), frame.camera), frame.camera)

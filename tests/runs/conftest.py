@@ -11,11 +11,11 @@ import trimesh
 
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.view_maps import ViewMaps
-from room2dgs.pipeline.surfels import render_frames
 from room2dgs.config import dump_config, load_config
 from room2dgs.eval.pictures import error_mesh
 from room2dgs.eval.surface import Surface
 from room2dgs.mesh.io import write_mesh
+from room2dgs.pipeline.surfels import render_frames
 from room2dgs.runs.page.write import write_report
 from room2dgs.runs.trust import write_trust
 from room2dgs.splat.types import Surfels
@@ -99,7 +99,7 @@ def finished(wall, tmp_path):
             f"out={out}",
             "scene.test_every=4",
             "report.views=1",
-            "report.discs=50",
+            "report.max_surfels=50",
             "eval.samples=500",
         ]
     )

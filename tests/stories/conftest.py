@@ -29,7 +29,7 @@ QUICK = [
     "eval.samples=2000",
     "scene.test_every=3",
     "report.views=2",
-    "report.discs=300",
+    "report.max_surfels=300",
     "prior=none",
 ]
 

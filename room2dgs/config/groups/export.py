@@ -1,29 +1,37 @@
-"""conf/export: results in the files of other programs."""
+"""`export`: results in the files of other programs."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float, Int
-from room2dgs.config.names import QuickFormatName
+from room2dgs.config.fields import GROUP, Float, Int, Name, expert, public
+from room2dgs.registries.exporters import EXPORTERS
+
+
+def quick_formats() -> tuple[str, ...]:
+    """Formats that a run can write at its end in about a second each."""
+    return tuple(entry.name for entry in EXPORTERS.entries() if entry.facts.get("after_run"))
 
 
 @dataclass(config=GROUP)
 class ExportConfig:
     """What other programs are given."""
 
-    after_run: list[QuickFormatName] = Field(
-        description="what every run writes at its end, each in about a second; []: nothing"
+    after_run: list[Annotated[str, Name(quick_formats)]] = public(
+        ["splats"], "Formats that every run writes at its end ([]: none)."
     )
-    up: Literal["auto", "keep", "x", "y", "z", "-x", "-y", "-z"] = Field(
-        description="auto: found | an axis of the world | keep: nothing is turned to what the file's readers expect"
+    up: Literal["auto", "keep", "x", "y", "z", "-x", "-y", "-z"] = public(
+        "auto",
+        "Axis of the world that points up. auto: it is found. keep: exports are not turned to the up axis of their "
+        "format.",
     )
-    faces: Int | None = Field(ge=100, description="simplify meshes to this many faces (null: as max_error_m has it)")
-    max_error_m: Float | None = Field(
-        gt=0, description="simplify meshes as far as 99.9 % stay this close to the whole one (null: as faces has it)"
+    faces: Int | None = public(None, "Number of faces to which exported meshes are simplified (null: any).", ge=100)
+    max_error_m: Float | None = expert(
+        None, "Largest distance in metres of 99.9 % of a simplified mesh from the full one (null: any).", gt=0
     )
-    texture_px: Int = Field(ge=256, le=8192, description="side of the textured mesh's picture")
-    texture_faces: Int = Field(ge=100, le=200000, description="of the textured mesh, unless faces is given")
+    texture_px: Int = expert(2048, "Side of the texture of a textured mesh, in pixels.", ge=256, le=8192)
+    texture_faces: Int = expert(
+        20_000, "Number of faces of a textured mesh where export.faces is not given.", ge=100, le=200_000
+    )

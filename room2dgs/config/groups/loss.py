@@ -1,36 +1,45 @@
-"""conf/loss: the loss terms."""
+"""`loss`: the terms of the training loss."""
 
 from __future__ import annotations
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float, Int, Time
+from room2dgs.config.fields import GROUP, Float, Int, Time, expert, group, public
 
 
 @dataclass(config=GROUP)
 class TermConfig:
     """A loss term's weight and when it acts; a time is an iteration (int) or a share of train.iterations (float)."""
 
-    enabled: bool = Field(description="whether the term is used at all")
-    weight: Float = Field(ge=0, description="its factor in the sum of the losses")
-    start: Time = Field(description="first iteration")
-    end: Time | None = Field(description="first iteration without it (null: never)")
-    ramp: Time = Field(description="iterations until it has its full weight")
+    enabled: bool = public(True, "Whether the loss has the {term} term.")
+    weight: Float = public(1.0, "Weight of the {term} term.", ge=0)
+    start: Time = expert(0, "First iteration with the {term} term.")
+    end: Time | None = expert(None, "First iteration without the {term} term (null: it stays).")
+    ramp: Time = expert(0, "Iterations in which the {term} term rises to its full weight.")
 
 
 @dataclass(config=GROUP)
 class MultiviewConfig:
-    """What the multi-view terms compare: a view's pixels with a neighbouring view's (eq. 13-15)."""
+    """What the multi-view terms compare: a view's pixels with a neighbour view's (eq. 13-15)."""
 
-    neighbours: Int = Field(ge=1, description="at most this many a view; one is drawn each iteration")
-    max_angle_deg: Float = Field(ge=1, le=90, description="between the optical axes of neighbours")
-    min_baseline_m: Float = Field(ge=1e-3, le=100, description="between their centres; nearer ones show no depth")
-    max_baseline_m: Float = Field(ge=1e-3, le=100, description="between their centres")
-    samples: Int = Field(ge=16, description="pixels compared each iteration")
-    patch: Int = Field(ge=3, le=31, description="side of the compared patches, pixels, odd")
-    min_std: Float = Field(
-        ge=1e-3, le=0.5, description="patches of less contrast (grey levels of 0..1) are not compared"
+    neighbours: Int = expert(
+        8, "Largest number of neighbour views of a view; one of them is drawn each iteration.", ge=1
+    )
+    max_angle_deg: Float = expert(30.0, "Largest angle between the optical axes of neighbour views.", ge=1, le=90)
+    min_baseline_m: Float = expert(
+        0.03, "Smallest distance between neighbour views, in metres; nearer views show no depth.", ge=1e-3, le=100
+    )
+    max_baseline_m: Float = expert(1.5, "Largest distance between neighbour views, in metres.", ge=1e-3, le=100)
+    samples: Int = expert(1024, "Number of pixels that the multi-view terms compare each iteration.", ge=16)
+    patch: Int = expert(
+        7, "Side of the patches that the photometric term compares, in pixels; an odd number.", ge=3, le=31
+    )
+    min_std: Float = expert(
+        0.01,
+        "Patches with a smaller standard deviation of grey levels (0 to 1) are not compared.",
+        ge=1e-3,
+        le=0.5,
     )
 
     @model_validator(mode="after")
@@ -47,27 +56,35 @@ class MultiviewConfig:
 
 @dataclass(config=GROUP)
 class NormalReweightingConfig:
-    """Normals that disagree with what is rendered lose weight as training goes on."""
+    """Prior normals that disagree with the rendered ones lose weight as training goes on."""
 
-    enabled: bool = Field(description="whether they do")
-    start: Time = Field(description="first iteration")
-    first_deg: Float = Field(ge=0.1, le=180, description="angle that quarters a pixel's weight in L_n, at the start")
-    last_deg: Float = Field(ge=0.1, le=180, description="and in the last iteration, reached exponentially")
+    enabled: bool = expert(False, "Whether prior normals that disagree with the rendered normals lose weight.")
+    start: Time = expert(0.3, "First iteration in which prior normals lose weight.")
+    first_deg: Float = expert(
+        60.0, "Angle at which a prior normal has a quarter of its weight, in the first such iteration.", ge=0.1, le=180
+    )
+    last_deg: Float = expert(
+        20.0,
+        "Angle at which a prior normal has a quarter of its weight, in the last iteration; it falls exponentially.",
+        ge=0.1,
+        le=180,
+    )
 
 
 @dataclass(config=GROUP)
 class LossConfig:
     """Loss terms; each has one toggle. A term acts on the views that have what it needs: a prior, a neighbour."""
 
-    dssim: Float = Field(ge=0, le=1, description="L_rgb = (1 - dssim) L1 + dssim D-SSIM")
-    distortion: TermConfig = Field()
-    normal_consistency: TermConfig = Field()
-    depth_prior: TermConfig = Field()
-    depth_refit: bool = Field(
-        description="the paper's scale and shift of each depth prior, fitted to the rendering in every iteration"
+    dssim: Float = public(0.2, "Share of D-SSIM in the colour loss: L_rgb = (1 - dssim) L1 + dssim D-SSIM.", ge=0, le=1)
+    distortion: TermConfig = group(TermConfig, "depth distortion", enabled=False, weight=0.0, start=3000)
+    normal_consistency: TermConfig = group(TermConfig, "normal consistency", weight=0.05, start=1000)
+    depth_prior: TermConfig = group(TermConfig, "depth prior")
+    depth_refit: bool = expert(  # depth is metric and consistent here, so it is off
+        False,
+        "Whether each depth prior is scaled and shifted to the rendered depth in every iteration, as in the paper.",
     )
-    normal_prior: TermConfig = Field()
-    normal_reweighting: NormalReweightingConfig = Field()
-    multiview_geometric: TermConfig = Field()
-    multiview_photometric: TermConfig = Field()
-    multiview: MultiviewConfig = Field()
+    normal_prior: TermConfig = group(TermConfig, "normal prior")  # 0.01 L1 + 0.01 cosine, before its weight
+    normal_reweighting: NormalReweightingConfig = group(NormalReweightingConfig)
+    multiview_geometric: TermConfig = group(TermConfig, "geometric multi-view", enabled=False, weight=0.05, start=0.25)
+    multiview_photometric: TermConfig = group(TermConfig, "photometric multi-view", weight=0.2, start=0.25)
+    multiview: MultiviewConfig = group(MultiviewConfig)

@@ -1,18 +1,19 @@
-"""conf/memory: what stays in memory."""
+"""`memory`: what stays in memory."""
 
 from __future__ import annotations
 
-from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float
+from room2dgs.config.fields import GROUP, Float, public
 
 
 @dataclass(config=GROUP)
 class MemoryConfig:
     """What stays in memory; no result depends on it."""
 
-    cache_mb: Float = Field(
-        ge=0, description="10^6 bytes of photos and maps; the rest lies in the run's folder until the run ends"
+    cache_mb: Float = public(
+        1500, "Memory for photos and maps, in 10^6 bytes; the rest lies in the run's folder until the run ends.", ge=0
     )
-    gpu_mb: Float = Field(ge=0, description="render.device=cuda: 10^6 bytes of photos and maps that stay on the GPU")
+    gpu_mb: Float = public(
+        4000, "Memory of the GPU for photos and maps, in 10^6 bytes, where render.device=cuda.", ge=0
+    )

@@ -1,14 +1,13 @@
-"""conf/mesh: depth to mesh."""
+"""`mesh`: depth to mesh."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float, Int
-from room2dgs.config.names import MesherName, described
+from room2dgs.config.fields import GROUP, Float, Int, Name, expert, public
+from room2dgs.config.names import described
 from room2dgs.registries.meshers import MESHERS
 
 
@@ -16,39 +15,46 @@ from room2dgs.registries.meshers import MESHERS
 class MeshConfig:
     """Depth to mesh."""
 
-    source: MesherName = Field(description=described("What the mesh is made of.", MESHERS))
-    voxel_m: Float | None = Field(
-        ge=1e-3, le=1, description="side of a voxel (null: two pixels of the photos at 2.5 m, 1 to 2 cm)"
+    source: Annotated[str, Name(MESHERS.names)] = public("surfels", described("What the mesh is made of.", MESHERS))
+    voxel_m: Float | None = public(
+        None, "Side of a voxel in metres (null: two pixels of the photos at 2.5 m, 1 to 2 cm).", ge=1e-3, le=1
     )
-    space: Literal["bounded", "contracted"] = Field(
-        description="bounded | contracted: outside the room voxels grow with the distance"
+    space: Literal["bounded", "contracted"] = expert(
+        "bounded", "Space in which depth is fused. contracted: outside the room voxels grow with the distance."
     )
-    truncation_voxels: Float = Field(ge=1, le=8, description="truncation distance of the TSDF, in voxels")
-    depth: Literal["smooth", "median", "expected"] = Field(
-        description="smooth (expected where that is within 1 % of the median, else median) | median | expected"
+    truncation_voxels: Float = expert(2.0, "Truncation distance of the TSDF, in voxels.", ge=1, le=8)
+    depth: Literal["smooth", "median", "expected"] = expert(
+        "smooth",
+        "Rendered depth that is fused. smooth: the expected depth where it is within 1 % of the median depth, else the "
+        "median depth.",
     )
-    max_depth_m: Float = Field(ge=0.1, description="farther pixels are not fused")
-    min_alpha: Float = Field(ge=0, le=1, description="pixels less covered are not fused")
-    max_expected_m: Float | None = Field(
-        gt=0, description="pixels whose prior depth is expected to be farther off are not fused (null: all are)"
+    max_depth_m: Float = public(8.0, "Largest depth in metres that is fused.", ge=0.1)
+    min_alpha: Float = expert(0.5, "Smallest accumulated opacity of a pixel that is fused.", ge=0, le=1)
+    max_expected_m: Float | None = expert(
+        0.3, "Largest expected error in metres of prior depth that is fused (null: any).", gt=0
     )
-    max_angle_deg: Float = Field(
-        ge=1, le=90, description="between surface normal and view ray; steeper pixels are not fused"
+    max_angle_deg: Float = expert(
+        80.0, "Largest angle between the surface normal and the view ray of a pixel that is fused.", ge=1, le=90
     )
-    min_weight: Float = Field(ge=0, description="voxels that fewer views have seen are not meshed")
-    min_triangles: Int = Field(ge=0, description="smaller connected pieces are dropped")
-    keep_clusters: Int = Field(ge=1, description="at most this many connected pieces")
-    smoothing_steps: Int = Field(
-        ge=0, le=100, description="what takes the roughness of the voxels off the surface; rims stay (0: as it is)"
+    min_weight: Float = expert(1.0, "Number of views that must have seen a voxel for it to be meshed.", ge=0)
+    min_triangles: Int = expert(50, "Connected pieces with fewer triangles are dropped.", ge=0)
+    keep_clusters: Int = expert(50, "Largest number of connected pieces that are kept.", ge=1)
+    smoothing_steps: Int = expert(
+        5, "Steps of smoothing that remove the roughness of the voxels; borders stay in place.", ge=0, le=100
     )
-    fill: Literal["none", "holes", "watertight"] = Field(
-        description="none | holes: close small ones | watertight: a closed surface, also where nothing was seen"
+    fill: Literal["none", "holes", "watertight"] = public(
+        "holes",
+        "Which openings of the mesh are closed. holes: those up to mesh.fill_hole_m. watertight: all, also "
+        "where nothing "
+        "was seen.",
     )
-    fill_hole_m: Float = Field(
-        ge=0, le=100, description="fill=holes: the largest that is closed, by the diagonal of its box"
+    fill_hole_m: Float = expert(
+        0.1, "Largest hole that mesh.fill=holes closes: the diagonal of its bounding box in metres.", ge=0, le=100
     )
-    max_error_m: Float | None = Field(
-        gt=0, description="as few faces as keep 99.9 % this close to the whole surface (null: all faces)"
+    max_error_m: Float | None = public(
+        0.005,
+        "Largest distance in metres of 99.9 % of the simplified mesh from the full one (null: all faces stay).",
+        gt=0,
     )
 
     @property

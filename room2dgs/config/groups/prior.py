@@ -1,62 +1,98 @@
-"""conf/prior: depth and normal maps of the photos."""
+"""`prior`: depth and normal maps of the photos."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float, Int, PathText
-from room2dgs.config.groups.network import NETWORK_SOURCES, OnnxConfig
+from room2dgs.config.card import card_names, where_from
+from room2dgs.config.fields import GROUP, Float, Int, Name, PathText, expert, group, public
 from room2dgs.config.groups.sensor import SensorConfig
+from room2dgs.config.names import described
+from room2dgs.registries.depth_sources import DEPTH_SOURCES
 
-Source = Literal["none", "files", "onnx", "room_prior"]
-DepthSource = Literal["none", "files", "onnx", "room_prior", "sensor", "auto"]
+Meaning = Literal["metric_depth", "relative_depth", "relative_inverse_depth"]
 Axes = Literal["opencv", "opengl", "rdf", "rub", "rdb", "ruf", "ldf", "lub", "ldb", "luf"]
-SOURCES = "none | files | onnx | room_prior (the network that comes with room2dgs)"
-DEPTH_SOURCES = f"{SOURCES} | sensor (the capture's depth files) | auto (sensor if it has them, else room_prior)"
+Side = Literal["camera", "away"]
+NETWORK_SOURCES = tuple(entry.name for entry in DEPTH_SOURCES.entries() if entry.facts["network"])
+
+
+def normal_sources() -> tuple[str, ...]:
+    """Sources that give normals."""
+    return tuple(entry.name for entry in DEPTH_SOURCES.entries() if entry.facts["normals"])
 
 
 @dataclass(config=GROUP)
 class DepthPriorConfig:
     """Depth maps of the photos, from a network or a sensor."""
 
-    source: DepthSource = Field(description=DEPTH_SOURCES)
-    path: PathText | None = Field(description="folder of <photo's name>.png (16-bit) or .npy")
-    unit_m: Float | None = Field(
-        ge=1e-9, le=1e6, description="metres of one stored unit (null: 0.001 for PNG, 1 for .npy)"
+    source: Annotated[str, Name(DEPTH_SOURCES.names)] = expert(
+        "auto",
+        described("Where prior depth comes from; prior/depth=NAME sets it with all that belongs to it.", DEPTH_SOURCES),
     )
-    meaning: Literal["metric_depth", "relative_depth", "relative_inverse_depth"] = Field(
-        description="metric_depth | relative_depth | relative_inverse_depth"
+    path: PathText | None = public(None, "Folder of depth maps: <name of the photo>.png (16-bit) or .npy.")
+    unit_m: Float | None = expert(
+        None, "Metres of one stored unit of a depth map (null: 0.001 for PNG, 1 for .npy).", ge=1e-9, le=1e6
     )
-    align: bool = Field(description="robust scale and shift of each map to the sparse points (never a sensor's)")
-    joint: bool = Field(
-        description="joint depth optimisation: smooth log-scale grids make views, points and normals agree (likewise)"
+    meaning: Meaning | None = public(
+        None,
+        "What depth maps hold (null: what the network's card says, else metres). relative_inverse_depth: disparity, as "
+        "MiDaS gives it.",
     )
-    manhattan: bool = Field(
-        description="and textureless walls and floors that nearly face one of the room's axes face it"
+    model: PathText | None = public(
+        None, "The .onnx file of the depth network (null: the one that comes with room2dgs)."
     )
-    completion: bool = Field(
-        description="and each is drawn to what stereo found, and trusted by what the views then say of each other"
+    network: Annotated[str, Name(card_names)] | None = expert(
+        "room_prior", "Known network whose card describes prior.depth.model (null: the card beside the model does)."
     )
-    planes: bool = Field(description="and pixels that seem to lie on one of the room's large planes are drawn to it")
-    right_angles: bool = Field(
-        description="and planes that are almost parallel or at right angles, as far as is known, are so"
+    card: PathText | None = expert(
+        None, "Card (.json) that describes prior.depth.model, in place of its network's and of the one beside it."
     )
-    creases: bool = Field(
-        description="and planes meet where the photos see them meet, as far as stereo does not know them better"
+    error_scale: Float = expert(
+        0.1,
+        "Relative standard deviation at which a depth weighs half: 1 / (1 + (sigma / error_scale)^2).",
+        ge=1e-6,
+        le=1e3,
     )
-    other_views: bool = Field(description="and each is drawn to what is sure in other views, projected into it")
-    free_space: bool = Field(description="and what other views look through, by stereo's word, counts for less")
-    second_pass: bool = Field(
-        description="and stereo looks again, from the completed depth; then all of the above anew"
+    max_error: Float = expert(0.5, "Largest relative standard deviation of a valid depth.", ge=1e-6, le=1e6)
+    align: bool = expert(
+        True, "Whether each depth map is scaled and shifted to the sparse points; a depth camera's never is."
     )
-    correction: bool = Field(
-        description="and a network corrects what comes of this at each look; it has learnt from room_prior's depth"
+    joint: bool = expert(
+        True,
+        "Whether smooth grids of log-scale are optimised jointly, so that depths of all views, points and "
+        "normals agree; "
+        "a depth camera's are left alone.",
     )
-    sensor: SensorConfig = Field()
-    onnx: OnnxConfig = Field()
+    manhattan: bool = expert(
+        True, "Whether textureless walls and floors that nearly face an axis of the room are turned to face it."
+    )
+    completion: bool = expert(
+        True,
+        "Whether depth maps are completed from stereo's depth samples, with a standard deviation from the "
+        "consistency of "
+        "views.",
+    )
+    planes: bool = expert(True, "Whether depth that seems to lie on a large plane of the room is moved onto it.")
+    right_angles: bool = expert(
+        True, "Whether planes of the room that are nearly parallel or at right angles are made exactly so."
+    )
+    creases: bool = expert(
+        True, "Whether planes are refined to meet at the creases that photos show, where stereo does not know better."
+    )
+    other_views: bool = expert(
+        True, "Whether depth maps are drawn to the sure depth of other views, projected into them."
+    )
+    free_space: bool = expert(True, "Whether depth counts for less that other views look through, by stereo's depth.")
+    second_pass: bool = public(
+        True, "Whether stereo runs a second pass from the completed depth, followed by all steps of the first."
+    )
+    correction: bool = expert(
+        True, "Whether a network corrects the completed depth of each pass; it is trained on room_prior's depth."
+    )
+    sensor: SensorConfig = group(SensorConfig)
 
     @property
     def passes(self) -> int:
@@ -66,7 +102,7 @@ class DepthPriorConfig:
     @model_validator(mode="after")
     def _fits_together(self) -> DepthPriorConfig:
         _has_what_its_source_needs("depth", self)
-        if self.source in ("sensor", "auto") and self.meaning != "metric_depth":
+        if self.source in ("sensor", "auto") and self.meaning not in (None, "metric_depth"):
             raise ValueError(
                 f"prior.depth.source={self.source} means metres, not prior.depth.meaning={self.meaning}; leave that out"
             )
@@ -75,7 +111,7 @@ class DepthPriorConfig:
                 "prior.depth.source=sensor uses depth as it is; write prior/depth=sensor, without "
                 "prior.depth.align=true and prior.depth.joint=true"
             )
-        if self.source != "none" and not self.align and self.meaning != "metric_depth":
+        if self.source != "none" and not self.align and self.meaning not in (None, "metric_depth"):
             raise ValueError(f"prior.depth.align=false needs metres, not {self.meaning}; align the maps")
         return self
 
@@ -84,16 +120,49 @@ class DepthPriorConfig:
 class NormalPriorConfig:
     """Normal maps of the photos; what their numbers mean must be said."""
 
-    source: Source = Field(description=SOURCES)
-    path: PathText | None = Field(description="folder of <photo's name>.png or .npy")
-    encoding: Literal["png8", "npy"] = Field(description="png8 (n = rgb / 127.5 - 1) | npy")
-    axes: Axes = Field(
-        description="opencv (x right, y down, z forward) | opengl (x right, y up, z back) | rdf, rub, rdb, ..."
+    source: Annotated[str, Name(normal_sources)] = expert(
+        "room_prior", "Where prior normals come from; prior/normal=NAME sets it with all that belongs to it."
     )
-    facing: Literal["camera", "away"] = Field(description="camera | away: the side that normals point to")
-    frame: Literal["camera", "world"] = Field(description="camera | world")
-    check: bool = Field(description="stop if another convention fits clearly better, leave out maps that say nothing")
-    onnx: OnnxConfig = Field()
+    path: PathText | None = public(None, "Folder of normal maps: <name of the photo>.png or .npy.")
+    model: PathText | None = public(
+        None, "The .onnx file of the normal network (null: the one that comes with room2dgs)."
+    )
+    network: Annotated[str, Name(card_names)] | None = expert(
+        "room_prior", "Known network whose card describes prior.normal.model (null: the card beside the model does)."
+    )
+    card: PathText | None = expert(
+        None, "Card (.json) that describes prior.normal.model, in place of its network's and of the one beside it."
+    )
+    error_scale: Float = expert(  # 20 degrees
+        0.35,
+        "Standard deviation in radians at which a normal weighs half: 1 / (1 + (sigma / error_scale)^2).",
+        ge=1e-6,
+        le=1e3,
+    )
+    max_error: Float = expert(1.0, "Largest standard deviation in radians of a valid normal.", ge=1e-6, le=1e6)
+    encoding: Literal["png8", "npy"] = expert(
+        "npy", "How normal maps are stored. png8: n = rgb / 127.5 - 1, black is invalid. npy: the numbers themselves."
+    )
+    axes: Axes | None = expert(
+        None,
+        "Axes of the stored normals (null: what the network's card says, else opencv). opencv: x right, y "
+        "down, z forward. "
+        "opengl: x right, y up, z back. Or a letter for each axis: r or l, d or u, f or b.",
+    )
+    facing: Side | None = expert(
+        None,
+        "Side that the stored normals point to (null: what the network's card says, else camera). camera: a wall seen "
+        "frontally is (0, 0, -1) in the axes opencv.",
+    )
+    frame: Literal["camera", "world"] = expert(
+        "camera", "Frame of the stored normals; world is the frame of the poses."
+    )
+    check: bool = expert(
+        True,
+        "Whether a run stops where another convention of the normals fits clearly better, and leaves out "
+        "normals that say "
+        "nothing.",
+    )
 
     @model_validator(mode="after")
     def _fits_together(self) -> NormalPriorConfig:
@@ -109,30 +178,19 @@ class NormalPriorConfig:
 class PriorConfig:
     """Maps that tell depth and normals of each photo beforehand."""
 
-    depth: DepthPriorConfig = Field()
-    normal: NormalPriorConfig = Field()
-    cache: PathText | None = Field(description="keeps the networks' maps (null: priors in the run's folder)")
-    threads: Int | None = Field(
-        ge=1, le=1024, description="of the networks (null: all cores that this process may use)"
+    depth: DepthPriorConfig = group(DepthPriorConfig)
+    normal: NormalPriorConfig = group(NormalPriorConfig)
+    cache: PathText | None = public(None, "Folder that keeps the networks' maps (null: `priors` in the run's folder).")
+    threads: Int | None = expert(None, "Threads of the networks (null: all cores of the process).", ge=1, le=1024)
+    provider: Literal["auto", "cpu", "cuda"] = public(
+        "auto", "What runs the networks. auto: a GPU where onnxruntime has CUDA, else the CPU."
     )
-    provider: Literal["auto", "cpu", "cuda"] = Field(
-        description="what runs the networks: auto (a GPU where onnxruntime has CUDA, else the CPU) | cpu | cuda"
-    )
-
-    @model_validator(mode="after")
-    def _flipped_photos_have_normals_of_the_camera(self) -> PriorConfig:
-        normal = self.normal  # not among its own rules: other frames are tried on its maps
-        if normal.source in NETWORK_SOURCES and normal.onnx.flip and normal.frame == "world":
-            raise ValueError(
-                "prior.normal.onnx.flip=true needs normals in the camera's frame, not prior.normal.frame=world"
-            )
-        return self
 
 
 def _has_what_its_source_needs(name: str, prior: DepthPriorConfig | NormalPriorConfig) -> None:
     if prior.source == "files" and not prior.path:
         raise ValueError(f"prior.{name}.source=files needs prior.{name}.path=DIR with a map for each photo")
-    if prior.source == "onnx" and not prior.onnx.model:
-        raise ValueError(f"prior.{name}.onnx.model=FILE is not given; get {prior.onnx.get}")
-    if prior.source in ("room_prior", "auto") and not prior.onnx.output:
+    if prior.source in ("room_prior", "auto") and prior.network != "room_prior":
         raise ValueError(f"prior.{name}.source={prior.source} lacks its settings; write prior/{name}={prior.source}")
+    if prior.source == "onnx" and not prior.model:
+        raise ValueError(f"prior.{name}.model=FILE is not given{where_from(prior.network)}")

@@ -1,4 +1,4 @@
-"""conf/render: the rasterizer."""
+"""`render`: the rasterizer."""
 
 from __future__ import annotations
 
@@ -7,18 +7,20 @@ from typing import Annotated, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float, Int, Wants
+from room2dgs.config.fields import GROUP, Float, Int, Wants, expert, public
 
 
 @dataclass(config=GROUP)
 class RenderConfig:
     """What a rendering is."""
 
-    sh_degree: Int = Field(ge=0, le=3, description="0..3")
-    sh_every: Int = Field(ge=1, description="iterations between two raises of the active degree")
-    near_m: Float = Field(ge=1e-4, le=1, description="centres and hits nearer than this are not drawn")
-    background: Annotated[list[Annotated[Float, Field(ge=0, le=1)]], Wants("three numbers from 0 to 1")] = Field(
-        min_length=3, max_length=3, description="RGB in 0..1"
+    sh_degree: Int = expert(0, "Degree of the spherical harmonics of colour.", ge=0, le=3)
+    sh_every: Int = expert(1000, "Iterations after which the degree of the spherical harmonics rises by one.", ge=1)
+    near_m: Float = expert(0.05, "Distance in metres below which surfels and their hits are not drawn.", ge=1e-4, le=1)
+    background: Annotated[list[Annotated[Float, Field(ge=0, le=1)]], Wants("three numbers from 0 to 1")] = expert(
+        [0.0, 0.0, 0.0], "Colour behind everything, as RGB from 0 to 1.", min_length=3, max_length=3
     )
-    device: Literal["cpu", "cuda"] = Field(description="what trains, meshes and does stereo: cpu | cuda (an NVIDIA GPU)")
-    threads: Int | None = Field(ge=1, le=1024, description="null: all cores that this process may use")
+    device: Literal["cpu", "cuda"] = public(
+        "cpu", "Device that trains, renders, fuses depth and does stereo. cuda: an NVIDIA GPU."
+    )
+    threads: Int | None = public(None, "Threads of the computation (null: all cores of the process).", ge=1, le=1024)

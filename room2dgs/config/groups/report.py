@@ -1,18 +1,21 @@
-"""conf/report: the page that a run leaves."""
+"""`report`: the page that a run leaves."""
 
 from __future__ import annotations
 
-from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Int
+from room2dgs.config.fields import GROUP, Int, expert, public
 
 
 @dataclass(config=GROUP)
 class ReportConfig:
     """report.html; what bounds its size."""
 
-    enabled: bool = Field(description="write report.html at the end of a run")
-    faces: Int = Field(ge=1000, le=300_000, description="at most so many triangles of the mesh")
-    discs: Int = Field(ge=0, le=300_000, description="at most so many surfels, those that cover most")
-    views: Int = Field(ge=1, le=24, description="held-out views, and as many training views, with their photos")
+    enabled: bool = public(True, "Whether a run writes report.html at its end.")
+    faces: Int = expert(100_000, "Largest number of triangles of the mesh in the report.", ge=1000, le=300_000)
+    max_surfels: Int = expert(
+        120_000, "Largest number of surfels in the report; those that cover most are shown.", ge=0, le=300_000
+    )
+    views: Int = expert(
+        6, "Number of held-out views in the report, and of training views with their photos.", ge=1, le=24
+    )

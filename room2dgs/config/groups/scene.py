@@ -1,38 +1,55 @@
-"""conf/scene: the capture."""
+"""`scene`: the capture."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float, Folder, Int, PathText
-from room2dgs.config.names import LayoutName
+from room2dgs.config.fields import GROUP, REQUIRED, Float, Folder, Int, Name, PathText, Wants, expert, public
+from room2dgs.registries.readers import READERS
+
+
+def layouts() -> tuple[str, ...]:
+    """What a capture's layout can be called."""
+    return ("auto", *READERS.names())
 
 
 @dataclass(config=GROUP)
 class SceneConfig:
     """Which frames of which capture, at which size; and what its numbers mean, where its layout does not tell."""
 
-    path: Folder = Field(description="the capture's folder, or the file that it is")
-    layout: LayoutName = Field(description="auto: by the files' names; docs/reference/captures.md lists what is read")
-    frames: Int | None = Field(ge=3, description="use this many, evenly spaced (null: all)")
-    stride: Int = Field(ge=1, description="use every n-th frame on disk")
-    keyframes: Float = Field(
+    path: Folder = public(REQUIRED, "Folder of the capture, or its file.")
+    layout: Annotated[str, Name(layouts)] = public(
+        "auto", "Layout of the capture. auto: it is recognised by its files."
+    )
+    frames: Int | None = public(None, "Number of frames that are used, evenly spaced (null: all).", ge=3)
+    stride: Int = public(1, "Every how many frames of the capture one is used.", ge=1)
+    keyframes: Float = expert(
+        1.0,
+        "Share of the training photos whose depth and normals are estimated; they are chosen to differ most, "
+        "and stereo "
+        "compares them with all others.",
         gt=0,
         le=1,
-        description="share of the training photos, as different as can be, that depth and normals are found of; stereo "
-        "compares them with the others, too",
     )
-    image_width: Int | None = Field(
-        ge=16, le=8192, description="resize down to this width, keeping the aspect (null: as on disk)"
+    image_width: Annotated[
+        Literal["auto", "full"] | Annotated[Int, Field(ge=16, le=8192)],
+        Wants("auto, full or a whole number from 16 to 8192"),
+    ] = public(
+        "auto",
+        "Width in pixels at which photos are worked; they are never enlarged. auto: photos whose longer side has more "
+        "than 1600 pixels are worked at 1600. full: all pixels.",
     )
-    intrinsics: list[Float] | None = Field(
-        min_length=4, max_length=4, description="[fx,fy,cx,cy] in pixels of the photos (null: the capture's)"
+    intrinsics: list[Float] | None = expert(
+        None, "Intrinsics [fx,fy,cx,cy] in pixels of the photos (null: the capture's own).", min_length=4, max_length=4
     )
-    pixel_centres: Literal["auto", "integer", "half"] = Field(
-        description="auto: as the layout has it | integer (OpenCV) | half (COLMAP): what cx, cy on disk count"
+    pixel_centres: Literal["auto", "integer", "half"] = expert(
+        "auto",
+        "Where the centre of the first pixel lies in the capture's intrinsics. auto: as its layout says. "
+        "integer: at 0, "
+        "as in OpenCV. half: at 0.5, as in COLMAP.",
     )
     poses: Literal[
         "auto",
@@ -40,14 +57,16 @@ class SceneConfig:
         "camera_to_world_opengl",
         "world_to_camera_opencv",
         "world_to_camera_opengl",
-    ] = Field(description="auto: as the layout has it; else what the poses on disk mean")
-    unit: Float | None = Field(gt=0, description="metres of one unit of the poses (null: 1)")
-    topics: list[str] | None = Field(
-        description="topics of a ROS bag to read where it has several pictures, depths or poses (null: the only ones)"
+    ] = expert("auto", "What the capture's poses mean. auto: as its layout says.")
+    unit: Float | None = public(None, "Metres of one unit of the capture's poses (null: 1).", gt=0)
+    topics: list[str] | None = expert(
+        None, "Topics of a ROS bag that are read where it has several pictures, depths or poses (null: the only ones)."
     )
-    pose_frame: str | None = Field(description="frame of ROS whose poses a topic tells that does not say it")
-    split: Literal["capture", "every"] = Field(
-        description="capture: its own test photos are held out, if it has such | every: every test_every-th"
+    pose_frame: str | None = expert(None, "ROS frame whose poses a topic holds that does not name it.")
+    split: Literal["capture", "every"] = public(
+        "capture",
+        "Which photos are held out for tests. capture: the capture's own test photos if it has any. every: every "
+        "scene.test_every-th.",
     )
-    test_every: Int = Field(ge=0, description="every n-th used frame is held out (0: none)")
-    gt_mesh: PathText | None = Field(description="the true surface (null: what lies in the capture, if anything)")
+    test_every: Int = public(8, "Every how many used frames one is held out (0: none).", ge=0)
+    gt_mesh: PathText | None = public(None, "Mesh of the true surface (null: the one in the capture, if any).")

@@ -1,14 +1,13 @@
-"""conf/seeds: seeds and their surfels."""
+"""`seeds`: seeds and their primitives."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float, Int
-from room2dgs.config.names import DecoderName, described
+from room2dgs.config.fields import GROUP, Float, Int, Name, expert, public
+from room2dgs.config.names import described
 from room2dgs.registries.decoders import DECODERS
 
 
@@ -16,24 +15,28 @@ from room2dgs.registries.decoders import DECODERS
 class SeedsConfig:
     """Seeds and the surfels they spawn (eq. 8-9)."""
 
-    init: Literal["sfm", "sfm+depth", "points"] = Field(
-        description="sfm: voxels of the sparse points | sfm+depth | points: every point, as plain 2DGS"
+    init: Literal["sfm", "sfm+depth", "points"] = public(
+        "sfm+depth",
+        "Where seeds start. sfm: in the voxels of the sparse points. sfm+depth: also on aligned prior depth where no "
+        "point is. points: at every sparse point, as in 2DGS.",
     )
-    voxel_m: Float = Field(ge=1e-4, le=10, description="delta")
-    depth_voxel_m: Float = Field(
-        ge=1e-3, le=10, description="sfm+depth: one seed a cell where the depth prior is trusted enough and no point is"
+    voxel_m: Float = public(
+        0.02, "Side in metres of the voxels that hold one seed each (the paper's delta).", ge=1e-4, le=10
     )
-    per_seed: Int = Field(ge=1, le=64, description="k surfels a seed")
-    neighbours: Int = Field(ge=3, le=256, description="points for the local normal and scale")
-    opacity: Float = Field(
-        ge=0.005, le=0.99, description="initial opacity of surfels where depth priors tell the surface"
+    depth_voxel_m: Float = expert(
+        0.1, "Side in metres of the voxels that get one seed each from trusted prior depth.", ge=1e-3, le=10
     )
-    faint_opacity: Float = Field(
-        ge=0.005, le=0.99, description="the same of a run whose seeds no depth prior has placed"
+    # the paper has 10; fewer and larger surfels score the same (docs/studies/training.md)
+    per_seed: Int = public(4, "Number of surfels of a seed (the paper's k).", ge=1, le=64)
+    neighbours: Int = expert(36, "Number of nearest points that give a seed its normal and scale.", ge=3, le=256)
+    # with depth priors seeds lie on the surface from the start (docs/studies/training.md)
+    opacity: Float = expert(0.6, "First opacity of surfels in a run with depth priors.", ge=0.005, le=0.99)
+    faint_opacity: Float = expert(  # 2DGS's
+        0.1, "First opacity of surfels in a run whose seeds are not placed by depth priors.", ge=0.005, le=0.99
     )
-    max_scale_m: Float = Field(ge=1e-4, le=10, description="upper bound of the initial scale")
-    decoder: DecoderName = Field(description=described("Turns seeds into primitives.", DECODERS))
-    feature_size: Int = Field(ge=1, le=256, description="numbers a seed that the shared decoder's network reads")
-    scale_activation: Literal["exp", "softplus"] = Field(
-        description="exp | softplus: what the learnt scale numbers mean"
+    max_scale_m: Float = expert(0.1, "Largest first scale of a surfel in metres.", ge=1e-4, le=10)
+    decoder: Annotated[str, Name(DECODERS.names)] = expert(
+        "explicit", described("Turns seeds into primitives.", DECODERS)
     )
+    feature_size: Int = expert(32, "Size of the feature of a seed that the shared decoder reads.", ge=1, le=256)
+    scale_activation: Literal["exp", "softplus"] = expert("exp", "Function that turns learnt numbers into scales.")

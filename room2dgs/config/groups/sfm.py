@@ -1,25 +1,29 @@
-"""conf/sfm: the photos' poses."""
+"""`sfm`: the photos' poses."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict
+from pydantic import Strict
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Wants
+from room2dgs.config.fields import GROUP, Wants, expert, public
 
 
 @dataclass(config=GROUP)
 class SfmConfig:
     """Whether the given poses are adjusted to the photos before anything uses them."""
 
-    refine_poses: Annotated[Literal["auto"] | Annotated[bool, Strict()], Wants("auto, true or false")] = Field(
-        description="bundle adjustment of the given poses; auto: kept where it clearly lowers reprojection errors"
+    refine_poses: Annotated[Literal["auto"] | Annotated[bool, Strict()], Wants("auto, true or false")] = public(
+        "auto",
+        "Whether bundle adjustment refines the given poses. auto: where it clearly lowers the reprojection errors.",
     )
-    leave_out: bool = Field(
-        description="views whose poses photos do not tell take no part, if the given are clearly off and others see it"
+    leave_out: bool = expert(
+        True,
+        "Whether views are left out whose given poses are clearly wrong and cannot be refined, where other "
+        "views see the "
+        "same.",
     )
-    refine_lens: bool = Field(
-        description="with the poses, focal lengths and distortion, where photos clearly have others than given"
+    refine_lens: bool = expert(
+        True, "Whether bundle adjustment refines focal lengths and distortion where the photos clearly contradict them."
     )

@@ -1,40 +1,47 @@
-"""conf/stereo: dense depth from many photos."""
+"""`stereo`: dense depth from many photos."""
 
 from __future__ import annotations
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float, Int
+from room2dgs.config.fields import GROUP, Float, Int, expert, public
 
 
 @dataclass(config=GROUP)
 class StereoConfig:
-    """PatchMatch stereo and the agreement of views that keeps a pixel."""
+    """PatchMatch stereo and the consistency of views that keeps a pixel."""
 
-    enabled: bool = Field(description="compare the photos, and hold the depth prior to what they say")
-    width: Int | None = Field(ge=16, description="of the photos that are compared (null: the working size)")
-    num_source_views: Int = Field(ge=1, le=32, description="views that a view is compared with")
-    top_k: Int = Field(ge=1, le=8, description="the cost of a plane is its mean over this many views that like it most")
-    radius: Int = Field(
-        ge=1, le=12, description="of the compared windows, pixels; where photos are looked at twice, half of it"
+    enabled: bool = public(True, "Whether multi-view stereo compares the photos and corrects the depth prior.")
+    width: Int | None = public(
+        640, "Width in pixels of the photos that stereo compares (null: the working size).", ge=16
     )
-    step: Int = Field(ge=1, le=12, description="pixels between a window's samples")
-    iterations: Int = Field(ge=1, le=100, description="sweeps of the first search, at the smallest image size")
-    rounds: Int = Field(
-        ge=0, le=10, description="of the first look: searches that also ask the other views' depth, at each image size"
+    num_source_views: Int = expert(8, "Number of source views that each view is compared with.", ge=1, le=32)
+    top_k: Int = expert(4, "Number of best source views over which the cost of a plane is averaged.", ge=1, le=8)
+    radius: Int = expert(4, "Radius of the compared windows in pixels; the second pass takes half of it.", ge=1, le=12)
+    step: Int = expert(2, "Distance in pixels between the samples of a window.", ge=1, le=12)
+    iterations: Int = expert(3, "Sweeps of the first search, at the smallest image size.", ge=1, le=100)
+    rounds: Int = expert(
+        1, "Searches at each image size in the first pass that also compare the depth of the source views.", ge=0, le=10
     )
-    refinements: Int = Field(ge=1, le=100, description="sweeps of each of them")
-    consistency_views: Int = Field(ge=1, le=64, description="views that are asked whether they agree with a depth")
-    min_num_consistent: Int = Field(ge=1, le=64, description="pixels that fewer of them agree with have no depth")
-    max_reprojection_px: Float = Field(
-        gt=0, le=10, description="a view agrees if its depth leads back to within this many pixels"
+    refinements: Int = expert(
+        2, "Sweeps of each search that also compares the depth of the source views.", ge=1, le=100
     )
-    max_relative_difference: Float = Field(gt=0, le=1, description="and differs by a smaller share")
-    max_cost: Float = Field(
-        gt=0, le=2, description="pixels whose windows correlate less than 1 minus this have no depth"
+    consistency_views: Int = expert(10, "Number of views in which the consistency of a depth is checked.", ge=1, le=64)
+    min_num_consistent: Int = expert(2, "Number of consistent views that a pixel needs to keep its depth.", ge=1, le=64)
+    max_reprojection_px: Float = expert(1.0, "Largest reprojection error of a consistent view, in pixels.", gt=0, le=10)
+    max_relative_difference: Float = expert(
+        0.01, "Largest relative difference between the depths of a consistent view and of the pixel.", gt=0, le=1
     )
-    cell_m: Float = Field(ge=1e-3, le=1, description="cells of the fused point cloud; one point each")
+    max_cost: Float = expert(
+        0.6,
+        "Largest matching cost of a pixel that keeps its depth: 1 minus the correlation of the windows.",
+        gt=0,
+        le=2,
+    )
+    cell_m: Float = expert(
+        0.01, "Side in metres of the cells of the fused point cloud, which hold one point each.", ge=1e-3, le=1
+    )
 
     @model_validator(mode="after")
     def _window_is_small_enough(self) -> StereoConfig:

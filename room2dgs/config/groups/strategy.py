@@ -1,12 +1,13 @@
-"""conf/strategy: how the number of surfels changes."""
+"""`strategy`: how the number of primitives changes."""
 
 from __future__ import annotations
 
-from pydantic import Field
+from typing import Annotated
+
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float, Int, Time
-from room2dgs.config.names import StrategyName, described
+from room2dgs.config.fields import GROUP, Float, Int, Name, Time, expert, public
+from room2dgs.config.names import described
 from room2dgs.registries.strategies import STRATEGIES
 
 
@@ -14,31 +15,45 @@ from room2dgs.registries.strategies import STRATEGIES
 class StrategyConfig:
     """Densification and pruning; a time is an iteration (int) or a share of train.iterations (float)."""
 
-    name: StrategyName = Field(description=described("Decides which seeds are added and pruned.", STRATEGIES))
-    start: Time = Field(description="of the adjustments")
-    stop: Time = Field(description="of the adjustments")
-    every: Int = Field(ge=1, description="iterations between two adjustments (the paper's N_g and N_alpha)")
-    grow_gradient: Float = Field(ge=0, description="mean screen-space gradient that calls for growth (theta_g)")
-    min_visits: Int = Field(
-        ge=1, description="seeds: surfels seen in fewer iterations since the last adjustment have no say"
+    name: Annotated[str, Name(STRATEGIES.names)] = expert(
+        "seeds", described("Decides which primitives are added and pruned.", STRATEGIES)
     )
-    levels: Int = Field(
+    # the paper's 1,500 and 15,000 of 30,000
+    start: Time = expert(0.05, "First iteration in which primitives are added or pruned.")
+    stop: Time = expert(0.5, "Last iteration in which primitives are added or pruned.")
+    every: Int = expert(100, "Iterations between two densifications (the paper's N_g and N_alpha).", ge=1)
+    # of the coarsest level; Scaffold-GS's 2e-4 trebles the surfels of this for +0.015 of F-score
+    grow_gradient: Float = expert(
+        8.0e-4, "Mean screen-space gradient above which primitives are added (the paper's theta_g).", ge=0
+    )
+    min_visits: Int = expert(
+        3,
+        "strategy=seeds: iterations in which a surfel must have been seen since the last densification to count.",
         ge=1,
-        le=8,
-        description="seeds: of the hierarchy; each is 4 times finer, the last has cells of seeds.voxel_m",
     )
-    random_survival: bool = Field(description="seeds: of new seeds, half of the coarsest level's, 3/4 of the next, ...")
-    prune_opacity: Float = Field(ge=0, le=1, description="less opaque ones go (theta_alpha)")
-    thin: Float = Field(
+    levels: Int = expert(
+        3, "strategy=seeds: levels of the voxel hierarchy; each is 4 times finer, down to seeds.voxel_m.", ge=1, le=8
+    )
+    random_survival: bool = expert(
+        False,
+        "strategy=seeds: whether half of the new seeds of the coarsest level are kept, 3/4 of the next, and so on.",
+    )
+    prune_opacity: Float = expert(
+        0.005, "Opacity below which primitives are pruned (the paper's theta_alpha).", ge=0, le=1
+    )
+    thin: Float = expert(  # about a third of the surfels go (docs/studies/training.md)
+        0.03,
+        "Share of the rendering that surfels may add which are pruned at strategy.stop because they add least.",
         ge=0,
         lt=1,
-        description="at `stop`, surfels that add least to the training views go, with this share of all they add",
     )
-    max_surfels: Int | None = Field(ge=1, description="growth ends there, by falling gradient (null: never)")
-    split_size: Float = Field(
-        ge=0, description="plain: larger surfels split, others are cloned; a share of the scene's extent"
+    max_surfels: Int | None = public(None, "Number of surfels at which growth ends (null: no limit).", ge=1)
+    split_size: Float = expert(
+        0.01, "strategy=plain: size above which a surfel is split, not cloned, as a share of the scene's extent.", ge=0
     )
-    prune_size: Float = Field(
-        ge=0, description="plain: larger surfels go once opacities were reset; a share of the extent"
+    prune_size: Float = expert(
+        0.1,
+        "strategy=plain: size above which a surfel is pruned after opacities were reset, as a share of the extent.",
+        ge=0,
     )
-    reset_every: Time = Field(description="plain: iterations between two resets of all opacities (0: none)")
+    reset_every: Time = expert(0, "strategy=plain: iterations between two resets of all opacities (0: none).")

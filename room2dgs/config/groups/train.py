@@ -1,4 +1,4 @@
-"""conf/train: the optimisation."""
+"""`train`: the optimisation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float, Int, Time
+from room2dgs.config.fields import GROUP, REQUIRED, Float, Int, Time, expert, group, public
 
 Rate = Annotated[Float, Field(ge=0, le=1e3)]
 
@@ -16,18 +16,26 @@ Rate = Annotated[Float, Field(ge=0, le=1e3)]
 class RatesConfig:
     """Adam's learning rates; `center` in metres for a scene of 1 m extent, as 2DGS has it."""
 
-    center: Rate = Field(description="of the surfels' centres")
-    center_final: Rate = Field(description="reached exponentially at the last iteration")
-    rotation: Rate = Field(description="of the quaternions")
-    scale: Rate = Field(description="of the learnt scale numbers")
-    opacity: Rate = Field(description="of the logits")
-    color: Rate = Field(description="SH degree 0; the higher degrees learn at a twentieth")
-    feature: Rate = Field(description="shared decoder: each seed's feature")
-    network: Rate = Field(description="shared decoder: its network")
-    network_final: Rate = Field(description="reached exponentially at the last iteration")
-    pose_rotation: Rate = Field(description="train.refine_poses: radians; falls to a hundredth")
-    pose_center: Rate = Field(description="train.refine_poses: metres; falls to a hundredth")
-    exposure: Rate = Field(description="train.exposure: of gains and offsets; falls to a hundredth")
+    center: Rate = expert(1.6e-4, "Learning rate of the surfels' centres, in metres for a scene of 1 m extent.")
+    center_final: Rate = expert(1.6e-6, "Learning rate of the centres in the last iteration; it falls exponentially.")
+    rotation: Rate = expert(1.0e-3, "Learning rate of the surfels' quaternions.")
+    scale: Rate = expert(5.0e-3, "Learning rate of the numbers that give the surfels' scales.")
+    opacity: Rate = expert(0.05, "Learning rate of the logits of opacity.")
+    color: Rate = expert(2.5e-3, "Learning rate of colour of degree 0; higher degrees learn at a twentieth of it.")
+    feature: Rate = expert(2.0e-2, "Learning rate of the seeds' features, which the shared decoder reads.")
+    network: Rate = expert(5.0e-3, "Learning rate of the shared decoder's network.")
+    network_final: Rate = expert(
+        5.0e-4, "Learning rate of the shared decoder's network in the last iteration; it falls exponentially."
+    )
+    pose_rotation: Rate = expert(
+        3.0e-4, "Learning rate of the rotations that train.refine_poses learns, in radians; it falls to a hundredth."
+    )
+    pose_center: Rate = expert(
+        3.0e-4, "Learning rate of the positions that train.refine_poses learns, in metres; it falls to a hundredth."
+    )
+    exposure: Rate = expert(
+        5.0e-3, "Learning rate of the gains and offsets that train.exposure learns; it falls to a hundredth."
+    )
 
     @model_validator(mode="after")
     def _finals_can_be_reached(self) -> RatesConfig:
@@ -41,44 +49,56 @@ class RatesConfig:
 class ResolutionConfig:
     """Image size during training: `fraction` of the full size until `until`, an iteration or a share of the run."""
 
-    fraction: Float = Field(gt=0, le=1)
-    until: Time = Field()
+    fraction: Float = expert(REQUIRED, "Share of the full image size.", gt=0, le=1)
+    until: Time = expert(REQUIRED, "First iteration at the next size.")
 
 
 @dataclass(config=GROUP)
 class FloorConfig:
     """The opacity below which hits are skipped, until an iteration or a share of the run; then it is 1/255."""
 
-    value: Float = Field(ge=1 / 255, le=0.5, description="the higher, the fewer pixels a surfel has, and the faster")
-    until: Time = Field()
+    value: Float = expert(
+        0.03125,  # 1/32
+        "Opacity below which hits are skipped while surfels still move; a higher one is faster.",
+        ge=1 / 255,
+        le=0.5,
+    )
+    until: Time = expert(0.9, "First iteration in which only hits below 1/255 are skipped.")
 
 
 @dataclass(config=GROUP)
 class TrainConfig:
     """The optimisation."""
 
-    iterations: Int = Field(ge=1, description="steps of the optimiser, one view each")
-    seed: Int = Field(description="of all that is random")
-    rates: RatesConfig = Field()
-    refine_poses: bool = Field(description="learn a small correction of each training view's pose")
-    exposure: bool = Field(description="learn gains and offsets of each training photo's colours")
-    random_background: bool = Field(
-        description="render each training view over a colour of its own: over one colour for all, what has that colour "
-        "may become transparent"
+    iterations: Int = public(3000, "Steps of the optimiser; each renders one view.", ge=1)
+    seed: Int = public(0, "Seed of everything that is random.")
+    rates: RatesConfig = group(RatesConfig)
+    refine_poses: bool = expert(False, "Whether training learns a small correction of each training view's pose.")
+    exposure: bool = public(False, "Whether training learns gains and offsets of each training photo's colours.")
+    random_background: bool = expert(  # docs/studies/mesh.md
+        False,
+        "Whether each training view is rendered over a colour of its own; over one colour for all, surfaces of that "
+        "colour may become transparent.",
     )
-    resolutions: list[ResolutionConfig] = Field(description="coarse to fine; after the last: full size ([]: always)")
-    coarsest_px: Int = Field(ge=1, description="resolutions leave the widest photo this width, and enlarge none")
-    opacity_floor: FloorConfig = Field()
-    log_every: Int = Field(ge=1, description="iterations between two log lines")
-    test_every: Int = Field(ge=0, description="iterations between two evaluations of the held-out views (0: none)")
-    checkpoint_every: Int = Field(ge=1, description="iterations between two checkpoints")
-    keep_checkpoints: Int = Field(ge=1, description="the last ones are kept")
-    viewer: bool = Field(description="show the run in a browser on this machine while it trains (needs viser)")
-    tensorboard: bool = Field(description="write curves for TensorBoard")
+    resolutions: list[ResolutionConfig] = expert(  # surfels still move far, and half-size photos are faster
+        [ResolutionConfig(0.5, 0.7)],
+        "Image sizes from coarse to fine and the iteration at which each ends; then training is at full size ([]: "
+        "always).",
+    )
+    coarsest_px: Int = expert(
+        320, "Smallest width in pixels to which train.resolutions shrinks the widest photo.", ge=1
+    )
+    opacity_floor: FloorConfig = group(FloorConfig)
+    log_every: Int = expert(100, "Iterations between two lines of the log.", ge=1)
+    test_every: Int = expert(1000, "Iterations between two evaluations of the held-out views (0: none).", ge=0)
+    checkpoint_every: Int = expert(1000, "Iterations between two checkpoints.", ge=1)
+    keep_checkpoints: Int = expert(2, "Number of newest checkpoints that are kept.", ge=1)
+    viewer: bool = public(False, "Whether the run is shown in a browser while it trains (needs viser).")
+    tensorboard: bool = expert(True, "Whether curves for TensorBoard are written.")
 
     @model_validator(mode="after")
     def _resolutions_rise(self) -> TrainConfig:
-        previous = 0
+        previous: int | float = 0
         for level in self.resolutions:
             until = level.until * self.iterations if isinstance(level.until, float) else level.until
             if until <= previous:

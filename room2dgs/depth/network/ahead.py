@@ -20,8 +20,9 @@ def maps_ahead(frames: Sequence[Frame], config: PriorConfig, log: Log) -> Iterat
     """Gives a function that begins to fill the map cache; the block's end begins it too, and waits for it.
 
     If the block fails it stops with the photo at hand.
-    Only what `estimate_depth` will ask for whatever it finds: a network's depth, with normals if the same inference gives
-    them, or the normals of the network that comes with the package. Others' normals are checked on a few photos first.
+    Only what `estimate_depth` will ask for whatever it finds: a network's depth, with normals if the same inference
+    gives them, or the normals of the network that comes with the package. Others' normals are checked on a few photos
+    first.
 
     Raises:
         InputError: as `predicted_maps`.

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from room2dgs.config import OnnxConfig
+from room2dgs.depth.network.card import NetworkFormat
 from room2dgs.geometry.camera import Camera
 
 # ImageNet's mean colour, RGB: what fills the rest of a padded input
@@ -52,7 +52,7 @@ def fitted(camera: Camera, height: int, width: int, how: str, multiple: int = 1)
     return Fit(height, width, (height - inner[0]) // 2, (width - inner[1]) // 2, *inner)
 
 
-def network_input(photo: np.ndarray, fit: Fit, settings: OnnxConfig) -> np.ndarray:
+def network_input(photo: np.ndarray, fit: Fit, settings: NetworkFormat) -> np.ndarray:
     """A photo as the network reads it.
 
     Args:

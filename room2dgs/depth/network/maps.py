@@ -16,9 +16,11 @@ import cv2
 import numpy as np
 
 from room2dgs.captures.scene import Frame
-from room2dgs.config import NETWORK_SOURCES, OnnxConfig, PriorConfig
+from room2dgs.config import NETWORK_SOURCES, PriorConfig
+from room2dgs.config.card import card_of
 from room2dgs.cores import available_cores
 from room2dgs.depth.files import resize_depth, resize_normal
+from room2dgs.depth.network.card import NetworkFormat, format_of
 from room2dgs.depth.network.flip import Prediction
 from room2dgs.depth.network.map_cache import SUFFIX, is_cached, is_empty, write_map
 from room2dgs.depth.network.model_file import ModelFile, read_model
@@ -32,8 +34,6 @@ from room2dgs.logs import Log
 KINDS = ("depth", "normal")
 # Raise it when a map of the same photo by the same network would come out differently.
 FORMAT = 2
-# Settings that change no map.
-_OUTSIDE = ("model", "get", "sha256", "error_scale", "max_error")
 _REPORT_SECONDS = 30.0
 LARGE_MB = 100.0  # of the file of a network that looks at one photo at a time
 MOST_AT_ONCE = 4
@@ -43,11 +43,11 @@ def read_models(config: PriorConfig) -> dict[str, ModelFile]:
     """Kind -> model, for the kinds of prior that a network makes.
 
     Raises:
-        InputError: as `read_model` and `model_path`.
+        InputError: as `read_model`, `model_path` and `card_of`.
     """
     parts = {kind: getattr(config, kind) for kind in KINDS}
     return {
-        kind: read_model(model_path(part), part.onnx.sha256)
+        kind: read_model(model_path(part), card_of(part, kind).sha256)
         for kind, part in parts.items()
         if part.source in NETWORK_SOURCES
     }
@@ -99,7 +99,7 @@ def predicted_maps(
     if len(empty) == len(frames):
         raise InputError(
             f"{model.path} gives no valid pixel for any of {len(frames)} photos; check what its maker says of white, "
-            f"mean and std, prior.{kind}.onnx.*"
+            "mean and std in its card"
         )
     if empty:
         some = ", ".join(empty[:5])
@@ -109,11 +109,13 @@ def predicted_maps(
 
 def _same_inference(kind: str, config: PriorConfig, models: Mapping[str, ModelFile]) -> list[str]:
     """This kind first, then the other if the same inference gives it."""
-    settings = getattr(config, kind).onnx
+    settings = format_of(getattr(config, kind), kind)
     return [kind] + [
         other
         for other, model in models.items()
-        if other != kind and model.digest == models[kind].digest and same_input(getattr(config, other).onnx, settings)
+        if other != kind
+        and model.digest == models[kind].digest
+        and same_input(format_of(getattr(config, other), other), settings)
     ]
 
 
@@ -125,7 +127,7 @@ def _fill(
     networks: list[Network] = []
     for kind in kinds:
         session = networks[0].session if networks else None
-        settings = getattr(config, kind).onnx
+        settings = format_of(getattr(config, kind), kind)
         networks.append(open_network(model.path, kind, settings, threads, config.provider, session))
     paths = {kind: _paths(frames, kind, config, model) for kind in kinds}
     start = reported = time.monotonic()
@@ -196,7 +198,7 @@ def _photo(frame: Frame) -> tuple[np.ndarray, Camera]:
 
 
 def _paths(frames: Sequence[Frame], kind: str, config: PriorConfig, model: ModelFile) -> dict[str, Path]:
-    folder, settings = Path(config.cache or "") / kind, getattr(config, kind).onnx
+    folder, settings = Path(config.cache or "") / kind, format_of(getattr(config, kind), kind)
     gpu = runs_on_gpu(config.provider)
     return {frame.name: folder / f"{frame.name}-{_key(frame, kind, model, settings, gpu)}{SUFFIX}" for frame in frames}
 
@@ -206,11 +208,11 @@ def _shape(frame: Frame, kind: str) -> tuple[int, ...]:
     return (*size, 3) if kind == "normal" else size
 
 
-def _key(frame: Frame, kind: str, model: ModelFile, settings: OnnxConfig, gpu: bool) -> str:
+def _key(frame: Frame, kind: str, model: ModelFile, settings: NetworkFormat, gpu: bool) -> str:
     """Sixteen hex digits that stand for all that a map depends on."""
-    matters = {name: value for name, value in dataclasses.asdict(settings).items() if name not in _OUTSIDE}
     sees_focal = settings.intrinsics or settings.canonical_focal_px is not None
     K = frame.camera.K.tolist() if sees_focal else None
     photo = frame.digest().hex()
-    known = [FORMAT, kind, model.digest, matters, photo, _shape(frame, kind), K, *(["gpu"] if gpu else [])]
+    read = dataclasses.asdict(settings)
+    known = [FORMAT, kind, model.digest, read, photo, _shape(frame, kind), K, *(["gpu"] if gpu else [])]
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:16]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from room2dgs.config import OnnxConfig
+from room2dgs.depth.network.card import NetworkFormat
 from room2dgs.depth.network.fit import Fit, fitted, input_intrinsics, network_input, photo_part
 from room2dgs.depth.network.flip import Prediction, averaged, mirrored_back, mirrored_camera
 from room2dgs.depth.network.output import one_channel, raw_map, unit_normals
@@ -59,7 +59,7 @@ def predictions(networks: Sequence[Network], photo: np.ndarray, camera: Camera) 
     return found
 
 
-def same_input(one: OnnxConfig, other: OnnxConfig) -> bool:
+def same_input(one: NetworkFormat, other: NetworkFormat) -> bool:
     """Whether two networks' settings show them the same photo."""
     return all(getattr(one, name) == getattr(other, name) for name in INPUT_SETTINGS)
 
@@ -95,7 +95,7 @@ def _decoded(network: Network, results: Mapping[str, np.ndarray], fit: Fit, came
     if not valid.mean() >= 1.0 - MAX_NOT_FINITE:
         raise InputError(
             f"{network.path} gives NaN or infinite values at {1.0 - valid.mean():.0%} of the pixels of its output "
-            f"{network.outputs[0]}; use a 32-bit export, and check white, mean and std of {network.key}"
+            f"{network.outputs[0]}; use a 32-bit export, and check white, mean and std in its card"
         )
     values = np.where(valid if values.ndim == 2 else valid[..., None], values, 0.0).astype(np.float32)
     if settings.mask:
@@ -129,11 +129,13 @@ def _fit(network: Network, camera: Camera) -> Fit:
     for name, own in zip(("height", "width"), fixed, strict=True):
         wanted = getattr(settings, name)
         if own is None and wanted is None:
-            raise InputError(f"{network.path} takes photos of any {name}; say which with {network.key}.{name}=PIXELS")
+            raise InputError(
+                f"{network.path} takes photos of any {name}; say which with {network.named(name)} in its card"
+            )
         if own is not None and wanted not in (None, own) and settings.fit != "cover":
             raise InputError(
-                f"{network.key}.{name}={wanted} does not fit {network.path}, whose photos have {name} {own}; "
-                f"give {network.key}.{name}=null"
+                f"{network.named(name)}={wanted} in the card does not fit {network.path}, whose photos have {name} "
+                f"{own}; leave it out"
             )
         size.append(own or wanted)
     return fitted(camera, *size, how, settings.multiple)

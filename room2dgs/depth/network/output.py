@@ -39,7 +39,7 @@ def one_channel(network: Network, result: np.ndarray, name: str, channel: int | 
     if channel is None:
         raise _no_map(
             network, result, name,
-            f"a depth map has one channel; three may be normals, or give {network.key}.output_channel",
+            f"a depth map has one channel; three may be normals, or give {network.named('output_channel')} in its card",
         )  # fmt: skip
     if channel >= values.shape[2]:
         raise _no_map(network, result, name, f"there is no channel {channel}")
@@ -55,7 +55,7 @@ def unit_normals(network: Network, values: np.ndarray, valid: np.ndarray) -> tup
     if not NORMAL_LENGTHS[0] <= median <= NORMAL_LENGTHS[1]:
         raise InputError(
             f"{network.path} gives {network.outputs[0]} with vectors of length {median:.2f}, no normals; they may be "
-            f"stored otherwise ({network.key}.values is signed or zero_to_one), or it is another output"
+            f"stored otherwise ({network.named('values')} in its card: signed or zero_to_one), or it is another output"
         )
     valid = valid & (length > 0.5 * NORMAL_LENGTHS[0])
     unit = values / np.where(valid, length, 1.0)[..., None]

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from room2dgs import cuda_state
-from room2dgs.config import OnnxConfig
 from room2dgs.cores import available_cores
+from room2dgs.depth.network.card import IN_CARD, NetworkFormat
 from room2dgs.errors import InputError, first_line
 
 PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
@@ -22,7 +22,6 @@ class Network(NamedTuple):
 
     Attributes:
         path: of its file.
-        key: the settings' place, "prior.depth.onnx", for messages.
         kind: "depth" or "normal".
         settings: what goes in and comes out.
         session: onnxruntime's.
@@ -31,18 +30,21 @@ class Network(NamedTuple):
     """
 
     path: Path
-    key: str
     kind: str
-    settings: OnnxConfig
+    settings: NetworkFormat
     session: Any
     image: Any
     outputs: tuple[str, ...]
 
+    def named(self, setting: str) -> str:
+        """Where its card has a setting."""
+        return in_card(setting, self.kind)
+
 
 def open_network(
-    path: Path, kind: str, settings: OnnxConfig, threads: int | None, provider: str, session: Any = None
+    path: Path, kind: str, settings: NetworkFormat, threads: int | None, provider: str, session: Any = None
 ) -> Network:
-    """Load a network and check that the settings name what it has.
+    """Load a network and check that its card names what it has.
 
     On the CPU the same photo gives the same bits whatever else runs.
 
@@ -56,30 +58,36 @@ def open_network(
     Raises:
         InputError: onnxruntime cannot load it, the provider is not there, or a named input or output is not.
     """
-    key = f"prior.{kind}.onnx"
     session = session or session_of(path, threads, provider)
     has = described(session)
     inputs, outputs = session.get_inputs(), session.get_outputs()
     extra = [name for name in (settings.intrinsics, settings.tokens) if name]
     for setting in ("input", "intrinsics", "tokens"):
-        _known(getattr(settings, setting), inputs, f"{key}.{setting}", path, has)
+        _known(getattr(settings, setting), inputs, in_card(setting, kind), path, has)
     for setting in ("output", "mask", "error_output"):
-        _known(getattr(settings, setting), outputs, f"{key}.{setting}", path, has)
-    image = _named_or_only(settings.input, [arg for arg in inputs if arg.name not in extra], f"{key}.input", path, has)
+        _known(getattr(settings, setting), outputs, in_card(setting, kind), path, has)
+    image = _named_or_only(
+        settings.input, [arg for arg in inputs if arg.name not in extra], in_card("input", kind), path, has
+    )
     unfilled = [arg.name for arg in inputs if arg.name not in (image.name, *extra)]
     if unfilled:
         raise InputError(
-            f"{path} wants more than a photo, {', '.join(unfilled)}; name it as {key}.intrinsics or {key}.tokens "
-            f"if it is that, or export the network without it: it has {has}"
+            f"{path} wants more than a photo, {', '.join(unfilled)}; name it as input.intrinsics or input.tokens "
+            f"in its card if it is that, or export the network without it: it has {has}"
         )
     others = [arg for arg in outputs if arg.name not in (settings.mask, settings.error_output)]
-    output = _named_or_only(settings.output, others, f"{key}.output", path, has)
+    output = _named_or_only(settings.output, others, in_card("output", kind), path, has)
     if not output.type.startswith("tensor("):
         raise InputError(f"{path} gives no array as {output.name}; it has {has}")
-    network = Network(path, key, kind, settings, session, image, (output.name,))
+    network = Network(path, kind, settings, session, image, (output.name,))
     _check_image(network, has)
     beside = [name for name in (settings.mask, settings.error_output) if name]
     return network._replace(outputs=(output.name, *beside))
+
+
+def in_card(setting: str, kind: str) -> str:
+    """Where the card of a network has a setting of depth or normals, as "depth.output"."""
+    return IN_CARD[setting].format(kind)
 
 
 def runs_on_gpu(provider: str) -> bool:
@@ -148,13 +156,13 @@ def shape_in_words(arg: Any) -> str:
 
 def _known(name: str | None, args: Sequence[Any], setting: str, path: Path, has: str) -> None:
     if name and name not in [arg.name for arg in args]:
-        raise InputError(f"{setting}={name} is not in {path}; it has {has}")
+        raise InputError(f"{setting}={name} in the card is not in {path}; it has {has}")
 
 
 def _named_or_only(name: str | None, args: Sequence[Any], setting: str, path: Path, has: str) -> Any:
     found = [arg for arg in args if name in (None, arg.name)]
     if len(found) != 1:
-        raise InputError(f"{path} needs {setting}=NAME; it has {has}")
+        raise InputError(f"{path} needs {setting}=NAME in its card; it has {has}")
     return found[0]
 
 
@@ -169,7 +177,8 @@ def _check_image(network: Network, has: str) -> None:
     channels, other = (sides[0], sides[2]) if layout == "nchw" else (sides[2], sides[0])
     if isinstance(channels, int) != (channels == 3) or (channels != 3 and other == 3):
         raise InputError(
-            f"{network.path} has no three channels where {network.key}.layout={layout} expects them; it has {has}"
+            f"{network.path} has no three channels where {network.named('layout')}={layout} in its card expects them; "
+            f"it has {has}"
         )
     if isinstance(batch, int) and batch != 1:
         raise InputError(f"{network.path} takes {batch} photos at a time; export it for one: it has {has}")

@@ -29,6 +29,6 @@ def model_path(settings: DepthPriorConfig | NormalPriorConfig) -> Path:
     Raises:
         InputError: it should have come with the package and is not there.
     """
-    if settings.onnx.model:
-        return Path(settings.onnx.model)
+    if settings.model:
+        return Path(settings.model)
     return shipped_network() if settings.source == "room_prior" else Path()

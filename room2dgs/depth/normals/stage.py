@@ -88,7 +88,7 @@ def _in_world(
 
 def _normal(frame: Frame, found: NormalMap, config: NormalPriorConfig) -> tuple[np.ndarray, np.ndarray | None]:
     raw, valid, sigma = found
-    weight = None if sigma is None else measured_weight(sigma, config.onnx.error_scale, config.onnx.max_error)
+    weight = None if sigma is None else measured_weight(sigma, config.error_scale, config.max_error)
     if weight is not None:
         valid = valid & (weight > 0)
     in_cam = camera_normals(raw, config, frame.camera)

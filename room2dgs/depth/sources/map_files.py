@@ -76,7 +76,7 @@ def _raw_map(path: Path, settings: DepthPriorConfig, frame: Frame) -> RawMap:
     sigma = read_sigma(path)
     if sigma is None:
         return RawMap(values, valid)
-    return RawMap(values, valid & (measured_weight(sigma, settings.onnx.error_scale, settings.onnx.max_error) > 0))
+    return RawMap(values, valid & (measured_weight(sigma, settings.error_scale, settings.max_error) > 0))
 
 
 def _normal_map(path: Path, settings: NormalPriorConfig, frame: Frame) -> NormalMap:
