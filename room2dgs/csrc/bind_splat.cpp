@@ -1,4 +1,4 @@
-// Binds the rasterizer: every argument is checked here, whatever the Python wrapper (splat/backends/cpu.py) has checked.
+// Binds the rasterizer: every argument is checked here, whatever the Python wrapper (splat/cpu_view.py) has checked.
 #include <algorithm>
 #include <cmath>
 #include <utility>

@@ -31,7 +31,7 @@ def _tensor(value: Any) -> torch.Tensor | None:
     """On the same memory; None for what is no array."""
     if isinstance(value, np.ndarray):
         return torch.from_numpy(value)
-    if type(value).__name__ == "PyCapsule":  # what `kernel_calls.call` gives
+    if type(value).__name__ == "PyCapsule":  # what `kernels.calls.call` gives
         return from_dlpack(value)
     return value if isinstance(value, torch.Tensor) else None
 
