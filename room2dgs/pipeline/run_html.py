@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from room2dgs.captures.image_files import read_photo
 from room2dgs.errors import InputError
 from room2dgs.report.page import data_uri
 from room2dgs.runs.folder import MESH, RENDERS
@@ -53,13 +54,14 @@ def run_picture(run: Run) -> np.ndarray | None:
 
 
 def _read(path: Path) -> np.ndarray | None:
-    pixels = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
-    if pixels is None:
+    try:
+        pixels = read_photo(path, None)
+    except InputError:  # missing or damaged
         return None
     height, width = pixels.shape[:2]
     if width > WIDTH:
         pixels = cv2.resize(pixels, (WIDTH, round(height * WIDTH / width)), interpolation=cv2.INTER_AREA)
-    return pixels[..., ::-1] / 255.0
+    return pixels / 255.0
 
 
 def _of_mesh(run: Run) -> np.ndarray | None:
