@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,7 +20,7 @@ import trimesh
 from room2dgs.captures.read import read_scene
 from room2dgs.config import load_config
 from room2dgs.files import whole_file
-from room2dgs.mesh.open3d import o3d
+from room2dgs.mesh.open3d import o3c_tensor, o3d
 
 WIDTH, HEIGHT, OVERSAMPLED = 900, 680, 2
 CUT_M = 1.2  # what lies farther towards the eye is cut off: it would hide the room
@@ -35,9 +36,9 @@ def main(argv: list[str] | None = None) -> int:
     args = parser.parse_args(argv)
     config = load_config([f"scene.path={args.capture}", f"out={args.out}"])
     photos = [frame.color() for frame in read_scene(config.scene).frames]
-    mesh = from_outside(trimesh.load(args.run / "mesh.ply", process=False))
+    mesh = from_outside(trimesh.load_mesh(args.run / "mesh.ply", process=False))
     write(args.out / "hero.jpg", beside(contact_sheet(photos[::4], columns=3), mesh))
-    write(args.out / "error.jpg", from_outside(trimesh.load(args.run / "eval/error.ply", process=False)))
+    write(args.out / "error.jpg", from_outside(trimesh.load_mesh(args.run / "eval/error.ply", process=False)))
     return 0
 
 
@@ -47,23 +48,24 @@ def from_outside(mesh: trimesh.Trimesh) -> np.ndarray:
     middle = (low + high) / 2
     away = np.array([0.55, -1.0, 0.62])
     eye = middle + away * np.linalg.norm(high - low) * 1.22
+    centre, up = middle - [-0.1, 0.0, 0.1], np.array([0.0, 0.0, -1.0])
     rays = o3d.t.geometry.RaycastingScene.create_rays_pinhole(
-        fov_deg=34.0, center=middle - [-0.1, 0.0, 0.1], eye=eye, up=[0.0, 0.0, -1.0],
-        width_px=WIDTH * OVERSAMPLED, height_px=HEIGHT * OVERSAMPLED,
-    )  # fmt: skip
+        34.0, o3c_tensor(centre), o3c_tensor(eye), o3c_tensor(up), WIDTH * OVERSAMPLED, HEIGHT * OVERSAMPLED
+    )
     towards = np.einsum("ij,ij->i", mesh.face_normals, eye - mesh.triangles_center)
     front = away * [1.0, 1.0, 0.0] / np.linalg.norm(away[:2])
     far = (mesh.triangles_center - middle) @ front < CUT_M
     faces = mesh.faces[(towards > 0) & far]
     scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(mesh.vertices.astype(np.float32), faces.astype(np.uint32))
+    scene.add_triangles(o3c_tensor(mesh.vertices.astype(np.float32)), o3c_tensor(faces.astype(np.uint32)))
+    visual: Any = mesh.visual
     hit = scene.cast_rays(rays)
     triangle = hit["primitive_ids"].numpy()
     seen = np.isfinite(hit["t_hit"].numpy())
     u, v = np.moveaxis(hit["primitive_uvs"].numpy(), -1, 0)
     weights = np.stack([1 - u - v, u, v], axis=-1)[seen]
     corners = faces[triangle[seen]]
-    colors = np.einsum("ij,ijk->ik", weights, mesh.visual.vertex_colors[corners][..., :3].astype(float))
+    colors = np.einsum("ij,ijk->ik", weights, visual.vertex_colors[corners][..., :3].astype(float))
     normals = np.einsum("ij,ijk->ik", weights, mesh.vertex_normals[corners])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
     shade = 0.78 + 0.32 * np.clip(normals @ LIGHT, 0.0, 1.0)

@@ -34,11 +34,12 @@ from room2dgs.demo_room.capture_files import (
     write_truth,
 )
 from room2dgs.demo_room.geometry import FACET, Patch, triangulated
-from room2dgs.demo_room.light import cast, tensor
+from room2dgs.demo_room.light import cast
 from room2dgs.demo_room.mesh import visible_mesh
 from room2dgs.demo_room.render import exposed, pinhole, ray_scene
 from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
+from room2dgs.mesh.open3d import o3c_tensor
 from room2dgs.tools.command_line import command_line
 from room2dgs.tools.random_rooms.blank import with_blank_walls
 from room2dgs.tools.random_rooms.layout import RandomRoom, random_room
@@ -169,7 +170,7 @@ def walked(room: RandomRoom, patches: list[Patch], rng: np.random.Generator, pho
     scene = ray_scene(triangulated(patches))
 
     def distance(points: np.ndarray) -> np.ndarray:
-        return scene.compute_distance(tensor(np.ascontiguousarray(points, np.float32))).numpy()
+        return scene.compute_distance(o3c_tensor(np.ascontiguousarray(points, np.float32))).numpy()
 
     def reach(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         return cast(scene, origins, directions)["t_hit"]

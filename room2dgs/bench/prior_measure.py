@@ -174,7 +174,9 @@ def _add(pool: _Pool, view: View, found: Prediction, config: PriorConfig) -> Pic
     return picture
 
 
-def _add_depth(pool: _Pool, picture: Picture, found: Prediction, meaning: str, grid: tuple[slice, slice]) -> None:
+def _add_depth(
+    pool: _Pool, picture: Picture, found: Prediction, meaning: str | None, grid: tuple[slice, slice]
+) -> None:
     disparity = meaning == "relative_inverse_depth"
     truth = picture.true_depth
     assert found.depth is not None

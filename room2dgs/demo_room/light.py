@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import open3d as o3d
 
 from room2dgs.demo_room.atlas import LIGHT_TEXEL, Charts, pack, srgb_to_linear
 from room2dgs.demo_room.geometry import EMITTER, Patch, TriangleSoup
+from room2dgs.mesh.open3d import o3c_tensor, o3d
 
 BOUNCE_RAYS = 64
 BOUNCES = 3
@@ -17,11 +17,6 @@ LAMP_TO_WINDOW = 3.5  # radiance of the lamp for a window of 1
 GLARE = 2.5  # an emitter's own radiance in the picture: overexposed
 
 
-def tensor(array: np.ndarray) -> o3d.core.Tensor:
-    """As open3d takes it."""
-    return o3d.core.Tensor(array)  # type: ignore[call-overload]  # its stubs know no arrays
-
-
 def cast(scene: o3d.t.geometry.RaycastingScene, origins: np.ndarray, directions: np.ndarray) -> dict[str, np.ndarray]:
     """First hits of N rays.
 
@@ -30,7 +25,7 @@ def cast(scene: o3d.t.geometry.RaycastingScene, origins: np.ndarray, directions:
         primitive_normals (N, 3).
     """
     rays = np.concatenate([origins, directions], axis=1, dtype=np.float32, casting="same_kind")
-    hits = scene.cast_rays(tensor(rays))
+    hits = scene.cast_rays(o3c_tensor(rays))
     return {key: hits[key].numpy() for key in ("t_hit", "primitive_ids", "primitive_uvs", "primitive_normals")}
 
 
@@ -136,7 +131,7 @@ def direct_light(lights: list[tuple[Patch, np.ndarray]], scene, position: np.nda
             strength = share * cosines / squared**2
             lit = np.flatnonzero(strength > 0)
             rays = np.concatenate([position[lit], to_light[lit]], axis=1).astype(np.float32)
-            shadow = scene.test_occlusions(tensor(rays), 0.0, 0.999).numpy()
+            shadow = scene.test_occlusions(o3c_tensor(rays), 0.0, 0.999).numpy()
             total[lit] += (strength[lit] * ~shadow)[:, None] * tint
     return total
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-import open3d as o3d
 import trimesh
 
 from room2dgs.demo_room.atlas import linear_to_srgb
 from room2dgs.demo_room.geometry import EMITTER, Patch, triangulated
 from room2dgs.demo_room.light import cast
+from room2dgs.mesh.open3d import o3d
 
 CHUNK = 2**14  # points at a time: they stay in the processor's cache
 MAX_EDGE = 0.035  # metres, so that diagonals stay under 5 cm

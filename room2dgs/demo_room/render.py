@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import open3d as o3d
 
 from room2dgs.demo_room.atlas import TEXEL, Charts, linear_to_srgb, lookup, pack, paint_atlas, srgb_to_linear
 from room2dgs.demo_room.geometry import EMITTER, Patch, TriangleSoup, triangulated
-from room2dgs.demo_room.light import bake_light, cast, hit_uv, tensor
+from room2dgs.demo_room.light import bake_light, cast, hit_uv
+from room2dgs.mesh.open3d import o3c_tensor, o3d
 
 SUPERSAMPLES = 3  # along each side of a pixel; odd, so that one ray goes through its centre
 
@@ -41,13 +41,13 @@ class Room:
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """(N,) metres from points (N, 3) to the nearest surface."""
-        return self.scene.compute_distance(tensor(np.ascontiguousarray(points, np.float32))).numpy()
+        return self.scene.compute_distance(o3c_tensor(np.ascontiguousarray(points, np.float32))).numpy()
 
 
 def ray_scene(soup: TriangleSoup) -> o3d.t.geometry.RaycastingScene:
     """The triangles in a ray-casting scene; built on one thread, so that it is the same every time."""
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(tensor(soup.vertices), tensor(soup.triangles))
+    scene.add_triangles(o3c_tensor(soup.vertices), o3c_tensor(soup.triangles))
     return scene
 
 

@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import open3d as o3d
 
 from room2dgs.demo_room.atlas import Charts, lookup, pack, srgb_to_linear
 from room2dgs.demo_room.geometry import Patch, TriangleSoup, triangulated
-from room2dgs.demo_room.light import cast, hit_uv, light_atlas, tensor
+from room2dgs.demo_room.light import cast, hit_uv, light_atlas
 from room2dgs.demo_room.render import ray_scene
+from room2dgs.mesh.open3d import o3c_tensor, o3d
 from room2dgs.tools.random_rooms.materials import Light, Surface
 from room2dgs.tools.random_rooms.pictures import SIDE, mean_colors, pool
 
@@ -59,7 +59,7 @@ class Room:
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """(N,) metres from points (N, 3) to the nearest surface."""
-        return self.scene.compute_distance(tensor(np.ascontiguousarray(points, np.float32))).numpy()
+        return self.scene.compute_distance(o3c_tensor(np.ascontiguousarray(points, np.float32))).numpy()
 
     def radiance(self, patch: np.ndarray, uv: np.ndarray) -> np.ndarray:
         """(N, 3) float32 linear radiance at parameters uv (N, 2) of patches (N,), gloss aside."""
