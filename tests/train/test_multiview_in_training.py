@@ -13,8 +13,9 @@ from room2dgs.splat.types import Rendering
 from room2dgs.train import checkpoint, load_surfels, train
 from room2dgs.train.neighbour_views import NeighbourViews
 from room2dgs.train.objective import needed_maps
-from room2dgs.train.terms.multiview import drawn_pixels, multiview_terms
+from room2dgs.train.terms.multiview import multiview_terms
 from room2dgs.train.views import Views
+from tests.oracles.multiview_terms import drawn_pixels
 
 ON = [
     f"loss.{name}.{setting}"
