@@ -60,7 +60,7 @@ def columns(splats: Splats, third_scale: bool, sh_degree: int | None = None) -> 
         sh = np.pad(sh, ((0, 0), (0, (sh_degree + 1) ** 2 - sh.shape[1]), (0, 0)))
     rest = sh[:, 1:].transpose(0, 2, 1).reshape(len(sh), -1)
     inside = opacities.clip(OPACITY_ENDS, 1 - OPACITY_ENDS)
-    logs = np.log(primitive.three_scales(splats) if third_scale else splats.scales.numpy())
+    logs = np.log(primitive.three_scales(splats) if third_scale else primitive.axis_scales(splats).numpy())
     return {
         **dict(zip("xyz", centers.T, strict=True)),
         **dict(zip(("nx", "ny", "nz"), facing.T, strict=True)),

@@ -93,7 +93,7 @@ class Primitive(ABC):
 
     @abstractmethod
     def scale_axes(self, splats: Splats) -> Tensor:
-        """(N, D, 3) unit, world frame: the directions that `scales` measure along."""
+        """(N, A, 3) unit, world frame: the directions that it reaches along, in the order of `axis_scales`."""
 
     @abstractmethod
     def normals(self, splats: Splats) -> Tensor:
@@ -106,6 +106,10 @@ class Primitive(ABC):
     @abstractmethod
     def three_scales(self, splats: Splats) -> np.ndarray:
         """(N, 3) metres along the columns of the rotation's matrix, as files of 3D Gaussians have them."""
+
+    def axis_scales(self, splats: Splats) -> Tensor:
+        """(N, A) metres along each of `scale_axes`."""
+        return splats.scales
 
     def first_scales(self, spawned: Spawned) -> Tensor:
         """(S, k, D) metres of primitives that start as these discs."""
@@ -175,9 +179,9 @@ class Primitive(ABC):
             parents: (N,) the same, activated.
             shrink: their scales are divided by it.
         """
-        size = tuple(parents.scales.shape)
-        steps = torch.from_numpy(draws.standard_normal(size, dtype=np.float32)).to(parents.scales.device)
-        shift = (steps * parents.scales).unsqueeze(2) * self.scale_axes(parents)
+        scales = self.axis_scales(parents)
+        steps = torch.from_numpy(draws.standard_normal(tuple(scales.shape), dtype=np.float32)).to(scales.device)
+        shift = (steps * scales).unsqueeze(2) * self.scale_axes(parents)
         return {
             **copies,
             OFFSETS: copies[OFFSETS] + shift.sum(dim=1, keepdim=True),
