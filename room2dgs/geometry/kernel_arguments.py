@@ -12,14 +12,6 @@ def runs_compiled(*maps: Tensor) -> bool:
     return all(m.dtype == torch.float32 and m.device.type == "cpu" for m in maps)
 
 
-def plain_map(values: Tensor | None) -> Tensor | None:
-    """Without a gradient and contiguous; bool as uint8, other numbers as float32; None stays None."""
-    if values is None:
-        return None
-    plain = values.detach().contiguous()
-    return plain.view(torch.uint8) if plain.dtype == torch.bool else plain.float()
-
-
 def intrinsics(K: Tensor | np.ndarray) -> tuple[float, float, float, float]:
     """fx, fy, cx, cy of a (3, 3) matrix without skew, pixels."""
     return float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])
