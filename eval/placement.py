@@ -51,8 +51,8 @@ def misplaced(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> str | None:
     factor = max(times, 1 / times)
     if factor > MOST_TIMES_AS_LARGE:
         unit = next((name for many, name in UNITS if many / SURE < factor < many * SURE), None)
-        looks = f": it looks like {unit}; write it in metres" if unit else "; write both in metres"
-        return f"the {larger} is {factor:,.0f} times as large as the {smaller}{looks}"
+        guess = f": it looks like {unit}; write it in metres" if unit else "; write both in metres"
+        return f"the {larger} is {factor:,.0f} times as large as the {smaller}{guess}"
     gap = float(np.linalg.norm(np.maximum(0.0, np.maximum(low - truth_high, truth_low - high))))
     if gap > 0:
         return (

@@ -1,4 +1,4 @@
-"""Whose fault an error is: the input's, the machine's (its disk, memory, limits), or ours, in libraries' words."""
+"""Tells errors of the input and of the machine (disk, memory, limits) from faults of the program."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""pycolmap, imported without giving it SIGTERM: a run that is told to end has to end as after Ctrl-C."""
+"""Imports pycolmap without giving it SIGTERM, so that a run that is told to end ends as after Ctrl-C."""
 
 from room2dgs.interrupts import sigterm_kept
 

@@ -1,4 +1,4 @@
-"""The extension `_cuda`, or why it is not here: not built, or built and not to be loaded."""
+"""The extension `_cuda`, or the reason why it cannot be loaded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What this machine and this installation have of CUDA: driver, compiler, our kernels, torch; and what is missing."""
+"""The state of CUDA here: driver, compiler, the package's kernels, torch, and what is missing."""
 
 from __future__ import annotations
 

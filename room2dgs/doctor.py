@@ -1,4 +1,4 @@
-"""What is installed, what the machine has, and what will run on what."""
+"""A report of what is installed, what the machine has, and which device does what."""
 
 from __future__ import annotations
 

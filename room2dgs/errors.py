@@ -1,4 +1,4 @@
-"""What a command can fail of that is not a mistake of ours."""
+"""Errors that are no fault of the program."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files and folders that are whole or not there."""
+"""Writes files and folders atomically: they are complete or not there."""
 
 from __future__ import annotations
 

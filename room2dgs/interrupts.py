@@ -1,4 +1,4 @@
-"""What ends a command early without being anybody's fault: Ctrl-C, SIGTERM, a reader of the output that goes away."""
+"""Ends of a command that are no error: Ctrl-C, SIGTERM, and a closed pipe behind the output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A folder that is written to holds no link out of it, and nothing but files and folders.
+"""Refuses to write into folders with links that lead out of them.
 
 Through a link, what is meant for a run's folder would land elsewhere; a pipe would be waited for.
 """

@@ -1,4 +1,4 @@
-"""Who works in a folder: one process, by a lock that the system releases when the process ends, however it ends."""
+"""One process works in a folder at a time, by a lock that the system releases when the process ends."""
 
 from __future__ import annotations
 

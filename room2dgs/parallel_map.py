@@ -1,4 +1,4 @@
-"""The same work on many things, some at once: numpy and the kernels let other threads run."""
+"""A parallel map with results in order; numpy and the kernels release the interpreter's lock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that others wrote, opened only if they are regular files: a pipe or a device would block or never end."""
+"""Opens only regular files: a pipe or a device would block or never end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Text from outside, fit for a terminal, a log and a table."""
+"""Text from outside, escaped for a terminal, a log and a table."""
 
 from __future__ import annotations
 

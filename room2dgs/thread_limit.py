@@ -1,4 +1,4 @@
-"""Whether the system lets the process start the threads that it will need: libraries abort where it does not."""
+"""Checks that the system allows as many threads as will be needed; libraries abort where it does not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Torch on one thread while training runs."""
+"""Keeps torch to one thread while training runs."""
 
 from __future__ import annotations
 

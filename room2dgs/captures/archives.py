@@ -1,4 +1,6 @@
-"""Zip archives of phone apps, read in place: nothing is unpacked to the disk, and no entry beyond what it may be."""
+"""Zip archives of phone apps, read in place: nothing is unpacked to the disk, and no entry may exceed its expected
+size.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From what a reader found to a `Scene`: frames chosen, poses and intrinsics brought to the house's conventions."""
+"""From a reader's `Capture` to a `Scene`: frames are chosen, poses and intrinsics converted to OpenCV's conventions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Photos and maps of a scene in memory, within a budget: what was used least recently lies on the disk."""
+"""A cache of photos and maps with a memory budget: the least recently used are written to the disk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras of a file alone, without photos: a transforms.json, or a folder with a COLMAP model."""
+"""Cameras without photos, from a transforms.json or a folder with a COLMAP model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The points that a capture brings, read when they are asked for."""
+"""The sparse points of a capture, read when they are needed."""
 
 from __future__ import annotations
 

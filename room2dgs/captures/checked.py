@@ -1,4 +1,4 @@
-"""A look into all photos and masks of a scene before any work: what is broken is left out, what they hide is told."""
+"""Checks all photos and masks of a scene before any work: broken ones are left out, and what masks hide is reported."""
 
 from __future__ import annotations
 

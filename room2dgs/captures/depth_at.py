@@ -1,4 +1,4 @@
-"""A depth map between its pixels."""
+"""Values of a depth map between its pixels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Depth that a sensor measured, as it lies on disk, and as a photo's camera sees it."""
+"""Sensor depth as stored on disk and as the photo's camera sees it."""
 
 from __future__ import annotations
 

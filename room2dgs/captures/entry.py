@@ -1,4 +1,4 @@
-"""A chosen shot on its way to a frame."""
+"""A shot that was chosen, with its pose and lens, before it becomes a frame."""
 
 from __future__ import annotations
 

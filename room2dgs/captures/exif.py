@@ -1,4 +1,4 @@
-"""What the photos' own EXIF says of their lens, against the capture's intrinsics."""
+"""Compares the capture's focal length with the one in the photos' EXIF."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Photos, their intrinsics, masks and depth maps brought together: they fit, or one sentence says why not."""
+"""Checks that photos fit their intrinsics, masks and depth maps, and scales intrinsics to the photos."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sparse points that a capture brings, as its training views see them."""
+"""Sparse points of a capture as its training views observe them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which views a capture's own split holds out: its names are the photos', with or without folders and suffixes."""
+"""The views that a capture's own split holds out; names match with or without folders and suffixes."""
 
 from __future__ import annotations
 

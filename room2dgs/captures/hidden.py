@@ -1,4 +1,4 @@
-"""How much of a capture its masks hide, and whether they look like masks that are white where they should be black."""
+"""How much of a scene its masks hide, and whether masks seem inverted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mask that is white where a photo may not be used, as instant-ngp has them."""
+"""Inverted masks, which are white where a photo may not be used, as instant-ngp has them."""
 
 from __future__ import annotations
 

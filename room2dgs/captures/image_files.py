@@ -1,4 +1,4 @@
-"""Image files: photos decoded, and asked whether they are whole, all of them before a run starts.
+"""Decodes image files and checks that they are complete.
 
 Pillow, because OpenCV fills what is missing from a truncated JPEG with grey and says nothing.
 """

@@ -1,4 +1,4 @@
-"""Which photos depth and normals are found of, where neighbours see nearly the same."""
+"""Chooses the photos that depth and normals are computed for, where neighbours see nearly the same."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Keys of a file that a reader does not know: they might change the geometry, so they are named."""
+"""Reports keys of a file that a reader does not know, since they might change the geometry."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Maps of many views that are made when they are asked for: one at a time is in memory."""
+"""Maps of many views that are computed on access: one at a time is in memory."""
 
 from __future__ import annotations
 

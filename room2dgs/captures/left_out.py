@@ -1,4 +1,4 @@
-"""A bad item of many costs itself and not the capture: it is left out by name and counted, up to a share."""
+"""Leaves out single bad items by name, up to a share of all; more of them are an error."""
 
 from __future__ import annotations
 

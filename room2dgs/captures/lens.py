@@ -1,4 +1,4 @@
-"""What turns rays into pixels before anything is undistorted, and the pinhole camera that a photo is brought to."""
+"""Lens models (rays to pixels), and the pinhole camera that a distorted photo is resampled to."""
 
 from __future__ import annotations
 

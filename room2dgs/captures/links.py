@@ -1,4 +1,4 @@
-"""Links that lead out of a capture: they are followed, and named once."""
+"""Links that lead out of a capture: they are followed and reported once."""
 
 from __future__ import annotations
 

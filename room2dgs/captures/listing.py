@@ -1,4 +1,4 @@
-"""What lies in a capture's folder; each folder is listed once, so that tens of thousands of photos cost little."""
+"""The names in a capture's folder; each folder is listed once, so that tens of thousands of photos cost little."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Apple's LZFSE, unpacked to the size that is known and to no more.
+"""Decompresses Apple's LZFSE to a known size and no more.
 
 The package's own function doubles its memory until everything fits, and a block of a few bytes may stand for hundreds
 of megabytes: its C function, which fills a buffer that is given, is called instead.

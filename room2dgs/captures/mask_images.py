@@ -1,4 +1,4 @@
-"""Masks as people write them: grey, of labels with a palette, of 1, 8 or 16 bits, of 0 and 1, or in an alpha channel.
+"""Decodes masks: grey, palettes, 1, 8 or 16 bits, values 0 and 1, or an alpha channel.
 
 What a mask's numbers mean is one rule for all masks of a capture: a photo whose mask is 0 all over is hidden all over,
 whatever the largest number of its own mask.

@@ -1,4 +1,4 @@
-"""Depth maps and masks that a capture's own list names: those that are not there cost their photos nothing else."""
+"""Depth maps and masks that a capture's list names; a missing one does not cost its photo."""
 
 from __future__ import annotations
 

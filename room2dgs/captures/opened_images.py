@@ -1,4 +1,4 @@
-"""Images that somebody else wrote, opened: regular files of a photo's formats, with no more pixels than fit.
+"""Opens image files from outside safely: regular files of known formats with a bounded number of pixels.
 
 Decoders look at what a file holds and not at its name. Without a list of formats Pillow would hand a `.jpg` that is
 PostScript to Ghostscript, which runs it.

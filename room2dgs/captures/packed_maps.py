@@ -1,4 +1,4 @@
-"""Maps in few bytes: 8 a pixel for depth, normals and both confidences, instead of 24.
+"""Compressed maps: 8 bytes a pixel for depth, normals and both confidences, instead of 24.
 
 Rounding, at most: depth 0.0085 % of itself (0.4 mm at 5 m), normals 0.004 degrees, confidence 0.002 (0.004 near 0);
 a test holds them to it. Half precision would round depth by 0.05 % and normals in 8 bits by 0.4 degrees, which tilts

@@ -1,4 +1,4 @@
-"""Which pose, depth map or mask is a photo's: by name, by number, and by place only where nothing can be missing.
+"""Pairs photos with poses, depth maps and masks: by name, by number, and by position only if nothing can be missing.
 
 People delete photos and keep the list of poses; what is then paired by place is wrong from the first gap on.
 """

@@ -1,4 +1,4 @@
-"""Photos of formats that are not read, beside those that are: counted and told."""
+"""Warns of files beside the photos whose format is not read."""
 
 from __future__ import annotations
 

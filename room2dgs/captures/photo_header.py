@@ -1,4 +1,4 @@
-"""What a photo's header says beside its size: whether it has transparent pixels, and how it was held."""
+"""A photo's size, transparency and EXIF orientation from its header."""
 
 from __future__ import annotations
 

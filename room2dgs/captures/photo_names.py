@@ -1,4 +1,4 @@
-"""Files that are called after photos: by a frame's name, which is unique; by a photo's stem only where that is too."""
+"""Names of files that belong to photos: a frame's unique name, or a photo's stem where that is unique."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Photos wherever they lie: in files of their own, inside an archive, or in a video."""
+"""Photos from files, archives and videos behind one interface."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PLY files by their elements: text or binary of either byte order, lists of any lengths, counts checked first."""
+"""Reads the elements of PLY files, text or binary; counts are checked against the file's size first."""
 
 from __future__ import annotations
 

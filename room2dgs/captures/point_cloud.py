@@ -1,4 +1,4 @@
-"""Sparse points of a scene and their tracks: which photo saw which point at which pixel."""
+"""Sparse points and their tracks: which photo observes which point at which pixel."""
 
 from __future__ import annotations
 

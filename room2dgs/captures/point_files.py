@@ -1,4 +1,4 @@
-"""Point clouds in files: what the user gives, and the cache beside a run."""
+"""Point clouds in files: the user's own, and the cache of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lists of poses in text, a pose in one or several lines, whose places are their numbers."""
+"""Text files with a list of poses, each in one or several lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Refined poses of a capture, and a lens that was found, in a JSON file, beside the given poses that they belong to."""
+"""Refined poses and a refined lens of a capture in a JSON file, with the given poses they belong to."""
 
 from __future__ import annotations
 

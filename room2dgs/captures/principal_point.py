@@ -1,4 +1,4 @@
-"""Whether a principal point can be that of photos of a size, and what is told of one that lies far off their middle."""
+"""Checks a principal point against the size of the photos."""
 
 from __future__ import annotations
 

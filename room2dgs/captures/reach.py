@@ -1,4 +1,4 @@
-"""How far apart a capture's cameras are: lone ones elsewhere, poses that mean something else, other units."""
+"""Checks the distances between cameras: outliers, a wrong pose convention, a wrong unit."""
 
 from __future__ import annotations
 

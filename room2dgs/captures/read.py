@@ -67,5 +67,7 @@ def _settings(config: SceneConfig | str | os.PathLike[str]) -> SceneConfig:
     if isinstance(config, SceneConfig):
         return config
     if not isinstance(config, str | os.PathLike):
-        raise InputError(f"a {type(config).__name__} is no capture; give its path, or settings such as load_config([...]).scene")
+        raise InputError(
+            f"a {type(config).__name__} is no capture; give its path, or settings such as load_config([...]).scene"
+        )
     return load_config([f"scene.path={os.fspath(config)}", "out=unused"]).scene

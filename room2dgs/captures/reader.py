@@ -1,4 +1,4 @@
-"""What a module that reads a layout of captures provides."""
+"""The interface of a reader of captures."""
 
 from __future__ import annotations
 

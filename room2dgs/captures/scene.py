@@ -1,4 +1,4 @@
-"""What every reader of a capture fills in, whatever the layout on disk."""
+"""Frames and scenes, the same for all layouts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sparse points that a photo sees, where it sees them, and how far they are."""
+"""The sparse points that a photo observes, with pixel and depth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which frames are used, and which of them are held out."""
+"""Chooses the frames that are used, and those that are held out."""
 
 from __future__ import annotations
 

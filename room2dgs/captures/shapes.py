@@ -1,4 +1,4 @@
-"""Maps that belong to photos have the photos' shape: they are resized and never stretched or turned."""
+"""Checks that maps have the aspect ratio of their photos, since they are resized and never stretched or turned."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Maps of many views, packed and in a cache: memory does not grow with their number."""
+"""Compressed maps of many views in a cache, so that memory does not grow with their number."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses at times: what lies between two of them."""
+"""Interpolates poses in time."""
 
 from __future__ import annotations
 

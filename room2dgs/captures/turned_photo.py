@@ -1,4 +1,4 @@
-"""Photos that are turned as their EXIF orientation says, because their intrinsics are for the turned ones."""
+"""Photos rotated by their EXIF orientation, where the intrinsics are for the rotated photo."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Folders of depth maps and masks that fit nothing, or in part: what lies in a capture unused is told."""
+"""Warns of folders of depth maps and masks that match no photo, or only some."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Videos: frames by number, of files that are a video's container by their first bytes."""
+"""Frames of a video by number; a file is a video by its first bytes."""
 
 from __future__ import annotations
 

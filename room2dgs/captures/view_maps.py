@@ -1,4 +1,4 @@
-"""What is known of a view's surface, pixel by pixel: one container, whoever says it."""
+"""Depth and normals of a view with their confidences, in one container for all sources."""
 
 from __future__ import annotations
 

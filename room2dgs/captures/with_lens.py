@@ -1,4 +1,4 @@
-"""Photos that were taken for those of a pinhole camera, and have a lens after all."""
+"""Gives a scene of pinhole photos the distorted lens that was estimated for them."""
 
 from __future__ import annotations
 

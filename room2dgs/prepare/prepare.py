@@ -152,8 +152,8 @@ def _pairs(
             pairs = sequential_pairs(count, settings.overlap)
             if settings.loops:
                 log(f"loop closure: which of {count} photos look alike")
-                looks = similarity(count, lambda index: descriptors(database, index))
-                pairs = sorted({*pairs, *loop_pairs(looks, settings.loops, settings.overlap)})
+                alike = similarity(count, lambda index: descriptors(database, index))
+                pairs = sorted({*pairs, *loop_pairs(alike, settings.loops, settings.overlap)})
         with pycolmap.Database.open(database) as opened:  # what other settings matched does not count
             opened.clear_matches()
             opened.clear_two_view_geometries()

@@ -1,4 +1,4 @@
-"""Which reader reads a capture."""
+"""Chooses the reader of a capture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which photo a label of Metashape means: labels may have a suffix and folders, or not, and are not always unique."""
+"""Matches Metashape's labels to photos: they may lack suffix or folder, and may repeat."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What to say of a path that is no capture: what it is instead, and where a capture is near to it."""
+"""The error for a path that is no capture: what it is instead, and where the nearest capture is."""
 
 from __future__ import annotations
 

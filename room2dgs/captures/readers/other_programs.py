@@ -1,4 +1,4 @@
-"""Poses in the files of other programs, which are not read: what they are, and what to export instead."""
+"""Recognises poses of other programs that are not read, and says what to export instead."""
 
 from __future__ import annotations
 

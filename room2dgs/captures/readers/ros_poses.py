@@ -1,4 +1,4 @@
-"""Where frames of ROS are at a time: the tree of /tf and /tf_static, and topics that tell the pose of one frame."""
+"""Poses in ROS bags: the tree of /tf and /tf_static, and topics with the pose of one frame."""
 
 from __future__ import annotations
 

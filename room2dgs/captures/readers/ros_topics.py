@@ -1,4 +1,4 @@
-"""Which topics of a ROS bag are read: its pictures, depth, and CameraInfo of both. What is not clear is asked."""
+"""Chooses the topics of a ROS bag: pictures, depth and their CameraInfo; the user decides where several fit."""
 
 from __future__ import annotations
 
