@@ -2,8 +2,8 @@
 
 `python -m room2dgs.tools.docs_pictures demo/room demo/run docs/images` after `make demo`.
 
-It writes `hero.jpg` (photos beside the mesh, seen from outside through the walls that face away) and `error.jpg` (the
-same view of the mesh coloured by its distance to the ground truth).
+It writes `hero.jpg` (photos beside the mesh, seen from outside), `error.jpg` (a view with the errors of the mesh) and
+`held_out.jpg` (a photo, its rendering, depth and normals). The others are screenshots.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ def main(argv: list[str] | None = None) -> int:
     photos = [frame.color() for frame in read_scene(config.scene).frames]
     mesh = from_outside(trimesh.load_mesh(args.run / "mesh.ply", process=False))
     write(args.out / "hero.jpg", beside(contact_sheet(photos[::4], columns=3), mesh))
-    write(args.out / "error.jpg", from_outside(trimesh.load_mesh(args.run / "eval/error.ply", process=False)))
+    write(args.out / "error.jpg", first_row(_picture(args.run / "eval/views.png")))
+    held_out = sorted((args.run / "renders/test").glob("*.png"))
+    write(args.out / "held_out.jpg", _picture(held_out[len(held_out) // 2]))
     return 0
 
 
@@ -102,6 +104,17 @@ def beside(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def _white(rows: int, one: np.ndarray) -> np.ndarray:
     return np.full((rows, one.shape[1], 3), 255, dtype=np.uint8)
+
+
+def first_row(sheet: np.ndarray) -> np.ndarray:
+    """The first of the four rows of a sheet of errors, with the scale of colours at its end. (H, W, 3) uint8."""
+    height, width = sheet.shape[:2]
+    row = np.vstack([sheet[: round(0.172 * height)], sheet[round(0.925 * height) :]])
+    return cv2.resize(row, (1200, round(1200 * row.shape[0] / width)), interpolation=cv2.INTER_AREA)
+
+
+def _picture(path: Path) -> np.ndarray:
+    return cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
 
 
 def write(path: Path, picture: np.ndarray) -> None:
