@@ -109,12 +109,14 @@ def _white(rows: int, one: np.ndarray) -> np.ndarray:
 def first_row(sheet: np.ndarray) -> np.ndarray:
     """The first of the four rows of a sheet of errors, with the scale of colours at its end. (H, W, 3) uint8."""
     height, width = sheet.shape[:2]
-    row = np.vstack([sheet[: round(0.172 * height)], sheet[round(0.925 * height) :]])
+    row = np.vstack([sheet[: round(0.2475 * height)], sheet[round(0.925 * height) :]])
     return cv2.resize(row, (1200, round(1200 * row.shape[0] / width)), interpolation=cv2.INTER_AREA)
 
 
 def _picture(path: Path) -> np.ndarray:
-    return cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    picture = cv2.imread(str(path), cv2.IMREAD_COLOR_RGB)
+    assert picture is not None, path
+    return np.asarray(picture)
 
 
 def write(path: Path, picture: np.ndarray) -> None:
