@@ -93,7 +93,7 @@ class CardDepth(CardOutput):
         canonical_focal_px: focal length for which depth is metric (null: the photo's).
     """
 
-    meaning: Literal["metric_depth", "relative_depth", "relative_inverse_depth"] = "metric_depth"
+    meaning: Literal["metric_depth", "relative_depth", "relative_inverse_depth"] = Field()
     channel: Annotated[Int, Field(ge=0, le=255)] | None = None
     canonical_focal_px: Annotated[Float, Field(ge=1, le=1e5)] | None = None
 
@@ -212,8 +212,8 @@ def _parsed(path: Path, text: bytes) -> Card:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(str(part) for part in first["loc"])
-        what = "is no key of a card" if first["type"] == "unexpected_keyword_argument" else _should(first)
-        raise InputError(f"{path} is no network's card: {place} {what}; {GUIDE}") from error
+        what = {"unexpected_keyword_argument": "is no key of a card", "missing": "is missing"}.get(first["type"])
+        raise InputError(f"{path} is no network's card: {place} {what or _should(first)}; {GUIDE}") from error
     if card.depth is None and card.normal is None:
         raise InputError(f"{path} is no network's card: it has neither depth nor normal; {GUIDE}")
     return card

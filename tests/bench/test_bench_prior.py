@@ -83,12 +83,12 @@ def network(tmp_path: Path) -> Path:
 
 
 def settings(network: Path) -> list[str]:
-    onnx_settings = {"model": network, "output": "depth", "error_output": "depth_error", "white": 255}
+    depth = {"output": "depth", "error": "depth_error", "meaning": "metric_depth"}
+    network.with_suffix(".json").write_text(json.dumps({"card": 1, "input": {"white": 255}, "depth": depth}))
     return [
         "prior/depth=onnx",
         "prior/normal=none",
-        "prior.depth.meaning=metric_depth",
-        *(f"prior.depth.onnx.{key}={value}" for key, value in onnx_settings.items()),
+        f"prior.depth.model={network}",
     ]
 
 
@@ -278,6 +278,4 @@ def _said(capsys, argv: list[str]) -> str:
 def test_help_names_the_settings(capsys):
     assert bench("--help") == 0
     said = capsys.readouterr().out
-    assert (
-        "room2dgs bench prior SCENE..." in said and "prior.depth.onnx.model" in said and "train.iterations" not in said
-    )
+    assert "room2dgs bench prior SCENE..." in said and "prior.depth.model" in said and "train.iterations" not in said

@@ -21,6 +21,7 @@ from room2dgs.depth.sources.source import Proposal
 from room2dgs.depth.stages import STAGES
 from room2dgs.depth.state import DepthSettings, first_state
 from room2dgs.geometry.camera import Camera
+from tests.depth.cards import write_card
 
 FEWER = 5  # times fewer steps of the joint optimisation than a run takes: these rooms are small
 
@@ -106,10 +107,20 @@ def box_room(tmp_path_factory):
 
 
 @pytest.fixture
-def prior_config():
-    """`prior_config(**settings)`: dotted prior settings with the dots written as two underscores."""
+def prior_config(tmp_path_factory):
+    """`prior_config(**settings)`: dotted prior settings with the dots written as two underscores.
+
+    `depth__card__white=255` changes the card of the network: room_prior's, or one that says nothing.
+    """
 
     def make(*choice: str, **changes):
+        for kind in ("depth", "normal"):
+            mark = f"{kind}__card__"
+            card = {key.removeprefix(mark): changes.pop(key) for key in list(changes) if key.startswith(mark)}
+            if card or f"prior/{kind}=onnx" in choice:
+                path = tmp_path_factory.mktemp("cards") / f"{kind}.json"
+                base = "room_prior" if "prior=room_prior" in choice else None
+                changes[f"{kind}__card"] = write_card(path, kind, card, base)
         overrides = [f"prior.{key.replace('__', '.')}={value}" for key, value in changes.items()]
         whole = [] if any(part.startswith("prior=") for part in choice) else ["prior=none"]
         return load_config(["scene.path=a", "out=b", *whole, *choice, *overrides]).prior

@@ -15,7 +15,7 @@ from room2dgs.errors import InputError
 
 @pytest.fixture
 def settings(prior_config):
-    return prior_config("prior=room_prior", depth__onnx__error_scale=0.2, depth__onnx__max_error=1.0).depth.onnx
+    return prior_config("prior=room_prior", depth__error_scale=0.2, depth__max_error=1.0).depth
 
 
 def weight_of(error, settings):

@@ -167,7 +167,7 @@ def test_a_point_takes_its_settings_over_the_common_ones(tmp_path):
         (["point=prior=none"], "it is not understood; write point="),
         (["point=pure noise: prior=none"], "that name is taken"),
         (["point=a: prior=none", "point=a: prior=none"], "that name is taken"),
-        (["point=a: prior/depth=onnx prior.depth.onnx.model=nowhere.onnx"], "nowhere.onnx is not there"),
+        (["point=a: prior/depth=depth_pro prior.depth.model=nowhere.onnx"], "nowhere.onnx is not there"),
         (["train.iterations=10,20"], "train.iterations is a list"),
         (["train.iteration=1"], "did you mean train.iterations"),
         (["out="], "out is not given"),

@@ -43,13 +43,13 @@ def fitted(camera: Camera, height: int, width: int, how: str, multiple: int = 1)
         return Fit(height, width, 0, 0, height, width)
     ratios = (height / camera.height, width / camera.width)
     if how == "cover":
-        sides = [max(1, round(side * max(ratios) / multiple)) * multiple for side in (camera.height, camera.width)]
-        return Fit(*sides, 0, 0, *sides)
-    inner = [
+        high, wide = (max(1, round(side * max(ratios) / multiple)) * multiple for side in (camera.height, camera.width))
+        return Fit(high, wide, 0, 0, high, wide)
+    high, wide = (
         max(1, min(limit, int(side * min(ratios) + 0.5)))
         for side, limit in ((camera.height, height), (camera.width, width))
-    ]
-    return Fit(height, width, (height - inner[0]) // 2, (width - inner[1]) // 2, *inner)
+    )
+    return Fit(height, width, (height - high) // 2, (width - wide) // 2, high, wide)
 
 
 def network_input(photo: np.ndarray, fit: Fit, settings: NetworkFormat) -> np.ndarray:
@@ -64,7 +64,7 @@ def network_input(photo: np.ndarray, fit: Fit, settings: NetworkFormat) -> np.nd
     size = (fit.inner_width, fit.inner_height)
     shrinks = size[0] < photo.shape[1]
     inner = cv2.resize(photo, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
-    whole = np.empty((fit.height, fit.width, 3), np.float32)
+    whole: np.ndarray = np.empty((fit.height, fit.width, 3), np.float32)
     whole[:] = FILL
     whole[fit.top : fit.top + fit.inner_height, fit.left : fit.left + fit.inner_width] = inner
     whole *= settings.white / 255.0

@@ -54,7 +54,7 @@ def write_map(path: Path, values: np.ndarray, valid: np.ndarray, error: np.ndarr
     if error is not None:
         arrays["error"] = _short(np.where(valid, error, np.inf), True)
     with whole_file(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **arrays)
+        np.savez(file, **arrays)  # type: ignore[arg-type]  # numpy's stubs take the keywords for `allow_pickle`
 
 
 def _header(archive: zipfile.ZipFile, name: str) -> tuple[tuple[int, ...], np.dtype]:

@@ -125,20 +125,18 @@ def _fit(network: Network, camera: Camera) -> Fit:
     sides = shape[2:] if settings.layout == "nchw" else shape[1:3]
     fixed = [side if isinstance(side, int) and side > 0 else None for side in sides]
     how = "stretch" if settings.fit == "cover" and all(fixed) else settings.fit
-    size = []
+    size: list[int] = []
     for name, own in zip(("height", "width"), fixed, strict=True):
         wanted = getattr(settings, name)
         if own is None and wanted is None:
-            raise InputError(
-                f"{network.path} takes photos of any {name}; say which with {network.named(name)} in its card"
-            )
+            raise InputError(f"{network.path} takes photos of any {name}; give {network.named(name)} in its card")
         if own is not None and wanted not in (None, own) and settings.fit != "cover":
             raise InputError(
                 f"{network.named(name)}={wanted} in the card does not fit {network.path}, whose photos have {name} "
                 f"{own}; leave it out"
             )
         size.append(own or wanted)
-    return fitted(camera, *size, how, settings.multiple)
+    return fitted(camera, size[0], size[1], how, settings.multiple)
 
 
 def _shaped(values: np.ndarray, arg: Any, network: Network) -> np.ndarray:

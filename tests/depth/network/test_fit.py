@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from room2dgs.config import OnnxConfig, load_config
+from room2dgs.config.card import Card, CardDepth, CardInput
+from room2dgs.depth.network.card import NetworkFormat, card_format
 from room2dgs.depth.network.fit import FILL, fitted, input_intrinsics, network_input, photo_part
 from room2dgs.geometry.camera import Camera
 
 CAMERA = Camera(np.array([[60.0, 0, 41.0], [0, 61.0, 29.0], [0, 0, 1.0]]), 80, 60, np.eye(4))
 
 
-def onnx_settings(**changes) -> OnnxConfig:
-    config = load_config(["scene.path=a", "out=b", *(f"prior.depth.onnx.{key}={changes[key]}" for key in changes)])
-    return config.prior.depth.onnx
+def network_format(**changes) -> NetworkFormat:
+    return card_format(Card(card=1, input=CardInput(**changes), depth=CardDepth(meaning="metric_depth")), "depth")
 
 
 @settings(max_examples=60, deadline=None)
@@ -54,19 +54,19 @@ def test_values_channels_and_layout_are_as_the_settings_say():
     photo = np.zeros((60, 80, 3), np.uint8)
     photo[:] = 255, 102, 51
     fit = fitted(CAMERA, 60, 80, "stretch")
-    plain = network_input(photo, fit, onnx_settings())
+    plain = network_input(photo, fit, network_format())
     assert plain.shape == (1, 3, 60, 80) and plain.dtype == np.float32
     np.testing.assert_allclose(plain[0, :, 7, 9], [1.0, 0.4, 0.2], rtol=1e-6)
-    turned = network_input(photo, fit, onnx_settings(channels="bgr", layout="nhwc", white=255))
+    turned = network_input(photo, fit, network_format(channels="bgr", layout="nhwc", white=255))
     assert turned.shape == (1, 60, 80, 3)
     np.testing.assert_allclose(turned[0, 7, 9], [51, 102, 255], rtol=1e-6)
     # mean and deviation count in the network's own order of channels
-    normalised = network_input(photo, fit, onnx_settings(channels="bgr", mean="[0.1,0.2,0.3]", std="[0.5,1,2]"))
+    normalised = network_input(photo, fit, network_format(channels="bgr", mean=(0.1, 0.2, 0.3), std=(0.5, 1.0, 2.0)))
     np.testing.assert_allclose(normalised[0, :, 7, 9], [0.2, 0.2, 0.35], rtol=1e-5)
 
 
 def test_padding_has_the_mean_colour():
     fit = fitted(CAMERA, 60, 120, "pad")
-    padded = network_input(np.zeros((60, 80, 3), np.uint8), fit, onnx_settings(white=255))
+    padded = network_input(np.zeros((60, 80, 3), np.uint8), fit, network_format(white=255))
     np.testing.assert_allclose(padded[0, :, 30, 2], FILL, rtol=1e-6)
     assert not padded[0, :, :, 20:100].any()

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from room2dgs.config import load_config
+from room2dgs.config.card import read_card
+from room2dgs.depth.network.card import card_format
 from room2dgs.depth.network.flip import Prediction, averaged, mirrored_back, mirrored_camera
 from room2dgs.depth.network.network import predicted
 from room2dgs.depth.network.session import open_network
 from room2dgs.geometry.camera import Camera
+from tests.depth.cards import write_card
 
 CAMERA = Camera(np.array([[60.0, 0, 6.5], [0, 61.0, 6.0], [0, 0, 1.0]]), 16, 12, np.eye(4))
 ALL = np.ones((2, 3), bool)
@@ -59,9 +61,8 @@ def test_normals_are_averaged_to_unit_vectors_and_opposite_ones_are_none():
 
 
 def opened(path, kind, **changes):
-    overrides = [f"prior.{kind}.onnx.{key}={value}" for key, value in changes.items()]
-    config = getattr(load_config(["scene.path=a", "out=b", "prior=room_prior", *overrides]).prior, kind)
-    return open_network(path, kind, config.onnx, 1, "cpu")
+    card = read_card(write_card(path.with_suffix(".json"), kind, changes, "room_prior"))
+    return open_network(path, kind, card_format(card, kind), 1, "cpu")
 
 
 @pytest.mark.parametrize("kind", ["depth", "normal"])

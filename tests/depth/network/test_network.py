@@ -6,12 +6,14 @@ import numpy as np
 import onnx
 import pytest
 
-from room2dgs.config import load_config
+from room2dgs.config.card import read_card
+from room2dgs.depth.network.card import card_format
 from room2dgs.depth.network.model_file import read_model
 from room2dgs.depth.network.network import predicted
 from room2dgs.depth.network.session import open_network
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
+from tests.depth.cards import write_card
 
 CAMERA = Camera(np.array([[50.0, 0, 8.5], [0, 50.0, 6.0], [0, 0, 1.0]]), 16, 12, np.eye(4))
 MEAN = [("ReduceMean", ["photo"], ["map"], {"axes": [1], "keepdims": 1})]
@@ -25,9 +27,8 @@ def photo() -> np.ndarray:
 
 
 def opened(path, kind="depth", threads=1, **changes):
-    overrides = [f"prior.{kind}.onnx.{key}={value}" for key, value in changes.items()]
-    config = getattr(load_config(["scene.path=a", "out=b", "prior=none", *overrides]).prior, kind)
-    return open_network(path, kind, config.onnx, threads, "cpu")
+    card = read_card(write_card(path.with_suffix(".json"), kind, changes))
+    return open_network(path, kind, card_format(card, kind), threads, "cpu")
 
 
 def test_a_depth_map_is_the_networks_own(onnx_file, photo):
@@ -86,7 +87,7 @@ def test_intrinsics_and_patches_go_in_where_they_are_named(onnx_file, photo):
     values, *_ = predicted(network, photo, CAMERA)
     assert values.shape == (24, 32)
     np.testing.assert_allclose(values, 48 * (100 + 100 + 17 + 12 + 1), rtol=1e-6)
-    with pytest.raises(InputError, match=r"wants more than a photo, n; name it as prior\.depth\.onnx\.intrinsics"):
+    with pytest.raises(InputError, match=r"wants more than a photo, n; name it as input\.intrinsics"):
         opened(path, input="photo", intrinsics="K")
 
 
@@ -135,12 +136,12 @@ HAS = r"in: photo float \(1, 3, any, any\); out: map float"
 @pytest.mark.parametrize(
     ("nodes", "kind", "changes", "said"),
     [
-        (MEAN, "depth", {"input": "image"}, rf"prior\.depth\.onnx\.input=image is not in .*; it has {HAS}"),
-        (MEAN, "depth", {"output": "depth"}, rf"prior\.depth\.onnx\.output=depth is not in .*; it has {HAS}"),
-        (MEAN, "depth", {"mask": "m"}, rf"prior\.depth\.onnx\.mask=m is not in .*{HAS}"),
-        (MEAN, "depth", {"tokens": "n"}, rf"prior\.depth\.onnx\.tokens=n is not in .*{HAS}"),
-        (MEAN, "depth", {"height": "null"}, r"takes photos of any height; say which with prior\.depth\.onnx\.height"),
-        (MEAN, "depth", {"layout": "nhwc"}, r"no three channels where prior\.depth\.onnx\.layout=nhwc expects them"),
+        (MEAN, "depth", {"input": "image"}, rf"input\.name=image in the card is not in .*; it has {HAS}"),
+        (MEAN, "depth", {"output": "depth"}, rf"depth\.output=depth in the card is not in .*; it has {HAS}"),
+        (MEAN, "depth", {"mask": "m"}, rf"depth\.mask=m in the card is not in .*{HAS}"),
+        (MEAN, "depth", {"tokens": "n"}, rf"input\.tokens=n in the card is not in .*{HAS}"),
+        (MEAN, "depth", {"height": "null"}, r"takes photos of any height; give input\.height in its card"),
+        (MEAN, "depth", {"layout": "nhwc"}, r"no three channels where input\.layout=nhwc in its card expects them"),
         (MEAN, "normal", {}, r"gives map as \(1, 1, 12, 16\), no normal map: normals have three channels"),
         (SAME, "depth", {}, r"gives map as \(1, 3, 12, 16\), no depth map: a depth map has one channel; three may"),
         (SAME, "depth", {"output_channel": 3}, r"there is no channel 3"),
@@ -158,7 +159,7 @@ def test_what_does_not_fit_is_one_sentence_with_what_the_model_has(onnx_file, ph
 
 def test_fixed_inputs_name_their_size(onnx_file, photo):
     path = onnx_file(MEAN, {"photo": ("FLOAT", (1, 3, 12, 16))})
-    with pytest.raises(InputError, match=r"prior\.depth\.onnx\.width=32 does not fit .* have width 16"):
+    with pytest.raises(InputError, match=r"input\.width=32 in the card does not fit .* have width 16"):
         predicted(opened(path, width=32), photo, CAMERA)
     # a size that follows the photo is the model's where it has one
     assert predicted(opened(path, fit="cover", height=24, width=24), photo, CAMERA)[0].shape == (12, 16)
@@ -173,7 +174,7 @@ def test_fixed_inputs_name_their_size(onnx_file, photo):
 def test_one_of_several_outputs_has_to_be_named(onnx_file, photo):
     nodes = [*MEAN, ("Neg", ["map"], ["minus"], {})]
     path = onnx_file(nodes, outputs={"map": ("FLOAT", None), "minus": ("FLOAT", None)})
-    with pytest.raises(InputError, match=r"needs prior\.depth\.onnx\.output=NAME; it has .*map float.*minus float"):
+    with pytest.raises(InputError, match=r"needs depth\.output=NAME in its card; it has .*map float.*minus float"):
         opened(path)
     values, *_ = predicted(opened(path, output="minus", white=255, **STILL), photo, CAMERA)
     np.testing.assert_allclose(values, -photo.mean(axis=2), rtol=1e-5)
@@ -188,8 +189,8 @@ def test_a_model_that_cannot_run_says_why_and_what_it_has(onnx_file, photo):
         opened(unknown)
 
 
-def test_a_provider_that_is_not_there_is_named(onnx_file, monkeypatch):
+def test_a_provider_that_is_not_there_is_named(onnx_file, tmp_path, monkeypatch):
     monkeypatch.setattr("onnxruntime.get_available_providers", lambda: ["CPUExecutionProvider"])
-    onnx_settings = load_config(["scene.path=a", "out=b", "prior=none"]).prior.depth.onnx
+    format_ = card_format(read_card(write_card(tmp_path / "card.json", "depth", {})), "depth")
     with pytest.raises(InputError, match=r"prior\.provider=cuda cannot be used: onnxruntime .* has CPUExecutionPr"):
-        open_network(onnx_file(MEAN), "depth", onnx_settings, 1, "cuda")
+        open_network(onnx_file(MEAN), "depth", format_, 1, "cuda")

@@ -18,6 +18,7 @@ from room2dgs.depth.network.map_cache import read_array
 from room2dgs.depth.network.maps import photos_at_once, predicted_maps, read_models
 from room2dgs.depth.network.model_file import ModelFile
 from room2dgs.errors import InputError
+from tests.depth.cards import write_card
 
 DISPARITY = 200.0  # of 8-bit photos: grey level = DISPARITY / depth
 
@@ -43,7 +44,7 @@ def sessions(monkeypatch):
 @pytest.fixture
 def depth_config(prior_config, depth_network, tmp_path):
     def make(**changes):
-        changes = {"onnx__model": depth_network, "onnx__height": 60, "onnx__width": 80, "onnx__white": 255} | changes
+        changes = {"model": depth_network, "card__height": 60, "card__width": 80, "card__white": 255} | changes
         depth = {f"depth__{key}": value for key, value in changes.items()}
         return prior_config("prior/depth=onnx", cache=tmp_path / "cache", **depth)
 
@@ -70,7 +71,7 @@ def test_a_networks_disparity_becomes_metres(room, photos, grey, depth_config, s
 def test_a_second_run_opens_no_model_and_gives_the_same_bits(room, photos, grey, depth_config, sessions):
     frames = photos(grey)
     first, _ = maps(frames, depth_config())
-    again, said = maps(frames, depth_config(onnx__get="elsewhere", manhattan=False))
+    again, said = maps(frames, depth_config(card__get="elsewhere", manhattan=False))
     assert len(sessions) == 1 and "all 6 maps of mean.onnx are in" in said
     assert {name: values.tobytes() for name, values in first.items()} == {n: v.tobytes() for n, v in again.items()}
 
@@ -102,7 +103,7 @@ def test_the_model_may_move_but_must_be_there(room, photos, grey, depth_config, 
     frames = photos(grey)
     maps(frames, depth_config())
     moved = depth_network.rename(depth_network.with_name("moved.onnx"))
-    maps(frames, depth_config(onnx__model=moved))
+    maps(frames, depth_config(model=moved))
     assert len(sessions) == 1
     with pytest.raises(InputError, match=r"mean\.onnx is not there"):
         maps(frames, depth_config())
@@ -115,8 +116,8 @@ def test_only_what_changed_is_computed_again(room, photos, grey, depth_config, d
     changed, said = maps(photos(grey), depth_config())
     assert "mean.onnx on 1 photos; 5 of its maps" in said
     np.testing.assert_allclose(changed[frames[2].name], grey[2][..., 0], rtol=1e-3)
-    assert "on 6 photos; 0 of" in maps(frames, depth_config(onnx__white=1))[1]
-    assert "on 6 photos; 0 of" in maps(frames, depth_config(onnx__mean="[1,0,0]"))[1]
+    assert "on 6 photos; 0 of" in maps(frames, depth_config(card__white=1))[1]
+    assert "on 6 photos; 0 of" in maps(frames, depth_config(card__mean="[1,0,0]"))[1]
     other = [("ReduceMax", ["photo"], ["map"], {"axes": [1], "keepdims": 1})]
     onnx_file(other, name="mean.onnx")
     assert "on 6 photos; 0 of" in maps(frames, depth_config())[1]
@@ -145,7 +146,7 @@ def test_a_damaged_map_is_made_again(room, photos, grey, depth_config, tmp_path)
 def test_maps_that_half_precision_cannot_hold_are_cached_in_full(room, photos, grey, depth_config, onnx_file):
     nodes = [("ReduceMean", ["photo"], ["m"], {"axes": [1], "keepdims": 1}), ("Mul", ["m", "k"], ["map"], {})]
     model = onnx_file(nodes, constants={"k": np.float32(1e4)})
-    values, _ = maps(photos(grey), depth_config(onnx__model=model))
+    values, _ = maps(photos(grey), depth_config(model=model))
     np.testing.assert_allclose(next(iter(values.values())), 1e4 * grey[0][..., 0], rtol=1e-3)
 
 
@@ -185,7 +186,7 @@ def test_a_networks_normals_are_read_and_a_wrong_convention_is_its_own(room, pho
     model = onnx_file([("Identity", ["photo"], ["map"], {})])
 
     def load(**changes):
-        changes |= {"onnx__model": model, "onnx__height": 60, "onnx__width": 80, "onnx__values": "zero_to_one"}
+        changes |= {"model": model, "card__height": 60, "card__width": 80, "card__values": "zero_to_one"}
         normal = {f"normal__{key}": value for key, value in changes.items()}
         settings = prior_config("prior/normal=onnx", cache=tmp_path / "cache", **normal)
         return depth_of_frames(frames, room.points, settings, lambda line: None)
@@ -205,8 +206,9 @@ def test_a_wrong_convention_is_reported_before_all_photos_are_computed(
     monkeypatch.setattr("room2dgs.depth.normals.stage.CHECKED_FRAMES", 3)
     frames = photos([np.round((normal + 1) * 127.5).astype(np.uint8) for normal in room.normals])
     model = onnx_file([("Identity", ["photo"], ["map"], {})], {"photo": ("FLOAT", (1, 3, 60, 80))})
-    choice = ("prior/normal=onnx", "prior.normal.onnx.values=zero_to_one", "prior.normal.axes=opengl")
-    settings = prior_config(*choice, cache=tmp_path / "cache", normal__onnx__model=model)
+    choice = ("prior/normal=onnx", "prior.normal.axes=opengl")
+    card = {"normal__model": model, "normal__card__values": "zero_to_one"}
+    settings = prior_config(*choice, cache=tmp_path / "cache", **card)
     with pytest.raises(InputError, match="another convention"):
         depth_of_frames(frames, room.points, settings, lambda line: None)
     assert len(list((tmp_path / "cache" / "normal").glob("*.npz"))) == 3
@@ -217,7 +219,7 @@ def test_simulated_files_beside_a_network_stay_labelled(
 ):
     folder = map_files()
     (folder / "priors.json").write_text(json.dumps({"simulated": True}))
-    onnx = {"depth__onnx__model": depth_network, "depth__onnx__height": 60, "depth__onnx__width": 80}
+    onnx = {"depth__model": depth_network, "depth__card__height": 60, "depth__card__width": 80}
     settings = prior_config(
         "prior/depth=onnx", "prior/normal=files", cache=tmp_path / "cache", normal__path=folder / "normal", **onnx
     )
@@ -231,12 +233,14 @@ CHOICES = [(kind, name) for kind in ("depth", "normal") for name in group_choice
     ("kind", "name"),
     [choice for choice in CHOICES if choice[1] not in ("none", "files", "room_prior", "sensor", "auto")],
 )
-def test_every_ready_configuration_wants_a_model_and_says_which(kind, name):
+def test_every_ready_configuration_wants_a_model_and_says_which(kind, name, tmp_path):
     given = ["scene.path=a", "out=b", f"prior/{kind}={name}"]
-    with pytest.raises(InputError, match=rf"^prior\.{kind}\.onnx\.model=FILE is not given; get \S+ "):
+    with pytest.raises(InputError, match=rf"^prior\.{kind}\.model=FILE is not given; get \S+ "):
         load_config(given)
-    part = getattr(load_config([*given, f"prior.{kind}.onnx.model=a=b.onnx"]).prior, kind)
-    assert (part.source, part.onnx.model) == ("onnx", "a=b.onnx")
+    if name == "onnx":
+        given.append(f"prior.{kind}.card={write_card(tmp_path / 'card.json', kind, {})}")
+    part = getattr(load_config([*given, f"prior.{kind}.model=a=b.onnx"]).prior, kind)
+    assert (part.source, part.model) == ("onnx", "a=b.onnx")
 
 
 @pytest.mark.parametrize(
@@ -246,10 +250,10 @@ def test_every_ready_configuration_wants_a_model_and_says_which(kind, name):
         ("prior/depth=_base", "prior/depth=_base is not known"),
         ("prior.normal=dsine", "write prior/normal=dsine"),
         ("prior/dept=dsine", "did you mean prior/depth"),
-        ("prior.depth.onnx.fit=crop", "choose from stretch, pad, cover"),
-        ("prior.depth.onnx.std=[1,1,0]", "three positive numbers"),
-        ("prior.depth.onnx.mean=[0]", "three numbers"),
-        ("prior.depth.onnx.sha256=abc", "64 hexadecimal digits"),
+        (
+            "prior.depth.network=moge_3",
+            "prior.depth.network=moge_3 is not known (did you mean moge_2?); choose from bae",
+        ),
         ("prior.provider=tpu", "choose from auto, cpu, cuda"),
     ],
 )
@@ -262,7 +266,7 @@ def test_wrong_settings_of_a_network_are_one_sentence(override, said):
 def test_a_kind_of_prior_can_be_chosen_alone_and_on_an_earlier_run(tmp_path):
     from room2dgs.config import dump_config
 
-    choice = ["prior=none", "prior/depth=tcmonodepth", "prior.depth.onnx.model=m.onnx"]
+    choice = ["prior=none", "prior/depth=tcmonodepth", "prior.depth.model=m.onnx"]
     earlier = load_config(["scene.path=a", "out=b", *choice])
     assert (earlier.prior.depth.source, earlier.prior.normal.source) == ("onnx", "none")
     (tmp_path / "config.yaml").write_text(dump_config(earlier))
@@ -276,6 +280,6 @@ def test_the_photo_is_seen_at_its_full_size(room, photos, grey, depth_config):
     fine = cv2.resize(grey[0], (160, 120), interpolation=cv2.INTER_NEAREST)
     fine[::2] = 0
     cv2.imwrite(str(frames[0].color_path), fine)
-    config = depth_config(onnx__height=120, onnx__width=160)
+    config = depth_config(card__height=120, card__width=160)
     values, _ = maps([replace(frames[0], camera=frames[0].camera.resized(160, 120))], config)
     np.testing.assert_allclose(values[frames[0].name], fine[..., 0], rtol=1e-3)

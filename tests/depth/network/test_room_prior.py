@@ -37,8 +37,8 @@ def settings(prior_config, room_network, tmp_path):
     """Default settings with another network, without flip augmentation and the slow joint optimisation."""
 
     def make(**changes):
-        network = {"model": room_network, "width": 320, "height": 240, "flip": "false"}
-        both = {f"{kind}__onnx__{key}": value for kind in ("depth", "normal") for key, value in network.items()}
+        network = {"model": room_network, "card__width": 320, "card__height": 240, "card__flip": False}
+        both = {f"{kind}__{key}": value for kind in ("depth", "normal") for key, value in network.items()}
         changes = {"cache": tmp_path / "cache", "depth__joint": "false"} | both | changes
         return prior_config("prior=room_prior", **changes)
 
@@ -89,7 +89,7 @@ def test_cached_maps_serve_other_error_scales(room, coded_photos, settings, runs
     again, _ = loaded(coded_photos, room.points, settings())
     for one, other in zip(first.by_frame[name], again.by_frame[name], strict=True):
         np.testing.assert_array_equal(one, other)
-    strict, _ = loaded(coded_photos, room.points, settings(depth__onnx__error_scale=0.3, depth__onnx__max_error=0.2))
+    strict, _ = loaded(coded_photos, room.points, settings(depth__error_scale=0.3, depth__max_error=0.2))
     prior, far = strict.by_frame[name], room.depths[0] > 2.8
     assert not prior.depth[far].any() and prior.depth[~far].any()
     near = (prior.depth > 0) & (room.depths[0] < 2.2)
@@ -102,9 +102,9 @@ def test_cached_maps_serve_other_error_scales(room, coded_photos, settings, runs
 @pytest.mark.parametrize(
     "changes",
     [
-        {"normal__onnx__width": 160, "normal__onnx__height": 120},
-        {"normal__onnx__flip": "true"},
-        {"depth__onnx__mean": "[0,0.1,0]"},
+        {"normal__card__width": 160, "normal__card__height": 120},
+        {"normal__card__flip": "true"},
+        {"depth__card__mean": "[0,0.1,0]"},
     ],
 )
 def test_other_inputs_are_other_inferences(room, coded_photos, settings, runs, changes):
@@ -124,7 +124,7 @@ def test_one_kind_alone_is_all_that_is_computed(room, coded_photos, settings, ru
 
 
 def test_without_its_error_a_network_weighs_nothing(room, coded_photos, settings):
-    names = {f"{kind}__onnx__error_output": "null" for kind in ("depth", "normal")}
+    names = {f"{kind}__card__error_output": None for kind in ("depth", "normal")}
     priors, _ = loaded(coded_photos, room.points, settings(**names))
     prior = priors.by_frame[coded_photos[0].name]
     assert prior.normal_confidence is None
@@ -184,7 +184,7 @@ def test_it_can_be_chosen_by_kind_and_turned_off(tmp_path):
     given = ["scene.path=a", "out=b"]
     both = load_config([*given, "prior=room_prior"]).prior
     assert (both.depth.source, both.normal.source) == ("room_prior", "room_prior")
-    assert (both.depth.onnx.model, both.normal.onnx.model) == (None, None)
+    assert (both.depth.model, both.normal.model) == (None, None)
     mixed = load_config([*given, "prior=none", "prior/normal=room_prior"]).prior
     assert (mixed.depth.source, mixed.normal.source) == ("none", "room_prior")
     mixed = load_config([*given, "prior=room_prior", "prior/depth=files", "prior.depth.path=d"]).prior
@@ -203,9 +203,12 @@ def test_it_can_be_chosen_by_kind_and_turned_off(tmp_path):
     [
         (["prior=none", "prior.depth.source=room_prior"], "write prior/depth=room_prior"),
         (["prior=room_prior", "prior.normal.encoding=png8"], "prior.normal.source=room_prior makes maps of numbers"),
-        (["prior=room_prior", "prior.normal.onnx.flip=true", "prior.normal.frame=world"], "frame=world"),
-        (["prior=room_prior", "prior.depth.onnx.error_scale=0"], "prior.depth.onnx.error_scale=0 is impossible"),
-        (["prior=room_prior", "prior.normal.onnx.max_error=nan"], "prior.normal.onnx.max_error=nan is impossible"),
+        (
+            ["prior=room_prior", "prior.normal.frame=world"],
+            "frame=world does not fit a network that sees mirrored photos",
+        ),
+        (["prior=room_prior", "prior.depth.error_scale=0"], "prior.depth.error_scale=0 is impossible"),
+        (["prior=room_prior", "prior.normal.max_error=nan"], "prior.normal.max_error=nan is impossible"),
         (["loss.normal_reweighting.last_deg=0"], "loss.normal_reweighting.last_deg=0 is impossible"),
     ],
 )

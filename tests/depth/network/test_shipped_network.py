@@ -7,6 +7,7 @@ import onnxruntime
 import pytest
 
 from room2dgs.config import load_config
+from room2dgs.depth.network.card import format_of
 from room2dgs.depth.network.network import predictions, same_input
 from room2dgs.depth.network.session import open_network
 from room2dgs.depth.network.shipped import model_path, shipped_network
@@ -26,17 +27,17 @@ def test_it_is_small_and_has_a_model_card():
     assert "Apache-2.0" in (path.parent / "README.md").read_text(encoding="utf-8")
 
 
-def test_its_inputs_and_outputs_have_the_names_that_the_settings_give(session):
+def test_its_inputs_and_outputs_have_the_names_that_its_card_gives(session):
     prior = load_config(["scene.path=a", "out=b", "prior=room_prior"]).prior
+    depth, normal = (format_of(getattr(prior, kind), kind) for kind in ("depth", "normal"))
     inputs = {arg.name: arg for arg in session.get_inputs()}
     outputs = {arg.name for arg in session.get_outputs()}
-    assert set(inputs) == {prior.depth.onnx.input, prior.depth.onnx.intrinsics}
+    assert set(inputs) == {depth.input, depth.intrinsics}
     assert inputs["image"].shape[:2] == [1, 3] and inputs["intrinsics"].shape == [1, 3, 3]
-    named = {getattr(prior, kind).onnx.output for kind in ("depth", "normal")}
-    named |= {getattr(prior, kind).onnx.error_output for kind in ("depth", "normal")}
+    named = {depth.output, depth.error_output, normal.output, normal.error_output}
     assert outputs == named == {"depth", "depth_error", "normal", "normal_error"}
     # one inference gives both
-    assert same_input(prior.depth.onnx, prior.normal.onnx)
+    assert same_input(depth, normal)
     assert model_path(prior.depth) == model_path(prior.normal) == shipped_network()
 
 
@@ -60,7 +61,8 @@ def test_the_settings_run_it_on_a_photo_of_any_shape():
     prior = load_config(["scene.path=a", "out=b", "prior=room_prior"]).prior
     session, networks = None, []
     for kind in ("depth", "normal"):
-        networks.append(open_network(shipped_network(), kind, getattr(prior, kind).onnx, 1, "cpu", session))
+        given = format_of(getattr(prior, kind), kind)
+        networks.append(open_network(shipped_network(), kind, given, 1, "cpu", session))
         session = networks[0].session
     photo = np.random.default_rng(0).integers(0, 255, (130, 100, 3), dtype=np.uint8)
     camera = Camera(np.array([[90.0, 0, 50], [0, 90.0, 65], [0, 0, 1]]), 100, 130, np.eye(4))

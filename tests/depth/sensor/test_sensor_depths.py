@@ -40,7 +40,7 @@ def test_depth_files_become_the_prior_as_they_are(with_depth, load, prior_config
         on_disk = cv2.imread(str(frame.depth_path), cv2.IMREAD_UNCHANGED) * np.float32(1e-3)
         np.testing.assert_allclose(maps.depth, on_disk, rtol=1e-4)  # 16 bits in memory
         error = expected_error(on_disk, frame.camera, settings.sensor)
-        weight = measured_weight(error / on_disk, settings.onnx.error_scale, settings.onnx.max_error)
+        weight = measured_weight(error / on_disk, settings.error_scale, settings.max_error)
         np.testing.assert_allclose(maps.depth_confidence, weight, atol=4e-3)
         fit = priors.fits[frame.name]
         assert (fit.scale, fit.shift) == (1.0, 0.0) and fit.residual < 0.01 and fit.points > 20
