@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +15,7 @@ from room2dgs.depth.align.scale_shift import Fit
 from room2dgs.depth.completion.correction import Correct
 from room2dgs.depth.completion.planes import Plane
 from room2dgs.depth.stages import run_stages
-from room2dgs.depth.state import CompareViews, DepthSettings, Timed, first_state
+from room2dgs.depth.state import CompareViews, DepthSettings, Timed, first_state, untimed
 from room2dgs.geometry.camera import Camera
 from room2dgs.logs import Log
 from room2dgs.stereo.dense import DenseView
@@ -65,7 +64,7 @@ def estimate_depth(
     config: Config,
     cache: Path,
     log: Log = print,
-    timed: Timed = nullcontext,
+    timed: Timed = untimed,
     stereo: StereoViews | None = None,
     correct: Correct | None = None,
 ) -> Priors:
@@ -95,7 +94,7 @@ def depth_of_frames(
     prior: PriorConfig,
     log: Log = print,
     compare: CompareViews | None = None,
-    timed: Timed = nullcontext,
+    timed: Timed = untimed,
     correct: Correct | None = None,
 ) -> Priors:
     """As `estimate_depth`, of any frames.

@@ -115,7 +115,7 @@ def read_normal(path: Path, settings: NormalPriorConfig, camera: Camera) -> tupl
     if normal.ndim != 3 or normal.shape[2] != 3:
         raise InputError(f"{path} has shape {normal.shape}; a normal map is (height, width, 3)")
     _check_aspect(path, normal.shape[1], normal.shape[0], camera)
-    finite = _check_finite(path, np.isfinite(normal).all(axis=-1))
+    finite = _check_finite(path, np.asarray(np.isfinite(normal).all(axis=-1)))
     normal = np.where(finite[..., None], normal, 0.0).astype(np.float32)
     length = np.linalg.norm(normal, axis=-1)
     unit, given = np.abs(length - 1.0) <= MAX_LENGTH_ERROR, length > MAX_LENGTH_ERROR

@@ -33,6 +33,11 @@ Timed = Callable[[str], AbstractContextManager[None]]
 CompareViews = Callable[[FirstPass | None], DepthSamples]
 
 
+def untimed(_stage: str) -> AbstractContextManager[None]:
+    """Does nothing."""
+    return nullcontext()
+
+
 @dataclass(frozen=True)
 class DepthSettings:
     """What the stages need beside the state; no stage changes it.
@@ -51,7 +56,7 @@ class DepthSettings:
     compare: CompareViews | None = None
     correct: Correct | None = None
     log: Log = print
-    timed: Timed = nullcontext
+    timed: Timed = untimed
 
 
 @dataclass(frozen=True)

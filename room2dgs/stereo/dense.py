@@ -122,8 +122,8 @@ def dense_views(
             _search(views, planes, near_views, ranges, options, matching, search, level, progress, searched)
         if level == 1:
             coarse = list(_filtered(views, planes, near_views, options, matching, progress, wanted))
-    for index, view in enumerate(_filtered(views, planes, near_views, options, matching, progress, wanted)):
-        yield _completed(view, coarse[index]) if coarse else view
+    for index, fine in enumerate(_filtered(views, planes, near_views, options, matching, progress, wanted)):
+        yield _completed(fine, coarse[index]) if coarse else fine
 
 
 def near_and_ranges(
@@ -138,7 +138,7 @@ def near_and_ranges(
     return near_views, [depth_range(sight.depth, everywhere) for sight in sights]
 
 
-def least_consistent(near: Sequence[int], options: Options) -> int:
+def least_consistent(near: np.ndarray | Sequence[int], options: Options) -> int:
     """Views that have to agree with one that is compared with these: all, where there are fewer than wanted."""
     return max(1, min(options.min_num_consistent, len(near)))
 

@@ -76,7 +76,7 @@ class PackedWhenAsked(Sequence[Packed]):
         self._count = len(photos)
         self._packed = lru_cache(at_once)(lambda index: packed(photos[index], cameras[index], kernels))
 
-    def __getitem__(self, index: int) -> Packed:
+    def __getitem__(self, index: int) -> Packed:  # type: ignore[override]  # no slices
         return self._packed(range(self._count)[index])
 
     def __len__(self) -> int:

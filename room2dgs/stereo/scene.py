@@ -92,7 +92,7 @@ def scene_second_pass(
     """
     cameras, photos, sights, options, matching = _prepared([*frames, *beside], points, settings, device)
     views = PackedWhenAsked(photos, cameras, build_of(device))
-    known = [partial(start.get, frame.name, UNKNOWN) for frame in frames]
+    known = [partial(_known_depth, start, frame.name) for frame in frames]
     found = second_pass(views, cameras, sights, points.xyz, known, options, matching, _progress(log))
     usable = ((_usable(frame, depth.shape), depth, count) for frame, (depth, count) in zip(frames, found, strict=True))
     return cameras[: len(frames)], ((depth * where, count * where) for where, depth, count in usable)
@@ -139,6 +139,10 @@ def coverage(views: Sequence[DenseView]) -> np.ndarray:
     return np.array([np.mean(view.depth > 0) for view in views])
 
 
+def _known_depth(start: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    return start.get(name, UNKNOWN)
+
+
 def _levels(width: int) -> int:
     """Image sizes: halves of `width` down to the first that is no wider than the coarsest needs to be."""
     return 1 if width <= COARSEST_WIDTH else 1 + _levels((width + 1) // 2)
@@ -151,7 +155,7 @@ def _camera(camera: Camera, width: int | None) -> Camera:
 def _unmasked(view: DenseView, frame: Frame) -> DenseView:
     """Without what the photo's mask hides."""
     usable = _usable(frame, view.depth.shape)
-    if usable is True:
+    if isinstance(usable, bool):
         return view
     return view._replace(
         depth=view.depth * usable,
@@ -164,7 +168,7 @@ def _unmasked(view: DenseView, frame: Frame) -> DenseView:
 def _usable(frame: Frame, shape: tuple[int, ...]) -> np.ndarray | bool:
     """(h, w) bool: pixels of which the photo's mask hides no part; True without a mask."""
     mask = frame.mask()
-    return True if mask is None else whole_at(mask, shape[::-1])
+    return True if mask is None else whole_at(mask, (shape[1], shape[0]))
 
 
 def grey(frame: Frame, camera: Camera) -> np.ndarray:

@@ -73,8 +73,8 @@ def _align_by_one_scale(
     Passing on the scale of one view would be worse.
     """
     seen = [pairs_at_points(raw[frame.name], likely_points(points, frame)[0], settings) for frame in frames]
-    pooled = [np.concatenate(part) for part in zip(*seen, strict=True)] or [np.zeros(0), np.zeros(0)]
-    common = fit_scale_shift(*pooled, shift_sigma=METRIC_SHIFT_M) or Fit(1.0, 0.0, float("nan"), 0)
+    x_all, y_all = (np.concatenate([np.zeros(0), *(pair[axis] for pair in seen)]) for axis in (0, 1))
+    common = fit_scale_shift(x_all, y_all, shift_sigma=METRIC_SHIFT_M) or Fit(1.0, 0.0, float("nan"), 0)
     for frame, (x, y) in zip(frames, seen, strict=True):
         fit = fit_scale_shift(x, y, shift_sigma=METRIC_SHIFT_M) or common
         fits[frame.name] = fit._replace(points=len(x))

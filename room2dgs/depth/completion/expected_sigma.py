@@ -18,7 +18,10 @@ DRAWN = 0.5  # of what other views have drawn a depth by, relatively, it is expe
 
 
 def expecting(
-    together: Sequence[Completed], alone: Sequence[Completed], near: Sequence[Sequence[int]], space: FreeSpace | None
+    together: Sequence[Completed],
+    alone: Sequence[Completed],
+    near: Sequence[np.ndarray | Sequence[int]],
+    space: FreeSpace | None,
 ) -> Callable[[int], np.ndarray]:
     """A function that gives a view's (h, w) sigma: of the depth that it finds alone, and more where others moved it.
 
@@ -41,7 +44,7 @@ def expecting(
 
 
 def comparing(
-    alone: Sequence[Completed], near: Sequence[Sequence[int]]
+    alone: Sequence[Completed], near: Sequence[np.ndarray | Sequence[int]]
 ) -> Callable[[int, np.ndarray], GeometricConsistency]:
     """A function that compares a view's (h, w) depth with the others'; each counts by what it found by itself."""
     inverse = [inverse_of(part.depth) for part in alone]

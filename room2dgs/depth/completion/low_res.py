@@ -111,10 +111,15 @@ def low_res_input(
     edges = ties_across_edges(photo)
     return LowResInput(
         camera,
-        *map(_single, (photo / 255, unit, sample, sample_weight, prior, weight)),
-        _both_single(slopes),
-        _single(slope_weight),
-        _both_single(edges),
+        photo=_single(photo / 255),
+        normal=_single(unit),
+        sample=_single(sample),
+        sample_weight=_single(sample_weight),
+        prior=_single(prior),
+        prior_weight=_single(weight),
+        slopes=_both_single(slopes),
+        slope_weight=_single(slope_weight),
+        edges=_both_single(edges),
     )
 
 

@@ -33,7 +33,7 @@ class LendingView(NamedTuple):
 
 
 def lent_depth(
-    views: Sequence[Completed], sigmas: Sequence[np.ndarray], near: Sequence[Sequence[int]]
+    views: Sequence[Completed], sigmas: Sequence[np.ndarray], near: Sequence[np.ndarray | Sequence[int]]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """`depth_of_other_views` of completed views, each by the (h, w) sigma that is expected of it."""
     lending = [
@@ -43,7 +43,7 @@ def lent_depth(
 
 
 def depth_of_other_views(
-    views: Sequence[LendingView], near: Sequence[Sequence[int]]
+    views: Sequence[LendingView], near: Sequence[np.ndarray | Sequence[int]]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Depth of each view made of its neighbours' alone.
 

@@ -79,8 +79,9 @@ def find_planes(samples: Samples, *, right_angles: bool, width: float = 1.0) -> 
     total = samples.weight.sum()
     if len(samples.xyz) < FEWEST or not total > 0:
         return []
-    at_once = min(DRAWN, np.count_nonzero(samples.weight))
-    drawn = generator.choice(len(samples.xyz), at_once, replace=False, p=samples.weight / total)
+    at_once = min(DRAWN, int(np.count_nonzero(samples.weight)))
+    probability: np.ndarray = samples.weight / total
+    drawn = generator.choice(len(samples.xyz), at_once, replace=False, p=probability)
     xyz, normal = samples.xyz[drawn].astype(np.float64), samples.normal[drawn].astype(np.float64)
     depth = samples.depth[drawn]
     widths = width * np.maximum(WIDTH_M, WIDTH_RELATIVE * depth)

@@ -18,7 +18,7 @@ LEAST_WEIGHT, MOST_WEIGHT = 1e-3, 0.9999
 
 
 def with_neighbours(
-    parts: Sequence[Completed], errors: Sequence[np.ndarray], near: Sequence[Sequence[int]]
+    parts: Sequence[Completed], errors: Sequence[np.ndarray], near: Sequence[np.ndarray | Sequence[int]]
 ) -> tuple[list[Completed], list[np.ndarray]]:
     """Each view's depth and its neighbours' word by the inverse squares of their errors, and the errors then.
 

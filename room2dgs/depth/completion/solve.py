@@ -95,9 +95,14 @@ def solved(systems: Sequence[System]) -> list[np.ndarray]:
     for index, one in enumerate(systems):
         by_shape.setdefault(one.distance.shape, []).append(index)
     for shape, alike in by_shape.items():
-        parts = [np.array(part, np.float64, order="C") for part in zip(*(systems[k] for k in alike), strict=True)]
+        some = System(
+            *(np.array(part, np.float64, order="C") for part in zip(*(systems[k] for k in alike), strict=True))
+        )
         r = np.empty((len(alike), *shape))
-        _C.complete(*parts, REWEIGHTINGS, LEAST, SAMPLE_WIDTH, TIE_WIDTH, r)
+        ties = (some.right, some.down, some.step_right, some.step_down)
+        _C.complete(
+            some.distance, some.sample_weight, some.prior_weight, *ties, REWEIGHTINGS, LEAST, SAMPLE_WIDTH, TIE_WIDTH, r
+        )
         for index, one in zip(alike, r, strict=True):
             results[index] = one
     return results

@@ -28,7 +28,7 @@ def drawn_to_other_views(
     inputs: Sequence[LowResInput],
     before: Sequence[Completed],
     sigmas: Sequence[np.ndarray],
-    near: Sequence[Sequence[int]],
+    near: Sequence[np.ndarray | Sequence[int]],
 ) -> Iterator[LowResInput]:
     """Likewise what a view's neighbours are sure of; each made when it is asked for."""
     lent = lent_depth(before, sigmas, near)

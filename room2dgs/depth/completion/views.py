@@ -31,7 +31,7 @@ class LowResViews:
 
     frames: Sequence[Frame]
     inputs: Sequence[LowResInput]
-    near: Sequence[Sequence[int]]
+    near: Sequence[np.ndarray]
     alone: Sequence[Completed] = ()
     together: Sequence[Completed] = ()
     sigmas: Sequence[np.ndarray] | None = None

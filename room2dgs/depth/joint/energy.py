@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -37,7 +37,7 @@ class Energy:
 
     def __init__(self, views: Overlap, weights: Weights, stiffness: Tensor, axes: Tensor | None) -> None:
         self.weights = weights
-        self.scene = {
+        self.scene: dict[str, Any] = {
             "depth": views.depth,
             "depth_confidence": views.depth_confidence,
             "normal": views.normal,
@@ -66,7 +66,8 @@ class Energy:
         Raises:
             ValueError: draws of views, samples, points or pairs that are not there.
         """
-        return _C.joint_gradient(grid=grid, draws=draws, gradient=gradient, **self.scene)
+        given: dict[str, Any] = {"grid": grid, "draws": draws, "gradient": gradient}
+        return _C.joint_gradient(**given, **self.scene)
 
 
 def _view_table(views: Overlap) -> Tensor:

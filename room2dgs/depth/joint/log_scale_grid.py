@@ -55,4 +55,5 @@ def smoothness(grid: Tensor, stiffness: Tensor | None = None) -> Tensor:
     along = grid[:, :, 2:] - 2 * grid[:, :, 1:-1] + grid[:, :, :-2]
     across = grid[:, 1:, 1:] - grid[:, 1:, :-1] - grid[:, :-1, 1:] + grid[:, :-1, :-1]
     parts = ((down, stiffness[:, 1:-1], 1), (along, stiffness[:, :, 1:-1], 1), (across, stiffness[:, :-1, :-1], 2))
-    return sum((part.square() * stiff).mean() * weight for part, stiff, weight in parts if part.numel())
+    means = ((part.square() * stiff).mean() * weight for part, stiff, weight in parts if part.numel())
+    return sum(means, start=grid.new_zeros(()))

@@ -26,7 +26,7 @@ from room2dgs.depth.joint import log_scale_grid
 from room2dgs.depth.joint.draws import drawn
 from room2dgs.depth.joint.energy import Energy, Weights
 from room2dgs.depth.joint.overlap import Overlap, overlap
-from room2dgs.depth.joint.reference import at_points, view_residuals
+from room2dgs.depth.joint.residuals import at_points, view_residuals
 from room2dgs.depth.joint.room_axes import room_axes
 from room2dgs.torch_threads import one_torch_thread
 
@@ -142,7 +142,8 @@ def _solved(views: Overlap, start: Tensor, stage: Stage, axes: Tensor | None) ->
     for step in range(stage.steps):
         energy.gradient(grid, drawn(views, count, generator, axes is not None), gradient)
         rate = stage.rate * LAST_RATE ** (step / stage.steps)
-        _C.adam(*(part.view(-1) for part in (grid, gradient, first, second)), rate=rate, step=step + 1)
+        values, moments = grid.view(-1), (first.view(-1), second.view(-1))
+        _C.adam(values, gradient.view(-1), *moments, rate, step + 1)  # type: ignore[arg-type]  # any array will do
     return grid
 
 
@@ -177,5 +178,5 @@ def _differences(views: Overlap, grid: Tensor) -> tuple[float, float, float]:
     known = views.point_tracked.nonzero()[:, 0] if views.point_tracked.any() else torch.arange(len(views.point_view))
     if len(known):
         points = at_points(views, grid, known[some(len(known))]).abs()
-    medians = [float(part.abs().median()) if len(part) else float("nan") for part in (between, points)]
-    return *medians, float((points > OUTLIER_ERROR).float().mean()) if len(points) else float("nan")
+    apart, off = (float(part.abs().median()) if len(part) else float("nan") for part in (between, points))
+    return apart, off, float((points > OUTLIER_ERROR).float().mean()) if len(points) else float("nan")

@@ -131,15 +131,22 @@ def overlap(
         region[index][inside[1:]] = textureless_regions(frame.color(), step)
         smooth = cv2.blur(of_view, (SMOOTH, SMOOTH))
         region_normal[index] = smooth / np.maximum(np.linalg.norm(smooth, axis=-1, keepdims=True), 1e-6)
+    point_view, point_px, point_depth, point_tracked = _points(frames, points)
     views = Overlap(
-        step,
-        *map(_float, (depth, normal)),
-        torch.from_numpy(region),
-        *map(_float, (region_normal, confidence["depth"], confidence["normal"])),
-        camera_tensors(cameras),
-        _pairs(frames),
-        *_points(frames, points),
-        torch.zeros(0, dtype=torch.float32),
+        step=step,
+        depth=_float(depth),
+        normal=_float(normal),
+        region=torch.from_numpy(region),
+        region_normal=_float(region_normal),
+        depth_confidence=_float(confidence["depth"]),
+        normal_confidence=_float(confidence["normal"]),
+        cameras=camera_tensors(cameras),
+        pairs=_pairs(frames),
+        point_view=point_view,
+        point_px=point_px,
+        point_depth=point_depth,
+        point_tracked=point_tracked,
+        point_prior=torch.zeros(0, dtype=torch.float32),
     )
     parts = zip(views.point_view.split(AT_ONCE), views.point_px.split(AT_ONCE), strict=True)
     prior, good = map(torch.cat, zip(*(views.depth_at(*part) for part in parts), strict=True))
@@ -187,10 +194,12 @@ def _pairs(frames: Sequence[Frame]) -> Tensor:
     return torch.tensor(found, dtype=torch.int64).reshape(-1, 2)
 
 
-def _points(frames: Sequence[Frame], points: PointCloud | None) -> tuple[Tensor, ...]:
+def _points(frames: Sequence[Frame], points: PointCloud | None) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     views, pixels, depths = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 2))], [np.zeros(0)]
     tracked = [np.zeros(0, dtype=bool)]
-    for index, frame in enumerate(frames if points is not None else ()):
+    for index, frame in enumerate(frames):
+        if points is None:
+            break
         seen, known = likely_points(points, frame)
         views.append(np.full(len(seen.index), index))
         pixels.append(seen.pixel)

@@ -1,5 +1,5 @@
 """The joint depth optimisation's energy in plain torch: any dtype, differentiable by autograd; in float64 the oracle
-of the compiled kernel. What is told of the result (`optimise.py`) comes from its residuals too."""
+of the compiled kernel."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from room2dgs.depth.joint import draws as rows_of
 from room2dgs.depth.joint import log_scale_grid
 from room2dgs.depth.joint.energy import Weights
 from room2dgs.depth.joint.overlap import Overlap
-from room2dgs.geometry.camera import NEAR_M
+from room2dgs.depth.joint.residuals import at_points, optimised_points, view_residuals
 from room2dgs.geometry.camera_tensors import CameraTensors
 
-# The kernel's own limits, see priors/csrc.
+# The kernel's own limits, see depth/csrc.
 SLOPE_JUMP = 0.15  # ends that differ more, relatively, lie on two surfaces
 PLANE_COSINE = 0.9  # between the smoothed normals of points of one textureless region that may be one plane
 AXIS_COSINE = 0.97  # 14 degrees: a surface that faces an axis so nearly is taken to face it
@@ -66,36 +66,6 @@ def robust(residual: Tensor, width: float, weight: Tensor | None = None) -> Tens
 def point_residuals(views: Overlap, grid: Tensor, draws: Tensor) -> Tensor:
     """(N,) log of optimised depth over point depth, at the points `draws` (2, N) int64: view, point; none without."""
     return at_points(views, grid, draws[1]) if len(views.point_view) else grid.new_zeros(0)
-
-
-def at_points(views: Overlap, grid: Tensor, some: Tensor) -> Tensor:
-    """(N,) likewise at the points `some` (N,) int64."""
-    view, pixel = views.point_view[some], views.point_px[some]
-    log_scale = log_scale_grid.at(grid, view, pixel / views.cameras.size[view])
-    return torch.log(views.point_prior[some] / views.point_depth[some]) + log_scale
-
-
-def view_residuals(views: Overlap, grid: Tensor, draws: Tensor) -> tuple[Tensor, Tensor]:
-    """Log of one view's depth, warped into another view, over that view's own.
-
-    Args:
-        draws: (3, K) int64, pairs, rows and columns of their first views.
-
-    Returns:
-        (N,) the logarithms, and (N,) the lower confidence of the two depths, where both views have the surface.
-    """
-    if not len(views.pairs):
-        return grid.new_zeros(0), grid.new_zeros(0)
-    (view, other), row, column = views.pairs[draws[0]].T, *draws[1:]
-    there, z = views.cameras.seen_by(other, view, optimised_points(views, grid, view, row, column))
-    inside = (views.depth[view, row, column] > 0) & (z > NEAR_M) & views.cameras.inside(other, there)
-    confidence = views.depth_confidence[view[inside], row[inside], column[inside]]
-    other, there, z = other[inside], there[inside], z[inside]
-    known, good = views.depth_at(other, there)
-    log_scale = log_scale_grid.at(grid, other, there / views.cameras.size[other])
-    # One weight for both sides: weighting each side by the other's alone is no gradient of an energy; scale drifts.
-    weight = torch.minimum(confidence, views.confidence_at(other, there))
-    return (torch.log(z) - torch.log(known.clamp(min=1e-6)) - log_scale)[good], weight[good]
 
 
 def normal_residuals(views: Overlap, grid: Tensor, draws: Tensor) -> tuple[Tensor, Tensor]:
@@ -158,13 +128,6 @@ def axis_residuals(views: Overlap, grid: Tensor, axes: Tensor, draws: Tensor) ->
     facing = nearest.detach() > AXIS_COSINE
     leaning = ~facing & (along[:, 0].detach().abs() < UPRIGHT_SINE)
     return torch.cat([(1 - nearest[facing].square()).clamp(min=1e-12).sqrt(), along[leaning, 0]])
-
-
-def optimised_points(views: Overlap, grid: Tensor, view: Tensor, row: Tensor, column: Tensor) -> Tensor:
-    """(N, 3) samples unprojected by the optimised depth, camera frame, metres; 0 where there is no depth."""
-    pixel = views.pixel(row, column)
-    depth = views.depth[view, row, column] * torch.exp(log_scale_grid.at(grid, view, pixel / views.cameras.size[view]))
-    return views.cameras.rays(view, pixel) * depth[:, None]
 
 
 def _inside(views: Overlap, draws: Tensor) -> tuple[Tensor, ...]:

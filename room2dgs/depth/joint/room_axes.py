@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from room2dgs.depth.joint.overlap import Overlap
-from room2dgs.depth.joint.reference import optimised_points
+from room2dgs.depth.joint.residuals import optimised_points
 
 NARROWING = (0.87, 0.966, 0.9945)  # cosines of 30, 15 and 6 degrees
 MIN_SHARE = 0.02  # of all normals that face up or down
@@ -55,7 +55,7 @@ def _across(walls: Tensor, up: Tensor) -> Tensor | None:
     quarter = math.pi / 2
     angle = torch.atan2(walls @ second, walls @ first) % quarter
     counts = torch.bincount((angle / quarter * BINS).long().clamp(max=BINS - 1), minlength=BINS).float()
-    smooth = sum(counts.roll(shift) for shift in (-2, -1, 0, 1, 2))
+    smooth = sum((counts.roll(shift) for shift in (-2, -1, 0, 1, 2)), start=torch.zeros_like(counts))
     mode = (float(smooth.argmax()) + 0.5) / BINS * quarter
     for window in (WINDOW_DEG, WINDOW_DEG / 2):
         off = (angle - mode + quarter / 2) % quarter - quarter / 2

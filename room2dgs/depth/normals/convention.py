@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -50,8 +51,19 @@ def camera_normals(raw: np.ndarray, settings: NormalPriorConfig, camera: Camera)
         settings: `axes` (camera frame only; a world frame is the capture's), `facing` and `frame`.
     """
     if settings.frame == "world":
-        return camera.turned_to_camera(SIDES[settings.facing] * raw)
-    return raw * (SIDES[settings.facing] * np.array(AXES[settings.axes]))
+        return camera.turned_to_camera(_side(settings) * raw)
+    return raw * _signs(settings)
+
+
+def _side(settings: NormalPriorConfig) -> float:
+    assert settings.facing is not None
+    return SIDES[settings.facing]
+
+
+def _signs(settings: NormalPriorConfig) -> np.ndarray:
+    """(3,) of x, y and z."""
+    assert settings.axes is not None
+    return _side(settings) * np.array(AXES[settings.axes])
 
 
 @dataclass(frozen=True)
@@ -97,19 +109,20 @@ def judge(samples: Sequence[Sample], settings: NormalPriorConfig) -> Verdict:
 
 def _better(scores: dict[str, Score], present: Score) -> str | None:
     if present.cosine is not None:
-        best = max(scores, key=lambda name: scores[name].cosine)
-        wrong = scores[best].cosine >= MIN_COSINE and scores[best].cosine - present.cosine > CLEAR_COSINE
+        cosines = {name: score.cosine for name, score in scores.items() if score.cosine is not None}
+        best = max(cosines, key=lambda name: cosines[name])
         # Depth without information leaves the question to the other tests.
-        if wrong or scores[best].cosine >= MIN_COSINE:
-            return best if wrong else None
+        if cosines[best] >= MIN_COSINE:
+            return best if cosines[best] - present.cosine > CLEAR_COSINE else None
     least_away = min(score.away for score in scores.values())
     turned = present.away > MAX_AWAY and present.away - least_away > CLEAR_SHARE
     # Turning all normals round changes no agreement between views: the side decides that first.
     facing = [name for name, score in scores.items() if score.away <= max(MAX_AWAY, least_away)]
     if present.agreement is not None:
-        best = max(facing, key=lambda name: scores[name].agreement)
-        gain = scores[best].agreement - present.agreement
-        if scores[best].agreement >= MIN_COSINE:
+        agreements = {name: agreement for name in facing if (agreement := scores[name].agreement) is not None}
+        best = max(agreements, key=lambda name: agreements[name])
+        gain = agreements[best] - present.agreement
+        if agreements[best] >= MIN_COSINE:
             return best if gain > CLEAR_AGREEMENT or (turned and gain > -CLEAR_AGREEMENT / 2) else None
     return min(scores, key=lambda name: scores[name].away) if turned else None
 
@@ -118,7 +131,8 @@ def _candidates(settings: NormalPriorConfig) -> dict[str, NormalPriorConfig]:
     """Name -> settings of every convention, each once; first the present one, named ""."""
     found, seen = {"": settings}, {_meaning(settings)}
     for frame, axes, facing in product(("camera", "world"), AXES, SIDES):
-        other = replace(settings, frame=frame, axes=axes, facing=facing)
+        changed: dict[str, Any] = {"frame": frame, "axes": axes, "facing": facing}
+        other = replace(settings, **changed)
         if _meaning(other) in seen:
             continue
         seen.add(_meaning(other))
@@ -132,7 +146,7 @@ def _candidates(settings: NormalPriorConfig) -> dict[str, NormalPriorConfig]:
 def _meaning(settings: NormalPriorConfig) -> tuple:
     if settings.frame == "world":
         return ("world", settings.facing)
-    return ("camera", *(SIDES[settings.facing] * np.array(AXES[settings.axes])))
+    return ("camera", *_signs(settings))
 
 
 def _score(samples: Sequence[Sample], pairs: np.ndarray, settings: NormalPriorConfig) -> Score:

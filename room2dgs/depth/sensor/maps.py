@@ -59,6 +59,7 @@ def raw_depth(frame: Frame, settings: DepthPriorConfig) -> np.ndarray:
     """
     unit = unit_m(frame, settings)
     if frame.depth_map is None:
+        assert frame.depth_path is not None
         return decoded_depth(frame.depth_path, replace(settings, unit_m=unit), frame.camera)[0]
     depth = replace(frame.depth_map, unit_m=unit).metres()
     if not depth.any():
@@ -101,4 +102,5 @@ def _at_photo(values: np.ndarray, frame: Frame) -> np.ndarray:
 
 def _seen_by_photo(values: np.ndarray, frame: Frame) -> np.ndarray:
     """Where the photo's rays meet the map."""
+    assert frame.depth_map is not None
     return replace(frame.depth_map, read=lambda: values, unit_m=1.0, invalid=None).seen_by(frame.camera, frame.lens)

@@ -86,14 +86,18 @@ class NormalMap(NamedTuple):
 NormalMaps = Mapping[str, NormalMap]
 
 
+def _no_normals(_given: SourceInput) -> NormalMaps:
+    return {}
+
+
 class DepthSource(NamedTuple):
     """One entry of `room2dgs.registries.depth_sources`.
 
     Attributes:
         depth: what it says of all photos' depth.
-        normals: frame name -> normals of the photos that have them, read when asked for; None: it gives no normals. It
-            is asked about a few photos first, and about all once their convention is found to be right.
+        normals: frame name -> normals of the photos that have them, read when asked for. It is asked about a few
+            photos first, and about all once their convention is found to be right.
     """
 
     depth: Callable[[SourceInput], Proposal]
-    normals: Callable[[SourceInput], NormalMaps] | None = None
+    normals: Callable[[SourceInput], NormalMaps] = _no_normals
