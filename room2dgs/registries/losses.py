@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from room2dgs.registry import Registry
 
-LOSSES: Registry[Any] = Registry("loss")
+if TYPE_CHECKING:
+    from room2dgs.train.terms.term import LossTerm
+
+LOSSES: Registry[LossTerm] = Registry("loss")
 LOSSES.register("rgb", "room2dgs.train.terms.image:RGB", "L1 and D-SSIM of the rendered colour.")
 LOSSES.register("distortion", "room2dgs.train.terms.image:DISTORTION", "Depth distortion along each ray.")
 LOSSES.register(
