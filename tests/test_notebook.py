@@ -12,7 +12,7 @@ NOTEBOOK = Path(__file__).resolve().parents[1] / "notebooks/video_to_mesh.ipynb"
 QUICK = {
     "prepare": {"features": 700, "length": ["height", 1.3]}, "prior": "none", "stereo__enabled": False,
     "seeds__voxel_m": 0.1, "train": {"iterations": 20, "tensorboard": False}, "mesh__voxel_m": 0.05,
-    "report": {"faces": 1000, "discs": 1000},
+    "report": {"faces": 1000, "max_surfels": 1000},
 }  # fmt: skip
 
 

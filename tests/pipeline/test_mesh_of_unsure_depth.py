@@ -12,7 +12,7 @@ from room2dgs.config import load_config
 from room2dgs.pipeline.mesh import make_mesh
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.runs.trust import read_trust, write_trust
-from tests.pipeline.test_mesh_on_device import discs
+from tests.pipeline.test_mesh_on_device import surfels_of_wall
 
 WALL_Z = 2.0
 
@@ -35,7 +35,7 @@ def test_what_is_expected_to_be_far_off_is_not_meshed(wall, tmp_path, given, lef
     scene = read_scene(config.scene)
     write_trust(tmp_path / "trust.npz", scene.train, {frame.name: maps_of(frame) for frame in scene.train}, {})
     assert set(read_trust(tmp_path / "trust.npz")) == {frame.name for frame in scene.train}
-    make_mesh(scene, discs(wall), config, RunFolder(tmp_path, lambda _: None))
+    make_mesh(scene, surfels_of_wall(wall), config, RunFolder(tmp_path, lambda _: None))
     mesh = trimesh.load(tmp_path / "mesh.ply", process=False)
     x = mesh.triangles_center[:, 0]
     area = {
@@ -53,7 +53,7 @@ def test_views_that_say_nothing_are_meshed_whole_and_counted(wall, tmp_path, kno
     scene, lines = read_scene(config.scene), []
     frames = scene.train[:known]
     write_trust(tmp_path / "trust.npz", frames, {frame.name: maps_of(frame) for frame in frames}, {})
-    make_mesh(scene, discs(wall), config, RunFolder(tmp_path, lines.append))
+    make_mesh(scene, surfels_of_wall(wall), config, RunFolder(tmp_path, lines.append))
     assert f"trust.npz says of {known} of {len(scene.train)} views" in "\n".join(lines)
     mesh = trimesh.load(tmp_path / "mesh.ply", process=False)
     assert mesh.area_faces[mesh.triangles_center[:, 0] < -0.1].sum() > 0.3

@@ -33,7 +33,7 @@ def settings(wall, out, device):
     return load_config([f"scene.path={wall}", f"out={out}", *more])
 
 
-def discs(wall) -> Surfels:
+def surfels_of_wall(wall) -> Surfels:
     centers = torch.from_numpy(np.array(trimesh.load(wall / "gt_mesh.ply", process=False).vertices, np.float32))
     count = len(centers)
     turn = torch.tensor([[1.0, 0, 0, 0]]).repeat(count, 1)
@@ -42,7 +42,7 @@ def discs(wall) -> Surfels:
 
 
 def test_blocks_make_the_cpus_mesh(wall, tmp_path, monkeypatch):
-    surfels, drawn, fused = discs(wall), [], []
+    surfels, drawn, fused = surfels_of_wall(wall), [], []
     draw, take_in = BY_BLOCK_CODE["rasterize"], device_volume._integrate_one
     monkeypatch.setitem(BY_BLOCK_CODE, "rasterize", lambda *view: (drawn.append(view[0] is PLAIN), draw(*view))[1])
     monkeypatch.setattr(device_volume, "_integrate_one", lambda *view: (fused.append(1), take_in(*view))[1])
@@ -63,5 +63,5 @@ def test_no_gpu_is_one_sentence_and_the_earlier_mesh_stays(wall, tmp_path, witho
     config = settings(wall, tmp_path, "cuda")
     (tmp_path / "mesh.ply").write_text("earlier")
     with pytest.raises(InputError, match=r"render\.device=cuda lacks"):
-        make_mesh(read_scene(config.scene), discs(wall), config, RunFolder(tmp_path, lambda _: None))
+        make_mesh(read_scene(config.scene), surfels_of_wall(wall), config, RunFolder(tmp_path, lambda _: None))
     assert (tmp_path / "mesh.ply").read_text() == "earlier"

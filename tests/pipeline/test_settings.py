@@ -66,8 +66,8 @@ def test_any_path_arrives_as_it_is(path):
     [
         ({"scene__imge_width": 3}, "scene.imge_width is no setting; did you mean scene.image_width"),
         ({"mesh": 3}, "mesh=3 is not known"),
-        ({"scene__image_width": "320"}, "scene.image_width='320' does not fit"),
-        ({"scene__image_width": {1, 2}}, "which no setting can be"),
+        ({"train__iterations": "320"}, "train.iterations='320' does not fit"),
+        ({"train__iterations": {1, 2}}, "which no setting can be"),
     ],
 )
 def test_what_cannot_be_is_the_sentence_of_the_command(settings, said):

@@ -24,7 +24,7 @@ SETTINGS = {
     "mesh__max_error_m": None,
     "eval__samples": 2000,
     "scene__test_every": 3,
-    "report": {"views": 2, "discs": 300},
+    "report": {"views": 2, "max_surfels": 300},
     "prior": "none",
 }
 RESULTS = ("mesh.ply", "surfels.safetensors", "poses.json")
@@ -56,7 +56,7 @@ def test_lines_go_where_they_are_wanted_and_to_the_log(made, said, capsys):
     assert capsys.readouterr().out == ""
 
 
-def test_a_run_gives_what_lies_in_its_folder(made, story):
+def test_a_run_gives_what_lies_in_its_folder(made, untrained, story):
     run = room2dgs.open_run(str(made.path))
     assert repr(run) == f"Run({str(made.path)!r})"
     written = trimesh.load(made.path / "mesh.ply", process=False)
@@ -65,7 +65,8 @@ def test_a_run_gives_what_lies_in_its_folder(made, story):
     assert list(run.cameras) == [frame.name for frame in run.scene.frames] and len(run.cameras) == 6
     assert run.scores["f_score_5cm"] == story.metrics(made.path)["f_score_5cm"]
     assert "peak_memory_mb" not in run.scores and "psnr_db" in run.scores
-    assert run.paths["mesh"] == made.path / "mesh.ply" and "export" not in run.paths
+    assert run.paths["mesh"] == made.path / "mesh.ply" and run.paths["surfels"].is_file()
+    assert "surfels" not in room2dgs.open_run(untrained).paths
     assert run.settings.train.iterations == 30
 
 
