@@ -29,7 +29,8 @@ def write_splats(source: Source, path: Path) -> list[Path]:
 def write_splats_2dgs(source: Source, path: Path) -> list[Path]:
     """As discs, for 2DGS tools."""
     comments = ["SplatRenderMode: 2dgs", *source.comments(source.y_down)]
-    return write_local(source, path, gaussian_ply(source.surfels_y_down, False, comments), source.y_down)
+    discs = primitive_of(source.surfels).as_discs(source.surfels_y_down)
+    return write_local(source, path, gaussian_ply(discs, False, comments), source.y_down)
 
 
 def gaussian_ply(

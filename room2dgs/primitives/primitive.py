@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -14,7 +14,7 @@ from torch import Tensor
 from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.primitives.activations import EXP, OPACITY_LOGIT_MAX, ScaleActivation, opacity_logit_of, opacity_of
 from room2dgs.primitives.spawned import Spawned
-from room2dgs.splat.types import Rendering
+from room2dgs.splat.types import Rendering, Surfels
 
 OFFSETS, ROTATIONS, RAW_SCALES = "offsets", "rotations", "raw_scales"
 OPACITY_LOGITS, SH_DC, SH_REST = "opacity_logits", "sh_dc", "sh_rest"
@@ -45,7 +45,8 @@ class Splats(Protocol):
     def sh(self) -> Tensor: ...
     def __iter__(self) -> Iterator[Tensor]: ...
     def _asdict(self) -> dict[str, Any]: ...
-    def _replace(self, **values: Any) -> Self: ...
+    @property
+    def _replace(self) -> Callable[..., Any]: ...
 
 
 S = TypeVar("S", bound=Splats)
@@ -106,6 +107,10 @@ class Primitive(ABC):
     @abstractmethod
     def three_scales(self, splats: Splats) -> np.ndarray:
         """(N, 3) metres along the columns of the rotation's matrix, as files of 3D Gaussians have them."""
+
+    @abstractmethod
+    def as_discs(self, splats: Splats) -> Surfels:
+        """Flat discs that cover the same surface, for pages and programs that draw no other kind."""
 
     def axis_scales(self, splats: Splats) -> Tensor:
         """(N, A) metres along each of `scale_axes`."""

@@ -37,6 +37,9 @@ class Surfel2D(Primitive):
     def footprints(self, splats: Splats) -> Tensor:
         return splats.scales.prod(dim=1).sqrt()
 
+    def as_discs(self, splats: Splats) -> Surfels:
+        return Surfels(*splats)
+
     def three_scales(self, splats: Splats) -> np.ndarray:
         scales = splats.scales.numpy()
         return np.column_stack([scales, np.full(len(scales), FLAT, scales.dtype)])

@@ -9,16 +9,16 @@ import torch
 from scipy.spatial import cKDTree
 
 from room2dgs.geometry.rotations import normals
+from room2dgs.geometry.spherical_harmonics import C0
+from room2dgs.primitives.registry import primitive_of
 from room2dgs.runs.page.packing import packed, stepped
 
 if TYPE_CHECKING:
+    from room2dgs.primitives.primitive import Splats
     from room2dgs.runs.page.mesh_layer import PageMesh
-    from room2dgs.splat.types import Surfels
-
-C0 = 0.28209479177387814  # the constant harmonic
 
 
-def block(surfels: Surfels, most: int, room: PageMesh | None) -> tuple[dict, str]:
+def block(splats: Splats, most: int, room: PageMesh | None) -> tuple[dict, str]:
     """What viewer.js wants to know of the discs, and their bytes.
 
     Colours are those that do not depend on the direction (harmonics of degree 0). Where there is a mesh, discs are
@@ -27,7 +27,8 @@ def block(surfels: Surfels, most: int, room: PageMesh | None) -> tuple[dict, str
     Args:
         most: no more discs; those with the largest area times opacity stay.
     """
-    centers, quaternions, scales, opacities = (np.asarray(part.detach().numpy(), np.float64) for part in surfels[:4])
+    discs = primitive_of(splats).as_discs(splats)
+    centers, quaternions, scales, opacities = (np.asarray(part.detach().numpy(), np.float64) for part in discs[:4])
     kept = np.sort(np.argsort(-scales.prod(axis=1) * opacities, kind="stable")[:most])
     centers, quaternions, scales, opacities = (part[kept] for part in (centers, quaternions, scales, opacities))
     quaternions = quaternions / np.maximum(np.linalg.norm(quaternions, axis=1, keepdims=True), 1e-12)
@@ -35,7 +36,7 @@ def block(surfels: Surfels, most: int, room: PageMesh | None) -> tuple[dict, str
         facing = room.normals[cKDTree(room.vertices).query(centers)[1]]
         back = (normals(torch.from_numpy(quaternions)).numpy() * facing).sum(axis=1) < 0
         quaternions = np.where(back[:, None], turned_over(quaternions), quaternions)
-    rgb = np.clip(0.5 + C0 * surfels.sh.detach().numpy()[kept, 0], 0, 1)
+    rgb = np.clip(0.5 + C0 * discs.sh.detach().numpy()[kept, 0], 0, 1)
     color = np.round(np.concatenate([rgb, opacities[:, None]], axis=1) * 255).astype(np.uint8)
     place, low, step = stepped(centers)
     about = {"count": len(centers), "low": low.tolist(), "step": step}

@@ -30,7 +30,7 @@ from room2dgs.runs.page.views import FULL, KINDS, Rendered, view_pictures
 from room2dgs.runs.trust import read_trust
 
 if TYPE_CHECKING:
-    from room2dgs.splat.types import Surfels
+    from room2dgs.primitives.primitive import Splats
 
 BUTTONS = (
     ("color", "Colours"),
@@ -42,7 +42,7 @@ BUTTONS = (
 KEY_STEPS = 5
 
 
-def write_report(scene: Scene, surfels: Surfels | None, rendered: Rendered, config: Config, out: Path) -> Path:
+def write_report(scene: Scene, surfels: Splats | None, rendered: Rendered, config: Config, out: Path) -> Path:
     """Write out/report.html, whole or not at all.
 
     Args:
@@ -99,7 +99,7 @@ def _room(scene: Scene, config: Config, out: Path) -> tuple[PageMesh | None, Cov
 
 
 def _page_mesh(
-    room: PageMesh, surfels: Surfels | None, places: list[Spot], scene: Scene, config: Config, threshold_m: float
+    room: PageMesh, surfels: Splats | None, places: list[Spot], scene: Scene, config: Config, threshold_m: float
 ) -> dict[str, Any]:
     cameras = [frame.camera for frame in scene.frames]
     up = up_axis(cameras, room.normals)
