@@ -1,6 +1,7 @@
 """Generated pages of the documentation: `python -m room2dgs.tools.docs_reference` writes them to docs/reference.
 
-`verbs.md` is what the verbs' own `--help` says, without the settings; `names.md` are all registries, name by name.
+`verbs.md` is what the verbs' own `--help` says, without the settings; `settings.md` are the fields of the settings;
+`names.md` are all registries, name by name.
 A test compares both with the files, so a page is never older than the code.
 """
 
@@ -11,12 +12,17 @@ import contextlib
 import io
 import re
 import sys
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 
 from room2dgs import cli, registries
 from room2dgs.commands.verbs import VERBS
+from room2dgs.config import conf_dir
+from room2dgs.config.keys import Key, leaf_keys
+from room2dgs.config.overrides import group_choices
+from room2dgs.config.sentences import shown
 from room2dgs.registry import Registry
 
 REFERENCE = Path(__file__).resolve().parents[1] / "docs/reference"
@@ -35,7 +41,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def pages() -> dict[str, str]:
     """File name in docs/reference -> its text."""
-    return {"verbs.md": verbs(), "names.md": names()}
+    return {"verbs.md": verbs(), "settings.md": settings(), "names.md": names()}
 
 
 def verbs() -> str:
@@ -67,6 +73,45 @@ def _help(verb: str) -> str:
     text = re.sub(r"^ {4}(?=\S)", "", head, flags=re.MULTILINE) + examples + tail
     kept = [line.rstrip() for line in text.splitlines() if not SETTING.match(line)]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(kept)).strip()
+
+
+def settings() -> str:
+    """A section for each group: its presets, a table of what everybody may set, and one for experts."""
+    keys = leaf_keys()
+    choices = group_choices(conf_dir())
+    sections = dict.fromkeys(map(_section, keys))
+    public = sum(key.public for key in keys)
+    lines = [
+        MADE,
+        "# Settings\n",
+        f"{public} settings are for everybody, {len(keys) - public} for experts. They follow a verb as `KEY=VALUE`. "
+        "Types and bounds are checked before anything runs, and a wrong key is answered with the nearest right one.\n",
+    ]
+    for section in sections:
+        own = [key for key in keys if _section(key) == section]
+        lines.append(f"\n## {section or 'All verbs'}\n")
+        groups = {name: presets for name, presets in choices.items() if name.partition("/")[0] == section}
+        lines += [f"Presets of `{name}=`: {', '.join(presets)}.\n" for name, presets in groups.items()]
+        lines += _table([key for key in own if key.public], "")
+        experts = [key for key in own if not key.public]
+        if experts:
+            lines += [f'\n??? note "{section or "All verbs"}, for experts"\n', *_table(experts, "    ")]
+    return "\n".join(lines) + "\n"
+
+
+def _section(key: Key) -> str:
+    return key.name.partition(".")[0] if "." in key.name else ""
+
+
+def _table(keys: Sequence[Key], indent: str) -> list[str]:
+    if not keys:
+        return []
+    rows = [f"| `{key.name}` | `{_default(key)}` | {key.comment.replace('|', chr(92) + '|')} |" for key in keys]
+    return [indent + line for line in ("| setting | default | meaning |", "|---|---|---|", *rows)]
+
+
+def _default(key: Key) -> str:
+    return "must be given" if key.default == "???" else shown(key.default)
 
 
 def names() -> str:

@@ -47,7 +47,10 @@ def _composes(settings, sweeps=False):
     if sweeps:
         choices = [_each(one) for one in given]
     for column in range(max(map(len, choices), default=0)):
-        load_config(["scene.path=a", "out=b", *(one[min(column, len(one) - 1)] for one in choices)])
+        chosen = [one[min(column, len(one) - 1)] for one in choices]
+        if "prior.depth.model=model.onnx" in chosen:  # whose card lies beside it
+            chosen.append(f"prior.depth.card={conf_dir() / '_networks/depth_anything_v2.json'}")
+        load_config(["scene.path=a", "out=b", *chosen])
 
 
 def _each(setting):

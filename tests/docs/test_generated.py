@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import itertools
 import re
+from dataclasses import fields
 
 import pytest
 
+from room2dgs.config.card import CardDepth, CardInput, CardNormal, read_card
+from room2dgs.config.keys import leaf_keys
 from room2dgs.depth.stages import STAGES
 from room2dgs.registries.exporters import EXPORTERS
 from room2dgs.registries.readers import READERS
@@ -22,10 +25,37 @@ FIGURES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["verbs.md", "names.md"])
+@pytest.mark.parametrize("name", ["verbs.md", "settings.md", "names.md"])
 def test_reference_pages_are_up_to_date(name):
     written = (DOCS / "reference" / name).read_text(encoding="utf-8")
     assert written == docs_reference.pages()[name], "run: python -m room2dgs.tools.docs_reference"
+
+
+def test_the_page_of_settings_has_every_setting_once():
+    text = (DOCS / "reference/settings.md").read_text(encoding="utf-8")
+    assert re.findall(r"^ *\| `([\w.]+)` \|", text, re.MULTILINE) == sorted(
+        (key.name for key in leaf_keys()), key=_place(leaf_keys())
+    )
+
+
+def _place(keys):
+    sections = list(dict.fromkeys(key.name.partition(".")[0] if "." in key.name else "" for key in keys))
+    order = {
+        key.name: (sections.index(key.name.partition(".")[0] if "." in key.name else ""), not key.public, i)
+        for i, key in enumerate(keys)
+    }
+    return order.get
+
+
+def test_the_card_that_is_shown_is_one(tmp_path):
+    text = (DOCS / "how-to/networks.md").read_text(encoding="utf-8")
+    card = tmp_path / "model.json"
+    card.write_text(re.findall(r"```json\n(.*?)```", text, re.DOTALL)[0], encoding="utf-8")
+    read = read_card(card)
+    assert read.depth.meaning == "relative_inverse_depth" and read.input.multiple == 14 and read.normal is None
+    for kind in (CardInput, CardDepth, CardNormal):
+        for field in fields(kind):
+            assert f"`{field.name}`" in text, f"{field.name} of a card is on no page"
 
 
 def test_results_and_scores_are_those_of_the_stored_figures():
