@@ -95,7 +95,7 @@ def dense_views(
         sights: V, from the sparse points.
         xyz: (M, 3) sparse points, metres.
         progress: gets the stage, how many views are done, and of how many.
-        wanted: the first so many views' depth is asked for; the others are searched, for their sake, at the
+        wanted: the first so many views' depth is wanted; the others are searched, for their sake, at the
             smaller sizes only, if there are any. None: of all.
 
     Yields:
@@ -129,7 +129,7 @@ def dense_views(
 def near_and_ranges(
     cameras: Sequence[Camera], sights: Sequence[Sight], xyz: np.ndarray, options: Options
 ) -> tuple[list[np.ndarray], list[tuple[float, float]]]:
-    """Each view's neighbours, best first, and the nearest and farthest depth to look at, metres."""
+    """Each view's neighbours, best first, and the nearest and farthest depth to search, metres."""
     count = max(options.num_source_views, options.consistency_views)
     near_views = neighbours_by_points(cameras, [sight.points for sight in sights], xyz, count)
     everywhere = np.concatenate([sight.depth for sight in sights])

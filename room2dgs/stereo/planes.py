@@ -1,7 +1,7 @@
 """A pixel's plane as (w, gx, gy): inverse depth at the pixel, 1/m, and its gradient over the image, 1/(m pixel).
 
 With the ray r = K^-1 (x, y, 1) a plane n . P = d in the camera's frame has 1/z = (n / d) . r, which is linear in the
-pixel: what PatchMatch carries from pixel to pixel is exact.
+pixel: what PatchMatch propagates from pixel to pixel is exact.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def plane_normals(planes: np.ndarray, camera: Camera) -> np.ndarray:
 def resized_planes(planes: np.ndarray, width: int, height: int) -> np.ndarray:
     """The planes at another image size, each taken from the pixel that covers the new pixel's centre.
 
-    Inverse depth is carried along the plane to the new centre, so a plane stays that plane.
+    Inverse depth is continued along the plane to the new centre, so a plane stays that plane.
 
     Args:
         planes: (3, h, w) float32.

@@ -59,7 +59,7 @@ def scene_stereo(
         points: sparse points, metres; their tracks tell which views see the same.
         log: takes one line at a time.
         device: what matches, as `render.device` names it.
-        beside: more views to match with, whose own depth is not asked for.
+        beside: more views to match with, whose own depth is not wanted.
 
     Returns:
         The views' cameras at stereo's image size, and what was found in each, in the frames' order; the work is done as

@@ -16,7 +16,7 @@ from room2dgs.stereo.patchmatch import Matching, Packed, Search
 from room2dgs.stereo.planes import planes_of_depth, resized_planes
 from room2dgs.stereo.start import wider_range
 
-PERTURBATION = 0.5  # of the planes that it begins with, as in the first look's second search
+PERTURBATION = 0.5  # of the planes that it begins with, as in the first pass's second search
 FIRST_DRAW = 100
 
 
@@ -32,17 +32,17 @@ def second_pass(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Depth of posed photos that is nearly known, one view after the other.
 
-    Views believe each other from the first search on. A view's slopes are forgotten when its cost is known, and the
-    depth that it began with when no other view asks for it any more: of each view about one inverse depth is in
+    The first search asks for geometric consistency already. A view's slopes are forgotten when its cost is known, and
+    the depth that it began with when no other view needs it any more: of each view about one inverse depth is in
     memory. The same photos give the same bits on any number of threads.
 
     Args:
-        views: V; asked for again and again, so that they may be packed when they are (`PackedWhenAsked`).
+        views: V; needed again and again, so that they may be packed when they are (`PackedWhenAsked`).
         cameras: V, theirs.
         sights: V, from the sparse points.
         xyz: (M, 3) sparse points, metres.
         start: functions that give (h, w) z-depth in metres, 0 = unknown, of any size, of the first views: the ones
-            whose depth is asked for; each is called twice.
+            whose depth is wanted; each is called twice.
         progress: gets the stage, how many views are done, and of how many.
 
     Yields:

@@ -1,4 +1,4 @@
-"""What sparse points tell stereo before it begins: a first plane here and there, and how far to look."""
+"""What sparse points tell stereo before it begins: a first plane here and there, and the range of depths to search."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ def planes_from_points(pixel: np.ndarray, depth: np.ndarray, camera: Camera) -> 
     """
     planes = np.zeros((3, camera.height, camera.width), np.float32)
     if len(pixel):
-        asked = camera.pixels().reshape(-1, 2)
-        distance, nearest = cKDTree(pixel).query(asked, distance_upper_bound=REACH * camera.width)
+        pixels = camera.pixels().reshape(-1, 2)
+        distance, nearest = cKDTree(pixel).query(pixels, distance_upper_bound=REACH * camera.width)
         found = np.isfinite(distance)
         planes[0].reshape(-1)[found] = 1 / depth[nearest[found]]
     return planes
 
 
 def depth_range(depth: np.ndarray, all_depths: np.ndarray) -> tuple[float, float]:
-    """Nearest and farthest depth worth looking at, metres.
+    """Nearest and farthest depth to search, metres.
 
     Args:
         depth: (N,) of the points that the view sees; with few of them those of all views, `all_depths`, count.

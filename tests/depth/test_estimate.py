@@ -232,7 +232,7 @@ def test_stereo_is_asked_twice_at_most_and_only_for_maps_that_it_can_hold(
 def test_a_second_pass_gets_what_the_first_came_to_and_its_word_counts(
     room, prior_config, map_files, tmp_path, normals
 ):
-    """Maps that are 5 % too far; stereo has them 2 % too far at first and right at the second look."""
+    """Maps that are 5 % too far; stereo has them 2 % too far at first and right in the second pass."""
     frames = photographed(room, tmp_path)
     folder = map_files(depth=lambda depth, i: 1.05 * depth)
     paths = {"depth__path": folder / "depth", "normal__path": folder / "normal"}

@@ -48,7 +48,7 @@ def test_more_views_are_worth_more():
     assert (more[INSIDE] > of(wall(), wall())[INSIDE]).all()
 
 
-def test_what_others_look_through_is_worth_little():
+def test_what_others_pass_through_is_worth_little():
     """A piece of wall taken for as near as a thing beside it."""
     thing = wall()
     thing[20:40, 30:50] = THING_M

@@ -68,7 +68,7 @@ def test_coarse_to_fine_finds_it_too(corner):
     assert view.depth.shape == (72, 96) and kept.mean() > 0.6 and np.median(off) < 0.004
 
 
-def test_a_second_look_mends_depth_that_is_all_but_right(corner):
+def test_a_second_pass_mends_depth_that_is_all_but_right(corner):
     """Begun at half size with depth that waves by 1 %, where the points say that everything is much nearer."""
     rows, columns = np.mgrid[:36, :48]
     photos, cameras = [photo for _, photo, _, _ in corner], [camera for camera, *_ in corner]
@@ -85,7 +85,7 @@ def test_a_second_look_mends_depth_that_is_all_but_right(corner):
     assert kept.mean() > 0.6 and np.median(off) < 0.006 and np.mean(off < 0.02) > 0.97
 
 
-def test_a_second_look_keeps_nothing_that_looks_unlike_the_other_photos(corner):
+def test_a_second_pass_keeps_nothing_that_passes_unlike_the_other_photos(corner):
     """Something stands before one camera alone; the views' depth, with which all begin, agrees there, too."""
     cameras, xyz_sights = [camera for camera, *_ in corner], sparse(corner)
     photos = [photo.copy() for _, photo, _, _ in corner]
@@ -116,7 +116,7 @@ def test_depth_of_some_views_is_found_by_comparing_them_with_all(corner, levels)
     assert searched == {f"stereo at {everywhere} pixels, search {one}" for one in (1, 2)}
 
 
-def test_a_second_look_at_some_views_is_held_to_the_others_photos(corner):
+def test_a_second_pass_at_some_views_is_held_to_the_others_photos(corner):
     """Of one view alone: without depth of the others nobody could agree, but two of five views have some."""
     photos, cameras = [photo for _, photo, _, _ in corner], [camera for camera, *_ in corner]
     xyz, sights = sparse(corner)
@@ -134,7 +134,7 @@ def test_a_second_look_at_some_views_is_held_to_the_others_photos(corner):
     assert kept.mean() > 0.5 and num_consistent.max() == 2 and np.median(off) < 0.004
 
 
-def test_a_second_look_asks_the_views_that_have_depth(corner):
+def test_a_second_pass_asks_the_views_that_have_depth(corner):
     """Photos beside the keyframes would be the best neighbours of some, but cannot agree."""
     order = [0, 1, 2, 4, 3]
     photos, cameras = [corner[view][1] for view in order], [corner[view][0] for view in order]

@@ -1,4 +1,4 @@
-"""Stereo of a capture's photos: what a mask hides has no depth, at either look."""
+"""Stereo of a capture's photos: what a mask hides has no depth, in either pass."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def settings() -> StereoConfig:
     return replace(load_config(["scene.path=room", "out=out"]).stereo, width=None, min_num_consistent=2)
 
 
-@pytest.mark.parametrize("look", ["first", "second"])
-def test_what_a_mask_hides_has_no_depth_and_nobody_agrees_with_it(frames, points, corner, settings, look):
-    if look == "first":
+@pytest.mark.parametrize("pass_", ["first", "second"])
+def test_what_a_mask_hides_has_no_depth_and_nothing_is_consistent_with_it(frames, points, corner, settings, pass_):
+    if pass_ == "first":
         _, views = scene_stereo(frames, points, settings)
         found = [(view.depth, view.num_consistent) for view in views]
     else:

@@ -14,9 +14,9 @@ from scipy.ndimage import map_coordinates
 from room2dgs.geometry.camera import Camera
 
 GAP = 2  # most pixels from one plane's last to another's first
-MOST_ALONG = 0.5  # cosine between two planes whose crease is asked
+MOST_ALONG = 0.5  # cosine between two planes whose crease is used
 GRAZING = -0.03  # greatest n · ray of a plane that is seen
-FULL = 30  # pixels of a crease with which a photo has said all that it has to say of it
+FULL = 30  # pixels of a crease from which on more of them count no more
 # A crease is moved to the photo's edge beside it: among places up to so far, by how strong the edge is there and by how
 # near it is; differences of grey values below the faintest say nothing.
 BESIDE_PX, STEP_PX, REACH_PX, FAINT = 3.0, 0.25, 0.7, 0.02

@@ -29,7 +29,7 @@ def expecting(
         together: of all views, what they have made of each other.
         alone: what each found by itself.
         near: for each, the views to compare it with, best first.
-        space: depth that other views look through is expected to be off by more; None = not asked.
+        space: depth that other views look through is expected to be off by more; None = not known.
     """
     compared = comparing(alone, near)
 

@@ -20,7 +20,7 @@ from room2dgs.captures.seen_points import seen_points
 
 CELL_M = 0.05
 MOST_CELLS = 2**25  # larger cells where a room would need more
-LEAST_TRUST = 0.25  # of a point whose ray counts
+LEAST_WEIGHT = 0.25  # of a point whose ray counts
 FROM_M = 0.1  # from the camera on
 UP_TO = 0.95  # of the way to the point
 OUTSIDE = 0.001  # share of the ends on each side that the cells leave out: those far beyond a window
@@ -52,9 +52,9 @@ class Rays(NamedTuple):
 
 
 def rays_to(points: PointCloud, frame: Frame) -> Rays:
-    """To the points that a photo sees and that can be trusted."""
+    """To the points that a photo sees and that weigh enough."""
     index = seen_points(points, frame).index
-    return Rays(frame.camera.centre, points.xyz[index[points.weight_of(index) >= LEAST_TRUST]])
+    return Rays(frame.camera.centre, points.xyz[index[points.weight_of(index) >= LEAST_WEIGHT]])
 
 
 def free_space(views: Sequence[Rays]) -> FreeSpace | None:
@@ -75,13 +75,13 @@ def free_space(views: Sequence[Rays]) -> FreeSpace | None:
 
 
 def less_where_seen_through(points: PointCloud, space: FreeSpace | None) -> PointCloud:
-    """The points, less trusted the more views look through them."""
+    """The points, of less weight the more views look through them."""
     weight = points.weight_of(np.arange(len(points))) * (1 - seen_through(space, points.xyz)) ** 2
     return replace(points, weight=weight.astype(np.float32))
 
 
 def seen_through(space: FreeSpace | None, xyz: np.ndarray) -> np.ndarray:
-    """Share of the views' word that there is nothing at a point, 0..1; 0 where no view says anything.
+    """Share of the views by which there is nothing at a point, 0..1; 0 where no view sees it.
 
     Args:
         xyz: (..., 3) metres, world frame.

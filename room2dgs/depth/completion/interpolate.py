@@ -23,7 +23,7 @@ def interpolated(inputs: Iterable[LowResInput], pool: Executor) -> list[Complete
     while some := list(islice(rest, AT_ONCE)):
         scales = solved(list(pool.map(system_of, some)))
         found += [_at_scale(view, scale.astype(np.float32)) for view, scale in zip(some, scales, strict=True)]
-    give_back()  # the systems of some images, again and again, between what stays
+    give_back()  # the systems of some images, again and again, between what is kept
     return found
 
 

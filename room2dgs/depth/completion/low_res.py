@@ -152,7 +152,7 @@ def _samples(frame: Frame, points: PointCloud, camera: Camera) -> tuple[np.ndarr
     depth_at, weight_at = np.zeros((camera.height, camera.width)), np.zeros((camera.height, camera.width))
     column, row = np.floor(seen.pixel * (np.array(camera.size) / frame.camera.size)).astype(np.int64).T
     row, column = row.clip(0, camera.height - 1), column.clip(0, camera.width - 1)
-    order = np.lexsort((-seen.depth, weight))  # the last one stays
+    order = np.lexsort((-seen.depth, weight))  # the last one is kept
     depth_at[row[order], column[order]] = seen.depth[order]
     weight_at[row[order], column[order]] = weight[order]
     return depth_at, weight_at

@@ -68,12 +68,12 @@ def flattened(
 ) -> tuple[np.ndarray, np.ndarray]:
     """How far each pixel has to go to a plane that it almost lies on.
 
-    A solution between anchors and slopes follows the anchors' noise; a wall is flat.
+    A solution between samples and slopes follows the samples' noise; a wall is flat.
 
     Args:
         depth, normal, camera, planes: as `on_planes`.
         error: (h, w) relative error to be expected of the depth, where a plane that is many of them away is none of
-            its; None: not asked.
+            its; None: any plane counts.
 
     Returns:
         (h, w) to add to ln(depth), and (h, w) the share 0..1 of the way to the plane that this is.

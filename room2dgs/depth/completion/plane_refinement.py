@@ -16,9 +16,9 @@ from room2dgs.geometry.rotations import across_of
 
 WIDTH_PX = 0.65  # distance from where planes meet at which a pixel starts to count as one of something else
 REWEIGHTINGS = 8
-# Stereo's word on a plane is off by this over its mean weight, metres, and by no less than that.
+# Where stereo has a plane is off by this over its mean weight, metres, and by no less than that.
 STEREO_M, LEAST_M = 0.008, 0.003
-UNKNOWN_M = 0.04  # what a plane is off by at most, before creases are asked
+UNKNOWN_M = 0.04  # what a plane is off by at most, before creases are used
 REACH_M, SPREAD_M = 0.1, 0.02  # farther off a plane stereo sees something else; distance at which it starts to
 MIDDLE_STEP = 4  # every so many pixels of every so many rows tell a plane's middle
 LEAST_TILT, TILT_PER_M = 0.001, 0.15  # radians that a direction is off by, and what it is for each metre that stereo is
@@ -28,7 +28,7 @@ def refined_at_creases(planes: Sequence[Plane], seen: Sequence[SeenPlanes]) -> l
     """The same planes, moved and tilted so that they meet where photos see them meet.
 
     Minimises sum ((d_k - a_k) / e_k)^2 + (d_k / UNKNOWN_M)^2 + |t_k / s_k|^2 + sum over the pixels of creases of w
-    (pixels off)^2 over the moves d and the tilts t. What stereo has, a, is asked itself, not the completed depth, which
+    (pixels off)^2 over the moves d and the tilts t. a is of stereo itself, not of the completed depth, which
     the planes of an earlier round have drawn to them. Reweighted (Geman and McClure), since many an edge between two
     planes is that of something that stands before them (docs/how-it-works/depth.md, "Fit planes").
 

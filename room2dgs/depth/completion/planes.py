@@ -12,9 +12,9 @@ import numpy as np
 
 from room2dgs.depth.completion.right_angles import direction_covariance, turned
 
-LEAST_SHARE = 0.01  # of all samples, that a plane has to hold
+LEAST_SHARE = 0.01  # of all samples, that have to lie on a plane
 MOST = 24  # planes
-DRAWN = 60000  # samples that are looked at
+DRAWN = 60000  # samples that are used
 TRIED, FIRST_AGAINST = 600, 1000  # candidates in each round, and samples that judge them all
 FINAL, AGAINST = 40, 6000  # the best of them, and samples that judge these
 AT_ONCE = 40  # candidates judged together
@@ -26,7 +26,7 @@ REFITS = 8
 EXACT_M, EXACT_RELATIVE = 0.006, 0.004
 # and those count that are as near as most of them are, up to this share of the widths above.
 NARROW, MIDDLES = 0.15, 1.5
-FEWEST = 200  # samples left that are worth another round
+FEWEST = 200  # samples left that are enough for another round
 
 
 class Samples(NamedTuple):
@@ -62,7 +62,7 @@ class Plane(NamedTuple):
 
 
 def find_planes(samples: Samples, *, right_angles: bool, width: float = 1.0) -> list[Plane]:
-    """Planes by the samples that they hold, the largest first, each sample on one of them; the same input gives the
+    """Planes, the largest first, each sample on one of them; the same input gives the
     same bits.
 
     Candidates are samples with their own normals. The one that most samples lie on is refitted to them by reweighted
@@ -89,7 +89,7 @@ def find_planes(samples: Samples, *, right_angles: bool, width: float = 1.0) -> 
     exact /= exact.mean()
     free = np.ones(len(xyz), bool)
     planes: list[Plane] = []
-    held: list[tuple[np.ndarray, np.ndarray]] = []
+    members: list[tuple[np.ndarray, np.ndarray]] = []
     for _ in range(MOST):
         left = np.nonzero(free)[0]
         if len(left) < FEWEST:
@@ -104,9 +104,9 @@ def find_planes(samples: Samples, *, right_angles: bool, width: float = 1.0) -> 
         free &= ~on
         if share >= LEAST_SHARE:
             planes.append(Plane(direction, _offset(_along(xyz[on], direction), widths[on]), share))
-            held.append((xyz[on], widths[on]))
+            members.append((xyz[on], widths[on]))
     if right_angles and len(planes) > 1:
-        planes = _squared(planes, held)
+        planes = _squared(planes, members)
     return sorted(planes, key=lambda plane: -plane.share)
 
 
@@ -117,8 +117,8 @@ def _best_candidate(
     candidates = generator.choice(left, min(len(left), TRIED), replace=False)
     offset = (normal[candidates] * xyz[candidates]).sum(axis=1)
 
-    def held(some: np.ndarray, by: np.ndarray) -> np.ndarray:
-        """How many of the judges each candidate holds."""
+    def inliers(some: np.ndarray, by: np.ndarray) -> np.ndarray:
+        """How many of the judges lie on each candidate."""
         count = np.empty(len(some), np.int64)
         for part in range(0, len(some), AT_ONCE):
             index = candidates[some[part : part + AT_ONCE]]
@@ -127,9 +127,9 @@ def _best_candidate(
             count[part : part + AT_ONCE] = (near & (_along(normal[by], direction) > TURN)).sum(axis=1)
         return count
 
-    first = held(np.arange(len(candidates)), judges[:FIRST_AGAINST])
+    first = inliers(np.arange(len(candidates)), judges[:FIRST_AGAINST])
     final = np.argsort(-first, kind="stable")[:FINAL]
-    best = final[held(final, judges).argmax()]  # the first of equals
+    best = final[inliers(final, judges).argmax()]  # the first of equals
     return normal[candidates[best]], float(offset[best])
 
 
@@ -173,20 +173,20 @@ def _least_squares(xyz: np.ndarray, weight: np.ndarray, towards: np.ndarray) -> 
     return direction, float(direction @ centre)
 
 
-def _squared(planes: Sequence[Plane], held: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Plane]:
-    """The same planes, their directions adjusted to each other; of each, the points that it holds and their widths.
+def _squared(planes: Sequence[Plane], members: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Plane]:
+    """The same planes, their directions adjusted to each other; of each, its points and their widths.
 
     How well a direction is known all samples say, not the exact ones, which may be off together.
     """
     covariances = []
-    for plane, (xyz, width) in zip(planes, held, strict=True):
+    for plane, (xyz, width) in zip(planes, members, strict=True):
         off = _along(xyz, plane.normal)
         off -= off.mean()
         covariances.append(direction_covariance(xyz, off, 1 / (1 + (off / width) ** 2), plane.normal))
     normals = turned(np.stack([plane.normal for plane in planes]), np.stack(covariances))
     return [
         Plane(normal, _offset(_along(xyz, normal), width), plane.share)
-        for normal, plane, (xyz, width) in zip(normals, planes, held, strict=True)
+        for normal, plane, (xyz, width) in zip(normals, planes, members, strict=True)
     ]
 
 

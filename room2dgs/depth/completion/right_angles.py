@@ -55,7 +55,7 @@ def turned(normals: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     """Directions of planes that agree with each other as far as they are known.
 
     The planes in order of how well they are known; each takes the direction that is most probable by its own fit and
-    by those before it, to which it is held where it is almost parallel or at a right angle with them (Geman and
+    by those before it, to which it is drawn where it is almost parallel or at a right angle with them (Geman and
     McClure: the less, the more it is off). So no plane is turned by one that is known less.
 
     Args:

@@ -138,11 +138,11 @@ def _ties(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(h, w - 1) stiffness between neighbours along x, and the step of r that they are to make: none across a jump."""
     expected = 0.5 * (slope[:, :-1] + slope[:, 1:])
-    told, both = np.isfinite(expected), known[:, :-1] & known[:, 1:]
-    step = np.where(told, expected, 0) - np.diff(log_prior, axis=1)
-    sure = np.minimum(tie[:, :-1], tie[:, 1:]) * told + WEAKEST_TIE
+    given, both = np.isfinite(expected), known[:, :-1] & known[:, 1:]
+    step = np.where(given, expected, 0) - np.diff(log_prior, axis=1)
+    sure = np.minimum(tie[:, :-1], tie[:, 1:]) * given + WEAKEST_TIE
     smooth = share(step, JUMP_WIDTH)
-    return sure * smooth * both, np.where(told & both, smooth * step, 0)
+    return sure * smooth * both, np.where(given & both, smooth * step, 0)
 
 
 def share(residual: np.ndarray, width: float) -> np.ndarray:

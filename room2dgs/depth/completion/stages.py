@@ -65,7 +65,7 @@ def complete(state: DepthState, settings: DepthSettings) -> DepthState:
         if state.depth_settings.other_views:
             assert views.sigmas is not None
             drawn = drawn_to_other_views(inputs, views.together, views.sigmas, views.near)
-        alone = interpolated(inputs, pool)  # what views have told each other is no evidence
+        alone = interpolated(inputs, pool)  # depth from other views is no evidence
         together = interpolated(drawn, pool) if drawn else alone
         return replace(state, low_res=replace(views, alone=alone, together=together, sigmas=None))
 

@@ -17,7 +17,7 @@ def drawn_to_planes(
     view: LowResInput, before: Completed, planes: Sequence[Plane], space: FreeSpace | None
 ) -> LowResInput:
     """What to complete once more: a plane is a sample wherever it weighs more than stereo's, and where other views
-    look through what was found, the prior has no say."""
+    look through what was found, the prior counts for nothing."""
     through = seen_through(space, view.camera.unproject_map(before.depth))
     view = view._replace(prior_weight=(view.prior_weight * (1 - through) ** 2).astype(np.float32))
     found = on_planes(before.depth, view.normal, view.camera, planes)
@@ -30,7 +30,7 @@ def drawn_to_other_views(
     sigmas: Sequence[np.ndarray],
     near: Sequence[np.ndarray | Sequence[int]],
 ) -> Iterator[LowResInput]:
-    """Likewise what a view's neighbours are sure of; each made when it is asked for."""
+    """Likewise what a view's neighbours are sure of; each made when it is needed."""
     lent = lent_depth(before, sigmas, near)
     return (_with_samples(view, *seen) for view, seen in zip(inputs, lent, strict=True))
 

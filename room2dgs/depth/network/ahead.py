@@ -48,7 +48,7 @@ def maps_ahead(frames: Sequence[Frame], config: PriorConfig, log: Log) -> Iterat
 
 
 def _wanted(frames: Sequence[Frame], config: PriorConfig) -> tuple[str | None, PriorConfig]:
-    """The kind to begin with, if any, and settings in which every source that is a network's will be asked."""
+    """The kind to begin with, if any, and the settings with "auto" decided."""
     if config.depth.source == "auto" and not any(frame.depth_path for frame in frames):
         config = replace(config, depth=replace(config.depth, source="room_prior"))
     if config.depth.source in NETWORK_SOURCES:

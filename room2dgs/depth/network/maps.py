@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -35,7 +35,7 @@ KINDS = ("depth", "normal")
 # Raise it when a map of the same photo by the same network would come out differently.
 FORMAT = 2
 _REPORT_SECONDS = 30.0
-LARGE_MB = 100.0  # of the file of a network that looks at one photo at a time
+LARGE_MB = 100.0  # of the file of a network that runs on one photo at a time
 MOST_AT_ONCE = 4
 
 
@@ -130,28 +130,15 @@ def _fill(
         settings = format_of(getattr(config, kind), kind)
         networks.append(open_network(model.path, kind, settings, threads, config.provider, session))
     paths = {kind: _paths(frames, kind, config, model) for kind in kinds}
-    start = reported = time.monotonic()
+    start = time.monotonic()
 
     def make(frame: Frame) -> None:
-        if stop.is_set():
-            return
-        for kind, found in zip(kinds, predictions(networks, *_photo(frame)), strict=True):
-            path = paths[kind][frame.name]
-            if is_cached(path, _shape(frame, kind)):
-                continue
-            try:
-                write_map(path, *at_camera(found, frame.camera))
-            except OSError as error:
-                raise InputError(
-                    f"{path.parent} cannot be written ({error.strerror}); choose another prior.cache=DIR"
-                ) from error
+        if not stop.is_set():
+            _make(frame, networks, {kind: paths[kind][frame.name] for kind in kinds})
 
     with ThreadPoolExecutor(at_once) as pool:
         try:
-            for count, _ in enumerate(pool.map(make, frames), start=1):
-                if time.monotonic() - reported > _REPORT_SECONDS:
-                    reported = time.monotonic()
-                    log(f"{kinds[0]} prior: {count} of {len(frames)} photos, {(reported - start) / count:.1f} s each")
+            _log_progress(pool.map(make, frames), kinds[0], len(frames), log)
         except BaseException:
             stop.set()
             raise
@@ -164,8 +151,29 @@ def _fill(
     )
 
 
+def _make(frame: Frame, networks: Sequence[Network], paths: Mapping[str, Path]) -> None:
+    """One photo's maps of all kinds, of which some may be there already."""
+    for (kind, path), found in zip(paths.items(), predictions(networks, *_photo(frame)), strict=True):
+        if is_cached(path, _shape(frame, kind)):
+            continue
+        try:
+            write_map(path, *at_camera(found, frame.camera))
+        except OSError as error:
+            raise InputError(
+                f"{path.parent} cannot be written ({error.strerror}); choose another prior.cache=DIR"
+            ) from error
+
+
+def _log_progress(made: Iterable[None], kind: str, count: int, log: Log) -> None:
+    start = reported = time.monotonic()
+    for done, _ in enumerate(made, start=1):
+        if time.monotonic() - reported > _REPORT_SECONDS:
+            reported = time.monotonic()
+            log(f"{kind} prior: {done} of {count} photos, {(reported - start) / done:.1f} s each")
+
+
 def photos_at_once(model: ModelFile, config: PriorConfig) -> tuple[int, int]:
-    """How many photos a network looks at side by side on the CPU, and with how many threads each.
+    """How many photos a network runs on side by side on the CPU, and with how many threads each.
 
     Small networks gain little from a second thread, large ones need their memory for one photo.
     """

@@ -74,8 +74,8 @@ def _with_planes(samples: Sequence[Sample], xyz: np.ndarray, settings: NormalPri
     step = 1 + sum(np.count_nonzero(sample.point >= 0) for sample in samples) // MOST_PLANAR
     chosen = [np.flatnonzero(sample.point >= 0)[::step] for sample in samples]
     points = [sample.point[seen] for sample, seen in zip(samples, chosen, strict=True)]
-    asked, place = np.unique(np.concatenate([np.zeros(0, np.int64), *points]), return_inverse=True)
-    planes = planar_normals(xyz, asked)[place]
+    indices, place = np.unique(np.concatenate([np.zeros(0, np.int64), *points]), return_inverse=True)
+    planes = planar_normals(xyz, indices)[place]
     cosines, facing = [np.zeros(0)], [np.zeros(0)]
     ends = np.cumsum([len(seen) for seen in chosen])[:-1]
     for sample, seen, in_world in zip(samples, chosen, np.split(planes, ends), strict=True):

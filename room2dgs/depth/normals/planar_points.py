@@ -14,21 +14,21 @@ SPACING_M = 0.05
 MAX_THICKNESS, MIN_WIDTH = 0.05, 0.1
 
 
-def planar_normals(xyz: np.ndarray, asked: np.ndarray) -> np.ndarray:
+def planar_normals(xyz: np.ndarray, indices: np.ndarray) -> np.ndarray:
     """Normals by principal components of some points' neighbours.
 
     Args:
         xyz: (M, 3) metres.
-        asked: (N,) indices of the points.
+        indices: (N,) of the points.
 
     Returns:
         (N, 3) float64 unit, of either sign; 0 where the neighbours lie on no plane.
     """
     thinned = xyz[cells_of(xyz, SPACING_M)[0]]
-    normals = np.zeros((len(asked), 3))
+    normals = np.zeros((len(indices), 3))
     if len(thinned) < NEIGHBOURS:
         return normals
-    near = thinned[cKDTree(thinned).query(xyz[asked], k=NEIGHBOURS)[1]]
+    near = thinned[cKDTree(thinned).query(xyz[indices], k=NEIGHBOURS)[1]]
     offsets = near - near.mean(axis=1, keepdims=True)
     variances, axes = np.linalg.eigh(np.einsum("mki,mkj->mij", offsets, offsets))
     plane = (variances[:, 0] < MAX_THICKNESS * variances[:, 1]) & (variances[:, 1] > MIN_WIDTH * variances[:, 2])

@@ -52,7 +52,7 @@ def sensor_depth(frame: Frame, settings: DepthPriorConfig) -> np.ndarray:
 
 
 def raw_depth(frame: Frame, settings: DepthPriorConfig) -> np.ndarray:
-    """(H, W) float32 metres at the file's own size, 0 = invalid; the reach of the camera is not asked.
+    """(H, W) float32 metres at the file's own size, 0 = invalid; pixels out of the camera's reach among them.
 
     Raises:
         InputError: the file cannot be used (`decoded_depth`).

@@ -10,7 +10,7 @@ from room2dgs.depth.sensor.at_points import AtPoints, moves
 from room2dgs.errors import InputError
 
 MIN_POINTS = 30  # over all views; fewer say nothing
-MIN_VIEW_POINTS = 20  # of a view that is asked about a shift
+MIN_VIEW_POINTS = 20  # of a view that takes part in finding a shift
 MAX_SCALE_OFF = 0.03
 KNOWN_UNITS_M = (1.0, 0.1, 0.01, 0.001, 0.0001, 0.00001, 1 / 5000, 1 / 6553.5, 0.00025, 0.000125)
 MIN_SHIFT_PX, MIN_SHIFT = 2.0, 0.006  # pixels; share of the photo's width

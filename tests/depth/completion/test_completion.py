@@ -202,7 +202,7 @@ def test_samples_where_there_is_no_depth_tell_nothing_of_what_is_around():
     np.testing.assert_array_equal(one, other)
 
 
-def test_views_that_look_through_a_depth_count_against_it_and_views_that_cannot_see_it_hardly():
+def test_views_that_pass_through_a_depth_count_against_it_and_views_that_cannot_see_it_hardly():
     assert sure_of(1.0, said(2)) - sure_of(1.0, said(2, through=2)) > 0.6
     assert sure_of(1.0, said(7)) > sure_of(1.0, said(7, through=2)) > sure_of(1.0, said(2, through=2)) + 0.1
     assert sure_of(1.0, said(5, hidden=3)) > 0.9 * sure_of(1.0, said(5))

@@ -49,7 +49,7 @@ def test_in_front_of_a_wall_is_seen_through_and_the_wall_is_not(facing_a_wall):
     assert seen_through(space, at.reshape(5, 1, 3)).shape == (5, 1)
 
 
-def test_one_view_that_looks_through_what_others_see_says_little(facing_a_wall):
+def test_one_view_that_passes_through_what_others_see_says_little(facing_a_wall):
     views = facing_a_wall(8)
     views[3] = views[3]._replace(ends=views[3].centre + 1.5 * (views[3].ends - views[3].centre))
     assert seen_through(free_space(views), np.array([[WALL_M, 0.2, 0.0]]))[0] == 0
@@ -159,7 +159,7 @@ def seen(box_room):
     return room, {frame.name: depth.astype(np.float32) for frame, depth in zip(room.frames, room.depths, strict=True)}
 
 
-def test_a_mistake_that_many_views_share_is_not_believed_where_others_look_through_it(left_half, seen):
+def test_a_mistake_that_many_views_share_is_not_believed_where_others_pass_through_it(left_half, seen):
     """Every other view has it, and nothing there to hold it."""
     room, depths = seen
     names = [frame.name for frame in room.frames[::2]]
@@ -185,7 +185,7 @@ def test_a_mistake_of_half_the_views_is_mended_by_the_others(left_half, seen):
     assert left_half(room, wrong, points, False, right, 0.15, True)[1] > 0.5
 
 
-def test_samples_that_others_look_through_do_not_bend_the_depth(left_half, seen):
+def test_samples_that_others_pass_through_do_not_bend_the_depth(left_half, seen):
     """Of maps that fitted the points badly, so that samples rule."""
     room, depths = seen
     names = [room.frames[5].name]

@@ -44,7 +44,7 @@ def completed_at_prior(maps: LowResInput) -> Completed:
     return Completed(maps.camera, maps.sample, maps.sample_weight, none, maps.prior, none)
 
 
-def test_samples_that_others_look_through_are_drawn_less(left_is_seen_through):
+def test_samples_that_others_pass_through_are_drawn_less(left_is_seen_through):
     camera, space = left_is_seen_through
     maps = maps_of(camera, np.zeros(SHAPE))
     samples = samples_of([maps], [completed_at_prior(maps)], [np.full(SHAPE, 0.001, np.float32)], space)
@@ -53,7 +53,7 @@ def test_samples_that_others_look_through_are_drawn_less(left_is_seen_through):
     np.testing.assert_allclose(samples.weight, samples.weight.max() * (1 - share) ** 2, rtol=1e-6)
 
 
-def test_the_prior_has_no_say_where_others_look_through_it(left_is_seen_through):
+def test_the_prior_has_no_say_where_others_pass_through_it(left_is_seen_through):
     """Few samples everywhere say 2 % farther; only on the left does the depth follow them."""
     camera, space = left_is_seen_through
     sample = np.zeros(SHAPE)

@@ -86,7 +86,7 @@ def test_a_second_run_opens_no_model_and_gives_the_same_bits(room, photos, grey,
         (16, 1, "cuda", (1, 16)),
     ],
 )
-def test_small_networks_look_at_photos_side_by_side(depth_config, threads, megabytes, provider, expected):
+def test_small_networks_pass_at_photos_side_by_side(depth_config, threads, megabytes, provider, expected):
     model = ModelFile(Path("a.onnx"), "0", megabytes * 10**6)
     assert photos_at_once(model, replace(depth_config(), threads=threads, provider=provider)) == expected
 
