@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tests.docs.pages import DOCS, LINK, ROOT, anchors, name_of, pages, prose
+from tests.docs.pages import DOCS, LINK, ROOT, anchors, inline, name_of, pages, prose
 
 TABLES = ROOT / "tools/study_tables"
 SOURCES = ("room2dgs", "conf", "eval", "tools", "tests", ".ci")
@@ -73,6 +73,22 @@ def test_pages_that_the_sources_name_are_there():
     assert not gone
 
 
+def test_places_in_the_sources_that_pages_name_are_there():
+    top = [path.name for path in (ROOT / "room2dgs").iterdir() if path.is_dir()]
+    named = set()
+    for page in pages():
+        for code in inline(page):
+            if re.fullmatch(r"[a-z_0-9]+(/[\w]+)+(\.py|\.h|/)?", code.text) and code.text.partition("/")[0] in (
+                *top,
+                *SOURCES,
+            ):
+                named.add(code.text)
+    gone = [name for name in named if not ((ROOT / name).exists() or (ROOT / "room2dgs" / name).exists())]
+    assert len(named) > 40
+    assert [name for name in gone if "NAME" not in name and name not in OF_RUNS] == []
+
+
+OF_RUNS = {"export/splats", "runs/room/", "runs/room/export", "runs/room", "plan/plan", "eval/", "renders/test/"}
 TEXTS = {".py", ".yaml", ".toml", ".md", ".txt", ".cpp", ".h", ".cu", ".sh"}
 OTHERS = {"docs/onnx.md"}  # a page of MoGe's repository
 
