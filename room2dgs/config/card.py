@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from room2dgs.config.fields import GROUP, Float, Int
+from room2dgs.config.fields import GROUP, REQUIRED, Float, Int
 from room2dgs.config.folder import conf_dir
 from room2dgs.errors import InputError
 from room2dgs.regular_files import read_regular
@@ -93,7 +93,7 @@ class CardDepth(CardOutput):
         canonical_focal_px: focal length for which depth is metric (null: the photo's).
     """
 
-    meaning: Literal["metric_depth", "relative_depth", "relative_inverse_depth"] = Field()
+    meaning: Literal["metric_depth", "relative_depth", "relative_inverse_depth"] = Field(default=REQUIRED)
     channel: Annotated[Int, Field(ge=0, le=255)] | None = None
     canonical_focal_px: Annotated[Float, Field(ge=1, le=1e5)] | None = None
 

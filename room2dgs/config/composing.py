@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from hydra import compose, initialize_config_dir
 from hydra import version as hydra_version
@@ -34,7 +35,9 @@ def composed(overrides: Sequence[str]) -> DictConfig:
     Raises:
         HydraException: the overrides cannot be read, or name what is not there.
     """
-    folder, choices, values = conf_dir().resolve(), [], []
+    folder = conf_dir().resolve()
+    choices: list[str] = []
+    values: list[str] = []
     for text in overrides:
         is_choice = (folder / text.partition("=")[0]).is_dir()  # a group is a folder
         (choices if is_choice else values).append(text)
@@ -61,7 +64,7 @@ def _by_hydra(folder: Path, overrides: Sequence[str]) -> DictConfig:
 @contextmanager
 def hydra_to_itself() -> Iterator[None]:
     """Hydra keeps its state in singletons: what an application around us has there is put aside, then put back."""
-    before = {kind: Singleton._instances.pop(kind) for kind in _OURS if kind in Singleton._instances}
+    before: dict[type, Any] = {kind: Singleton._instances.pop(kind) for kind in _OURS if kind in Singleton._instances}
     try:
         yield
     finally:

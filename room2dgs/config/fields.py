@@ -79,7 +79,7 @@ def group(kind: type, called: str = "", **defaults: Any) -> Any:
 
 
 def _field(default: Any, description: str, is_public: bool, bounds: dict[str, Any]) -> Any:
-    marks = {"public": is_public}
+    marks: dict[str, Any] = {"public": is_public}
     if isinstance(default, list):
         return Field(
             default_factory=partial(copy.deepcopy, default), description=description, json_schema_extra=marks, **bounds

@@ -50,13 +50,15 @@ def load_config(overrides: Sequence[str] = (), earlier: Path | None = None) -> C
     checked = checked_overrides(overrides, group_choices(conf_dir()))
     for_hydra, paths = without_paths(checked)
     try:
-        values = _given(OmegaConf.to_container(composed(for_hydra), resolve=True))
+        values: Any = OmegaConf.to_container(composed(for_hydra), resolve=True)
     except (HydraException, OmegaConfBaseException) as error:
         raise InputError(sentences.of_composition(error)) from error
     except (RecursionError, ValueError) as error:
         raise InputError(f"configuration: a value cannot be read ({first_line(error)}); write it shorter") from error
     if earlier is not None:
         values = _on_top_of(earlier, values, override_keys(checked))
+    _check_given(values, override_keys(paths))
+    values = _given(values)
     for override in paths:
         key, _, text = override.partition("=")
         _put(values, key, path_of(text))
@@ -93,7 +95,7 @@ def _on_top_of(earlier: Path, tree: Tree, chosen: list[str]) -> Tree:
     for key in (key.replace("/", ".") for key in chosen):
         if key not in path_keys():  # theirs come last of all
             _put(result, key, _at(tree, key))
-    return _given(result)
+    return result
 
 
 def _check_plain(earlier: Path, name: str, value: Any) -> None:
@@ -129,6 +131,13 @@ def _leaves(tree: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield from _leaves(value, f"{prefix}.{key}" if prefix else str(key))
     else:
         yield prefix, tree
+
+
+def _check_given(values: Tree, later: list[str]) -> None:
+    """Refuse what has to be given and is not, here or `later`."""
+    missing = next((name for name, value in _leaves(values) if value == NOT_GIVEN and name not in later), None)
+    if missing is not None:
+        raise InputError(sentences.not_given(missing))
 
 
 def _given(tree: Any) -> Any:

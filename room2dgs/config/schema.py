@@ -42,7 +42,7 @@ class Config:
         "surfel2d", described("What the room is made of.", PRIMITIVES)
     )
     prepare: PrepareConfig = group(PrepareConfig)
-    scene: SceneConfig = Field()
+    scene: SceneConfig = Field(default=REQUIRED)
     sfm: SfmConfig = group(SfmConfig)
     points: PointsConfig = group(PointsConfig)
     stereo: StereoConfig = group(StereoConfig)

@@ -33,8 +33,7 @@ def of_validation(error: ValidationError, overrides: Sequence[str]) -> str:
     name, key, places = _found(first["loc"])
     kind = first["type"]
     if kind == "missing":
-        folder = name in ("out", "scene.path")
-        return f"{name} is not given; add {name}={'DIR' if folder else '...'}"
+        return not_given(name)
     if kind in UNKNOWN:
         return no_setting(name, (key.name for key in leaf_keys()))
     if kind == "value_error":
@@ -45,6 +44,11 @@ def of_validation(error: ValidationError, overrides: Sequence[str]) -> str:
         return f"{name}={shown(first['input'])} is impossible; {_bound(first, key, places)}"
     text = next((text for text in reversed(overrides) if text.startswith(name + "=")), f"{name}={first['input']}")
     return f"{text} does not fit; {name} wants {key.wants if key else 'settings of its own, KEY=VALUE each'}"
+
+
+def not_given(name: str) -> str:
+    """The sentence about a setting that has to be given."""
+    return f"{name} is not given; add {name}={'DIR' if name in ('out', 'scene.path') else '...'}"
 
 
 def of_composition(error: Exception) -> str:

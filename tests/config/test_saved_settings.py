@@ -20,6 +20,7 @@ from room2dgs.config.saved import as_yaml
 from room2dgs.errors import InputError
 
 GIVEN = ["scene.path=room", "out=here"]
+PATHS = [key for key in path_keys() if not key.endswith(".card")]  # a card is read at once
 BOMB = "a: &a [1,1,1,1,1,1,1,1,1]\n" + "".join(
     f"{b}: &{b} [{','.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefghijk", "bcdefghijkl", strict=True)
 )
@@ -43,7 +44,7 @@ def refusal(path) -> str:
 
 
 @settings(max_examples=20, deadline=None)
-@given(name=FOLDER_NAMES, key=st.sampled_from(path_keys()))
+@given(name=FOLDER_NAMES, key=st.sampled_from(PATHS))
 @example(name="${out}", key="scene.path")
 @example(name="${oc.env:HOME}", key="out")
 @example(name="\\${out}", key="scene.path")

@@ -26,7 +26,7 @@ class PointsConfig:
         0.003, "Smallest contrast of a SIFT feature; a lower one finds more on textureless walls.", ge=0, le=1
     )
     overlap: Int = expert(
-        10, "Number of views that each view is matched with: half of them follow it, half are chosen by pose.", ge=1
+        10, "Number of views that each view is matched with: half follow it, half are chosen by pose.", ge=1
     )
     min_track: Int = expert(3, "Smallest number of views of a sparse point.", ge=2)
     max_error_px: Float = expert(2.0, "Largest mean reprojection error of a sparse point, in pixels.", ge=1e-3)
