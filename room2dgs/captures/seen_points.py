@@ -8,10 +8,9 @@ import numpy as np
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame
-from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.camera import NEAR_M, Camera
 from room2dgs.geometry.cells import cells_of
 
-NEAR_M = 0.05
 CELLS = 24  # across the image, in each of which points hide one another
 ENOUGH_TRACKED = 400  # points of a photo; a guess adds to fewer
 HIDDEN = 1.25  # a point this many times as far as its cell's nearest is hidden

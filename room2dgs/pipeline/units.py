@@ -11,9 +11,9 @@ import numpy as np
 
 from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Scene
-from room2dgs.captures.seen_points import NEAR_M
 from room2dgs.config import Config
 from room2dgs.errors import InputError
+from room2dgs.geometry.camera import NEAR_M
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.runs.metrics import read_metrics
 

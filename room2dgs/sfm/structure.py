@@ -7,11 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from room2dgs.captures.point_cloud import Tracks
-from room2dgs.geometry.camera import Camera
+from room2dgs.geometry.camera import NEAR_M, Camera
 
 STEPS = 8
 ROBUST_PX = 1.0
-NEAR_M = 0.05
 
 
 def triangulated(cameras: Sequence[Camera], tracks: Tracks) -> np.ndarray:
