@@ -70,7 +70,7 @@ def test_sdist_has_what_is_needed_to_build_test_and_cite(sdist):
     with tarfile.open(sdist) as archive:
         files = {name.partition("/")[2] for name in archive.getnames()}
     assert {"pyproject.toml", "CMakeLists.txt", "LICENSE", "README.md", "CITATION.cff", "CHANGELOG.md"} <= files
-    assert {"room2dgs/csrc/module.cpp", "conf/config.yaml", "eval/__init__.py", "tools/make_room.py"} <= files
+    assert {"room2dgs/csrc/module.cpp", "conf/config.yaml", "eval/__init__.py", "tools/make_captures.py"} <= files
     assert {"tests/test_packaging.py", "Makefile", ".ci/requirements.py", "constraints.txt"} <= files
     assert not [name for name in files if name.startswith((".venv", "build/", "demo/")) or name.endswith(".so")]
 

@@ -1,4 +1,4 @@
-"""Surfels and views for the rasterizer's tests; the hard ones are those of `room2dgs bench numerics`."""
+"""Surfels and views for the rasterizer's tests; the hard ones are those of tools/numerics."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from room2dgs.bench.raster_scene import box_surfels, inside_view
 from room2dgs.splat import Surfels
 from room2dgs.tools.gpu_check.rendering import device_of
 
-NEAR_M = 0.2  # see bench/roofline/scene.py
+NEAR_M = 0.2  # see tools/roofline/scene.py
 Row = dict[str, Any]
 Draw = Callable[[Surfels, Tensor, Tensor, int, int], tuple[Tensor, Tensor, Tensor]]
 

@@ -1,5 +1,5 @@
 // A scalar that counts what is done with it: put through the templates of surfel.h, pixel.h and sh.h it tells how many
-// operations one surfel or one pixel costs, by the very source that computes it (`room2dgs bench roofline`).
+// operations one surfel or one pixel costs, by the very source that computes it (tools/roofline).
 #pragma once
 
 #include <cstdint>
