@@ -84,10 +84,10 @@ def obj(mesh: trimesh.Trimesh, rotation: np.ndarray, offset_m: np.ndarray = NO_O
         offset_m: (3,) in that frame, added to the vertices.
     """
     out = turned_mesh(mesh, rotation, offset_m)
-    places = np.column_stack([out.vertices, colors_of(mesh) / 255])
+    positions = np.column_stack([out.vertices, colors_of(mesh) / 255])
     parts = [
         b"# metres, y up\n",
-        text_rows("v {} {} {} {} {} {}", places, decimals=6),
+        text_rows("v {} {} {} {} {} {}", positions, decimals=6),
         text_rows("vn {} {} {}", out.vertex_normals, decimals=4),
         text_rows("f {}//{} {}//{} {}//{}", np.repeat(np.asarray(out.faces) + 1, 2, axis=1)),
     ]
@@ -111,10 +111,10 @@ def turned_mesh(mesh: trimesh.Trimesh, rotation: np.ndarray, offset_m: np.ndarra
     normals = np.asarray(mesh.vertex_normals) @ rotation.T
     lengths = np.linalg.norm(normals, axis=1)
     normals[lengths < 0.5] = (0.0, 1.0, 0.0)
-    places = np.asarray(mesh.vertices) @ rotation.T
+    positions = np.asarray(mesh.vertices) @ rotation.T
     if offset_m.any():
-        places = places + offset_m
-    return trimesh.Trimesh(places, np.asarray(mesh.faces), vertex_normals=normals, process=False)
+        positions = positions + offset_m
+    return trimesh.Trimesh(positions, np.asarray(mesh.faces), vertex_normals=normals, process=False)
 
 
 def colors_of(mesh: trimesh.Trimesh) -> np.ndarray:

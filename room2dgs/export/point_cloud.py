@@ -42,10 +42,10 @@ def point_ply(splats: Splats, centres: np.ndarray, comments: Sequence[str] = (),
     """
     splats, opacities = mapped(splats, Tensor.double), splats.opacities
     points = splats.centers.numpy()
-    places = xyz_in_world(points, origin_m)
-    rows = np.zeros(len(points), FAR_RECORD if too_far_for_float32(places) else RECORD)
+    positions = xyz_in_world(points, origin_m)
+    rows = np.zeros(len(points), FAR_RECORD if too_far_for_float32(positions) else RECORD)
     facing = facing_normals(points, primitive_of(splats).normals(splats).numpy(), centres)
-    for name, values in zip(("x", "y", "z", "nx", "ny", "nz"), (*places.T, *facing.T), strict=True):
+    for name, values in zip(("x", "y", "z", "nx", "ny", "nz"), (*positions.T, *facing.T), strict=True):
         rows[name] = values
     colors = np.round((0.5 + C0 * splats.sh[:, 0].numpy()).clip(0, 1) * 255)
     for name, values in zip(("red", "green", "blue"), colors.T, strict=True):

@@ -114,12 +114,12 @@ def free_port(host: str, port: int) -> int:
     """
     where = f"{in_url(host)}:{port}"
     try:
-        places = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+        addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
     except (OSError, UnicodeError) as error:
         raise InputError(f"host={host} is no address of this machine ({error}); leave host= out or give one") from error
     problem: OSError | None = None
     for number in range(port, min(port + PORTS, 65536)):
-        problem = _why_not(places, number)
+        problem = _why_not(addresses, number)
         if problem is None:
             return number
     raise InputError(
@@ -128,8 +128,8 @@ def free_port(host: str, port: int) -> int:
     )
 
 
-def _why_not(places: list, port: int) -> OSError | None:
-    for family, kind, protocol, _, address in places:
+def _why_not(addresses: list, port: int) -> OSError | None:
+    for family, kind, protocol, _, address in addresses:
         try:
             with socket.socket(family, kind, protocol) as one:
                 one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -77,7 +77,7 @@ def test_charts_are_the_mesh_laid_flat_without_overlap(picture):
     # no face is hidden by another in the picture
     assert np.abs(texels_of - flat * SIDE**2).max() < 6 + 0.2 * flat.max() * SIDE**2
     place = shown.of_vertices(found.faces, found.vertices)
-    again = (shown.place[:, ::-1] + 0.5) / SIDE * (1, -1) + (0, 1)
+    again = (shown.texel[:, ::-1] + 0.5) / SIDE * (1, -1) + (0, 1)
     np.testing.assert_allclose(shown.of_vertices(found.faces, found.uv), again, atol=1e-4)
     assert np.abs(place[:, 2] - WALL_Z).max() < 1e-6
 
@@ -85,7 +85,7 @@ def test_charts_are_the_mesh_laid_flat_without_overlap(picture):
 def test_the_picture_is_the_wall_without_the_plate_and_of_one_exposure(picture, frames):
     _, found, shown, baked_picture, share = picture
     points = shown.of_vertices(found.faces, found.vertices)
-    rows, columns = shown.place.T
+    rows, columns = shown.texel.T
     got = baked_picture[rows, columns].astype(float)
     well = np.zeros(len(points), int)
     x0, x1, y0, y1, z = PLATE
@@ -107,7 +107,7 @@ def test_what_no_photo_sees_has_the_meshs_colours(picture, frames):
     _, found, shown, baked_picture, _ = picture
     points = shown.of_vertices(found.faces, found.vertices)
     unseen = ~np.any([frame.camera.in_view(points) for frame in frames], axis=0)
-    rows, columns = shown.place[unseen].T
+    rows, columns = shown.texel[unseen].T
     assert unseen.any() and (baked_picture[rows, columns] == 50).all()
 
 

@@ -44,8 +44,8 @@ def test_places_that_few_photos_see_are_named_with_the_photo_to_look_in(make):
     seen = coverage(room, cameras)
     left, right = room.vertices[:, 0] < 1.0, room.vertices[:, 0] > 1.5
     assert (seen.photos[left] >= 3).all() and (seen.photos[right] == 1).all()
-    (spot,) = [spot for spot in spots(room, seen, frames) if "fewer than 3" in spot.words]
-    assert spot.at[0] > 1.2 and "p3" in spot.words
+    (spot,) = [spot for spot in spots(room, seen, frames) if "fewer than 3" in spot.text]
+    assert spot.at[0] > 1.2 and "p3" in spot.text
 
 
 def test_a_hole_is_found_and_the_rim_is_none(make):
@@ -53,13 +53,13 @@ def test_a_hole_is_found_and_the_rim_is_none(make):
     cameras = [looking_down(make, x) for x in (-0.1, 0, 0.1)]
     (hole,) = spots(room, coverage(room, cameras), [Photo("p", cameras[0])])
     assert np.allclose(hole.at, 0, atol=0.05)
-    assert "A hole of 1.4 m" in hole.words  # a square of 1 m, from corner to corner
+    assert "A hole of 1.4 m" in hole.text  # a square of 1 m, from corner to corner
 
 
 def test_a_surface_seen_only_at_a_slant_is_named(make):
     room = plate(make)
     low = [make.camera_at((-6 - 0.01 * i, 0, 0.3), (1, 0, -0.05), half_angle_deg=40) for i in range(4)]
-    said = [spot.words for spot in spots(room, coverage(room, low), [Photo("p", low[0])])]
+    said = [spot.text for spot in spots(room, coverage(room, low), [Photo("p", low[0])])]
     assert [words for words in said if "slant" in words]
 
 

@@ -50,7 +50,7 @@ def baked(
     color[known] = total[known] / weight[known, None]
     picture = np.zeros((side_px, side_px, 3), np.uint8)
     covered = np.zeros((side_px, side_px), bool)
-    rows, columns = shown.place.T
+    rows, columns = shown.texel.T
     picture[rows, columns] = np.round(color.clip(0, 255))
     covered[rows, columns] = True
     return spread(picture, covered), float(known.mean()) if len(known) else 0.0

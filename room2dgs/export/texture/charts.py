@@ -33,12 +33,12 @@ class Texels(NamedTuple):
     """The picture's texels that show the surface, T of them.
 
     Attributes:
-        place: (T, 2) row and column.
+        texel: (T, 2) row and column.
         face: (T,) index.
         weights: (T, 3) of the face's corners; they sum to 1.
     """
 
-    place: np.ndarray
+    texel: np.ndarray
     face: np.ndarray
     weights: np.ndarray
 
@@ -79,8 +79,8 @@ def texels(found: Charts, side_px: int) -> Texels:
     rays = np.zeros((side_px, side_px, 6), np.float32)
     rays[..., 0], rays[..., 1], rays[..., 2], rays[..., 5] = u, v, ABOVE, -1
     answer = scene.cast_rays(o3c.Tensor(rays))  # type: ignore[call-overload]
-    place = np.argwhere(np.isfinite(answer["t_hit"].numpy()))
-    rows, columns = place.T
+    texel = np.argwhere(np.isfinite(answer["t_hit"].numpy()))
+    rows, columns = texel.T
     second = answer["primitive_uvs"].numpy()[rows, columns].astype(np.float64)
     weights = np.column_stack([1 - second.sum(axis=1), second])
-    return Texels(place, answer["primitive_ids"].numpy()[rows, columns].astype(np.int64), weights)
+    return Texels(texel, answer["primitive_ids"].numpy()[rows, columns].astype(np.int64), weights)

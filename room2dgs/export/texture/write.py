@@ -94,14 +94,14 @@ def obj_of(mesh: trimesh.Trimesh, found: Charts, rotation: np.ndarray, offset_m:
         offset_m: (3,) in that frame, added to the vertices.
     """
     out = turned_mesh(mesh, rotation, offset_m)
-    places, corners = found.source[found.faces] + 1, found.faces + 1  # (F, 3) each
+    positions, corners = found.source[found.faces] + 1, found.faces + 1  # (F, 3) each
     parts = [
         b"# metres, y up\nmtllib room.mtl\n",
         text_rows("v {} {} {}", out.vertices, decimals=6),
         text_rows("vt {} {}", found.uv, decimals=6),
         text_rows("vn {} {} {}", out.vertex_normals, decimals=4),
         b"usemtl room\n",
-        text_rows("f {}/{}/{} {}/{}/{} {}/{}/{}", np.stack([places, corners, places], axis=2).reshape(-1, 9)),
+        text_rows("f {}/{}/{} {}/{}/{} {}/{}/{}", np.stack([positions, corners, positions], axis=2).reshape(-1, 9)),
     ]
     return b"".join(parts)
 

@@ -36,11 +36,11 @@ class Spot(NamedTuple):
 
     Attributes:
         at: (3,) metres, world.
-        words: what is wrong there and what would mend it.
+        text: what is wrong there and what would mend it.
     """
 
     at: np.ndarray
-    words: str
+    text: str
 
 
 class Coverage(NamedTuple):
@@ -79,12 +79,12 @@ def spots(room: PageMesh, seen: Coverage, frames: Sequence[Frame]) -> list[Spot]
     """Places of the mesh that want more photos, the largest first."""
     few = (seen.photos[room.faces] < FEW).all(axis=1)
     slant = (seen.steepest[room.faces] < SLANT_COS).all(axis=1) & ~few
-    words = (
+    findings = (
         (few, f"{{area:.1f}} m² that fewer than {FEW} photos see: step to the side and film it from two more places"),
         (slant, "{area:.1f} m² seen only at a slant: film it again from straight in front"),
     )
     found = []
-    for bad, sentence in words:
+    for bad, sentence in findings:
         for at, area in _patches(room, bad):
             found.append(Spot(at, sentence.format(area=area) + _beside(at, frames)))
     for at, across in _holes(room):

@@ -19,7 +19,7 @@ from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.page.packing import packed, stepped
 
 FINE = 2  # times the wanted triangles: what is beyond is first joined on a grid, which takes no time
-# photos that see a place, from so many on -> colour and words
+# number of photos that see a point, from so many on -> colour and text
 SEEN = (
     (0, (0.75, 0.10, 0.10), "by no photo or one"),
     (2, (0.93, 0.55, 0.15), "by two"),
@@ -104,7 +104,7 @@ def with_photos(one: PageMesh, photos: np.ndarray) -> PageMesh:
 
 def block(one: PageMesh) -> tuple[dict, str]:
     """What viewer.js wants to know of the mesh, and its bytes."""
-    place, low, step = stepped(one.vertices)
+    positions, low, step = stepped(one.vertices)
     about = {
         "vertices": len(one.vertices),
         "faces": len(one.faces),
@@ -112,4 +112,4 @@ def block(one: PageMesh) -> tuple[dict, str]:
         "low": low.tolist(),
         "step": step,
     }
-    return about, packed(place, one.faces.astype(np.uint32), *one.layers.values())
+    return about, packed(positions, one.faces.astype(np.uint32), *one.layers.values())

@@ -35,16 +35,16 @@ def read_plots(log: Iterable[str]) -> dict[str, dict[str, Line]]:
         step = STEP.match(line)
         if not step:
             continue
-        iteration, words = int(step[1]), step[2]
-        if test := TEST_PSNR.match(words):
+        iteration, text = int(step[1]), step[2]
+        if test := TEST_PSNR.match(text):
             put(PSNR, HELD_OUT, iteration, test[1])
-        if not (loss := LOSS.match(words)):
+        if not (loss := LOSS.match(text)):
             continue
         put(WHOLE, "training", iteration, loss[1])
         for term in filter(None, loss[2].split(", ")):
             name, _, value = term.rpartition(" ")
             put(f"loss: {name}", "training", iteration, value)
-        rest = words[loss.end() :]
+        rest = text[loss.end() :]
         if psnr := TRAIN_PSNR.search(rest):
             put(PSNR, "training views", iteration, psnr[1])
         if count := COUNT.search(rest):

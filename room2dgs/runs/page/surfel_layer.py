@@ -38,10 +38,10 @@ def block(splats: Splats, most: int, room: PageMesh | None) -> tuple[dict, str]:
         quaternions = np.where(back[:, None], turned_over(quaternions), quaternions)
     rgb = np.clip(0.5 + C0 * discs.sh.detach().numpy()[kept, 0], 0, 1)
     color = np.round(np.concatenate([rgb, opacities[:, None]], axis=1) * 255).astype(np.uint8)
-    place, low, step = stepped(centers)
+    positions, low, step = stepped(centers)
     about = {"count": len(centers), "low": low.tolist(), "step": step}
     turned = np.round(quaternions * 32767).astype(np.int16)
-    return about, packed(place, scales.astype(np.float32), turned, color)
+    return about, packed(positions, scales.astype(np.float32), turned, color)
 
 
 def turned_over(quaternions: np.ndarray) -> np.ndarray:

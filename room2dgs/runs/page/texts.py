@@ -30,11 +30,11 @@ SCORES = (
 def opening(config: Config, metrics: dict[str, Any]) -> str:
     """Which capture, by what."""
     version = part(metrics, "versions").get("room2dgs", "")
-    said = f"Capture {config.scene.path}, reconstructed by room2dgs {version} in {config.out}."
+    sentence = f"Capture {config.scene.path}, reconstructed by room2dgs {version} in {config.out}."
     if not config.mesh.of_surfels:
         how = MESHERS.get(config.mesh.source).facts["on_page"]
-        said += f" A first look: {how}, nothing was trained; renderings are of the mesh."
-    return said
+        sentence += f" A first look: {how}, nothing was trained; renderings are of the mesh."
+    return sentence
 
 
 def part(metrics: dict[str, Any], key: str) -> dict[str, Any]:

@@ -39,13 +39,13 @@ def stereo_key() -> list[tuple[str, str]]:
 
 def other_source(source: str) -> str:
     """The prior's source (`Priors.depth_source`) in words."""
-    words = {
+    labels = {
         "sensor": "the capture's depth camera",
         "files": "depth files",
         "stereo": "stereo: fewer photos agree",
         "none": "no other source",
     }
-    return words.get(source, f"network ({source})")
+    return labels.get(source, f"network ({source})")
 
 
 def sentences(maps: Mapping[str, Trust], source: str) -> list[str]:

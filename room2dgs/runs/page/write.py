@@ -72,7 +72,7 @@ def write_report(scene: Scene, surfels: Splats | None, rendered: Rendered, confi
         views=view_pictures(scene, rendered, maps, settings.views),
         kinds=[kind for kind in KINDS if kind[0] != "trust" or maps],
         kind_keys=_kind_keys(source),
-        spots=[spot.words for spot in places],
+        spots=[spot.text for spot in places],
         advice=advice(scene, seen),
         trusted=trust.sentences(maps, source),
         plots=drawings(read_plots(log)),
@@ -115,12 +115,12 @@ def _page_mesh(
         "spots": [{"at": spot.at.tolist()} for spot in places],
     }
     shown = dict.fromkeys(room.layers)
-    said = f"{len(room.faces):,} triangles of the mesh"
+    caption = f"{len(room.faces):,} triangles of the mesh"
     if config.report.max_surfels and surfels is not None:
         about["discs"], surfel_bytes = surfel_layer.block(surfels, config.report.max_surfels, room)
         blocks.append(("discs", surfel_bytes))
         shown["discs"] = None
-        said += f" and {about['discs']['count']:,} of {len(surfels.centers):,} surfels"
+        caption += f" and {about['discs']['count']:,} of {len(surfels.centers):,} surfels"
     end_cm = FULL_THRESHOLDS * threshold_m * 100
     return {
         "buttons": [(name, label) for name, label in BUTTONS if name in shown],
@@ -133,7 +133,7 @@ def _page_mesh(
             ),
             ("seen", [(_css(color), label) for _, color, label in SEEN]),
         ],
-        "said": said + ".",
+        "caption": caption + ".",
     }
 
 
