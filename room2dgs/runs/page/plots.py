@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 STEP = re.compile(r"^iteration ([0-9]{1,12})/[0-9]+: (.*)$")
@@ -22,34 +22,35 @@ Line = dict[int, float]
 def read_plots(log: Iterable[str]) -> dict[str, dict[str, Line]]:
     """Title -> line's name -> iteration -> value. Of an iteration that was done twice the last counts."""
     found: dict[str, dict[str, Line]] = {}
-
-    def put(title: str, name: str, iteration: int, value: str) -> None:
-        try:
-            number = float(value)
-        except ValueError:  # a line that is not ours
-            return
-        if abs(number) <= LARGEST:
-            found.setdefault(title, {}).setdefault(name, {})[iteration] = number
-
     for line in log:
         step = STEP.match(line)
         if not step:
             continue
-        iteration, text = int(step[1]), step[2]
-        if test := TEST_PSNR.match(text):
-            put(PSNR, HELD_OUT, iteration, test[1])
-        if not (loss := LOSS.match(text)):
-            continue
-        put(WHOLE, "training", iteration, loss[1])
-        for term in filter(None, loss[2].split(", ")):
-            name, _, value = term.rpartition(" ")
-            put(f"loss: {name}", "training", iteration, value)
-        rest = text[loss.end() :]
-        if psnr := TRAIN_PSNR.search(rest):
-            put(PSNR, "training views", iteration, psnr[1])
-        if count := COUNT.search(rest):
-            put(SURFELS, "training", iteration, count[1])
+        for title, name, value in _values(step[2]):
+            try:
+                number = float(value)
+            except ValueError:  # a line that is not ours
+                continue
+            if abs(number) <= LARGEST:
+                found.setdefault(title, {}).setdefault(name, {})[int(step[1])] = number
     return found
+
+
+def _values(text: str) -> Iterator[tuple[str, str, str]]:
+    """Title, line's name and number of each figure that a log line gives for its iteration."""
+    if test := TEST_PSNR.match(text):
+        yield PSNR, HELD_OUT, test[1]
+    if not (loss := LOSS.match(text)):
+        return
+    yield WHOLE, "training", loss[1]
+    for term in filter(None, loss[2].split(", ")):
+        name, _, value = term.rpartition(" ")
+        yield f"loss: {name}", "training", value
+    rest = text[loss.end() :]
+    if psnr := TRAIN_PSNR.search(rest):
+        yield PSNR, "training views", psnr[1]
+    if count := COUNT.search(rest):
+        yield SURFELS, "training", count[1]
 
 
 def drawings(plots: Mapping[str, Mapping[str, Line]]) -> list[dict[str, Any]]:
