@@ -65,7 +65,8 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	@rm -rf build/typing && mkdir -p build/typing/room2dgs
-	@ln -s $(CURDIR)/room2dgs/* $(CURDIR)/eval $(CURDIR)/tools build/typing/room2dgs 	@ln -s $(CURDIR)/room2dgs/* $(CURDIR)/eval $(CURDIR)/tools build/typing/room2dgs	@ln -s $(CURDIR)/room2dgs/* $(CURDIR)/eval $(CURDIR)/tools build/typing/room2dgs ln -s $(CURDIR)/tests build/typing
+	@ln -s $(CURDIR)/room2dgs/* $(CURDIR)/eval $(CURDIR)/tools build/typing/room2dgs
+	@ln -s $(CURDIR)/tests build/typing
 	cd build/typing && $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml --cache-dir ../mypy -p room2dgs
 
 docs: $(READY)
