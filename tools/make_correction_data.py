@@ -4,7 +4,7 @@
 
 Each room is filmed (`make_captures`) with its own noise, exposures and, for some, poses that are off. Poses are refined
 and the depth of the photos is found as a run does it; then the film is deleted. A room is a folder of .npy files, with
-N the photos of both looks:
+N the photos in both passes:
     evidence.npy (N, CHANNELS, h, w) float16, see `room2dgs.depth.completion.evidence`;
     shift.npy    (N, h, w) float16, ln of true over completed depth, NaN = unknown.
 Rooms that are there already are kept.

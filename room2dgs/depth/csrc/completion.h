@@ -1,4 +1,4 @@
-// Completed depth: the reweighted least squares of priors/completion/solve.py, four images at a time, one in each lane.
+// Completed depth: the reweighted least squares of depth/completion/solve.py, four images at a time, one in each lane.
 // Each system is solved directly (LDL^T by fronts, dissection.h) in float64: regions without any anchor hang on ties and
 // on a weight of 1e-7, which is too little for float32 and slow for iterations.
 #pragma once

@@ -1,5 +1,5 @@
 // Cells of a box that rays of many views pass through, and those that they end in
-// (priors/completion/free_space_reference.py has it in numpy, to the same counts).
+// (tests/oracles/free_space.py has it in numpy, to the same counts).
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// The energy of the joint depth optimisation at random samples, and its gradient (priors/joint/reference.py has it in
+// The energy of the joint depth optimisation at random samples, and its gradient (depth/joint/reference.py has it in
 // plain torch).
 //
 // Each view's depth map is multiplied by exp of a grid of knots, bilinear over the image. A sample's residual depends on

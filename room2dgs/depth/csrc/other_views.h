@@ -1,5 +1,5 @@
 // Depth of each view as others see it: what is sure in its neighbours is projected into it, each neighbour has one vote
-// a pixel, and those near the votes' median are averaged (priors/completion/other_views_reference.py has it in numpy).
+// a pixel, and those near the votes' median are averaged (tests/oracles/other_views.py has it in numpy).
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Where a neighbour agrees with a view's depth (stereo/agreement_reference.py has it in numpy).
+// Where a neighbour's depth is consistent with a view's (tests/oracles/geometric_consistency.py has it in numpy).
 #pragma once
 
 #include <cstdint>
