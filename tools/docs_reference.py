@@ -18,6 +18,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 
 from room2dgs import cli, registries
+from room2dgs.commands.settings_help import HEADING, meaning
 from room2dgs.commands.verbs import VERBS
 from room2dgs.config import conf_dir
 from room2dgs.config.keys import Key, leaf_keys
@@ -28,7 +29,6 @@ from room2dgs.registry import Registry
 REFERENCE = Path(__file__).resolve().parents[1] / "docs/reference"
 MADE = "<!-- written by `python -m room2dgs.tools.docs_reference`; do not edit -->\n"
 EXAMPLES = "\nExamples:"
-SETTING = re.compile(r"^  [a-z_/]+(\.\w+)*=\S*( {2,}.*)?$|^[a-z_]+( +\(files: .*\))?$|^  \w+[./]\S+=\S+ ")
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -70,9 +70,8 @@ def _help(verb: str) -> str:
         ends = rest[rest.find(EXAMPLES) :] if EXAMPLES in rest else ""
         text = f"{body}\n\nOptions: room2dgs {verb} --help\n{ends}"
     head, examples, tail = text.partition(EXAMPLES)
-    text = re.sub(r"^ {4}(?=\S)", "", head, flags=re.MULTILINE) + examples + tail
-    kept = [line.rstrip() for line in text.splitlines() if not SETTING.match(line)]
-    return re.sub(r"\n{3,}", "\n\n", "\n".join(kept)).strip()
+    kept = head.partition(f"\n{HEADING}\n")[0].rstrip() + ("\n" + examples + tail if examples else "")
+    return re.sub(r"\n{3,}", "\n\n", kept).strip()
 
 
 def settings() -> str:
@@ -106,7 +105,7 @@ def _section(key: Key) -> str:
 def _table(keys: Sequence[Key], indent: str) -> list[str]:
     if not keys:
         return []
-    rows = [f"| `{key.name}` | `{_default(key)}` | {key.comment.replace('|', chr(92) + '|')} |" for key in keys]
+    rows = [f"| `{key.name}` | `{_default(key)}` | {meaning(key).replace('|', chr(92) + '|')} |" for key in keys]
     return [indent + line for line in ("| setting | default | meaning |", "|---|---|---|", *rows)]
 
 

@@ -38,7 +38,7 @@ def main(argv: list[str]) -> int:
     that of the first one's cause. Hydra's launcher starts the runs: hydra/launcher=joblib, several at a time.
     """
     if asked_for_help(argv):
-        return show(USAGE, main.__doc__)
+        return show(argv, USAGE, main.__doc__)
     out = study_folder(argv, JSON)
     hydra_settings = [text for text in argv if of_hydra(text)]
     settings = [text for text in argv if text.partition("=")[0] not in OURS and text not in hydra_settings]

@@ -39,7 +39,7 @@ def main(argv: list[str] | None = None) -> int:
     """
     argv = list(argv or [])
     if asked_for_help(argv):
-        return show(USAGE, HELP, ("scene", "prior"))
+        return show(argv, USAGE, HELP, ("scene", "prior"))
     in_run = any([IN_RUN[text] for text in argv if text in IN_RUN][-1:])
     scenes, overrides = split_scenes([text for text in argv if text not in IN_RUN])
     given = last_value(overrides, "out")

@@ -12,7 +12,7 @@ from room2dgs.config.overrides import group_choices
 from room2dgs.registries.exporters import EXPORTERS
 from room2dgs.registries.protocols import PROTOCOLS
 
-UPS = ("auto", "keep", "x", "y", "z", "-x", "-y", "-z")
+UPS = next(key.choices for key in leaf_keys() if key.name == "export.up")
 LAUNCHERS = ("basic", "joblib", "submitit_local", "submitit_slurm", "ray")
 ANY: tuple[str, ...] = ()  # a number, a file or a text
 # verb -> arguments that are no settings, with their values

@@ -27,7 +27,7 @@ def main(argv: list[str]) -> int:
     filled_confidence/ beside the others, and the mesh is of these.
     """
     if asked_for_help(argv):
-        return show(USAGE, main.__doc__, ("scene", "points", "stereo", "prior", "mesh", "report"))
+        return show(argv, USAGE, main.__doc__, ("scene", "points", "stereo", "prior", "mesh", "report"))
     own, rest = own_arguments(argv, ("fill",))
     fill = choices(own, "fill", "false", ("true", "false")) == ("true",)
     depth_of_capture(new_run(_with_prior(rest) if fill else rest), fill)

@@ -19,7 +19,7 @@ SHORT = {"pred": "eval.pred", "gt": "eval.gt", "scene": "scene.path", "run": "ou
 def main(argv: list[str]) -> int:
     """Score an earlier run, or any mesh against a ground truth seen by a capture's cameras."""
     if asked_for_help(argv):
-        return show(USAGE, main.__doc__, ("scene", "eval"))
+        return show(argv, USAGE, main.__doc__, ("scene", "eval"))
     overrides = with_full_keys(argv, SHORT)
     out = last_value(overrides, "out")
     if not out or not (Path(out).expanduser() / CONFIG).is_file():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from room2dgs.commands.own_arguments import own_arguments
-from room2dgs.commands.settings_help import asked_for_help, settings
+from room2dgs.commands.settings_help import asked_for_help, filled, settings
 from room2dgs.commands.short_keys import with_full_keys
 from room2dgs.errors import InputError
 from room2dgs.pipeline.export import export_run
@@ -24,7 +24,7 @@ def main(argv: list[str]) -> int:
     writes everything.
     """
     if asked_for_help(argv):
-        return _help()
+        return _help(argv)
     run, out = last_value(argv, "run"), last_value(argv, "out")
     if not run:
         raise InputError("run is not given; add run=DIR, the folder of an earlier run")
@@ -35,9 +35,9 @@ def main(argv: list[str]) -> int:
     return 0
 
 
-def _help() -> int:
-    print(f"{USAGE}\n\n{main.__doc__}\n")
+def _help(argv: list[str]) -> int:
+    print(f"{USAGE}\n\n{filled(main.__doc__ or '')}\n")
     for one in EXPORTERS.entries():
         print(f"  {one.name:<12} {place_of(one):<16} {one.description}")
-    print("\n".join(settings(("export",))))
+    print("\n".join(["", *settings(argv, ("export",))]))
     return 0

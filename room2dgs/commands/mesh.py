@@ -14,7 +14,7 @@ USAGE = "room2dgs mesh out=DIR [mesh.KEY=VALUE ...]"
 def main(argv: list[str]) -> int:
     """Mesh an earlier run, with other settings than before if wanted."""
     if asked_for_help(argv):
-        return show(USAGE, main.__doc__, ("mesh",))
+        return show(argv, USAGE, main.__doc__, ("mesh",))
     config = earlier_run(argv)
     if not config.mesh.of_surfels:
         source = f"mesh.source={config.mesh.source}"

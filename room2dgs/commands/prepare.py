@@ -24,7 +24,7 @@ def main(argv: list[str]) -> int:
     finished stage. out/work may be deleted at the end.
     """
     if asked_for_help(argv):
-        return show(USAGE, main.__doc__, ("prepare",))
+        return show(argv, USAGE, main.__doc__, ("prepare",))
     overrides = with_full_keys(argv, FOOTAGE)
     out = last_value(overrides, "out")
     if not out:

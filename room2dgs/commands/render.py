@@ -28,7 +28,7 @@ def main(argv: list[str]) -> int:
     frames= (240) and through= (12 of the captured views) are a smooth path's; fps= (30) the video's; width= in pixels.
     """
     if asked_for_help(argv):
-        return show(USAGE, main.__doc__, ("render",))
+        return show(argv, USAGE, main.__doc__, ("render",))
     own, overrides = own_arguments(argv, OWN)
     views = own.get("views", "test")
     if views not in VIEWS:

@@ -13,7 +13,7 @@ USAGE = "room2dgs report run=DIR [report.KEY=VALUE ...]"
 def main(argv: list[str]) -> int:
     """Write report.html of an earlier run again, with other settings if wanted. It opens without a network."""
     if asked_for_help(argv):
-        return show(USAGE, main.__doc__, ("report",))
+        return show(argv, USAGE, main.__doc__, ("report",))
     config = earlier_run(argv)
     with loaded_run(config) as (scene, surfels, run):
         write_run_report(scene, surfels, config, run)

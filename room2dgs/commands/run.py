@@ -7,7 +7,6 @@ from pathlib import Path
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.short_keys import FOOTAGE, with_full_keys
 from room2dgs.errors import InputError
-from room2dgs.registries.meshers import MESHERS
 from room2dgs.runs.folder import CONFIG, last_value
 
 USAGE = (
@@ -22,16 +21,13 @@ WHAT = """Points, training, mesh, renders of the held-out views, scores if there
     with Hydra's sweepers and launchers. A path with a comma in its name then stands in quotes.
 
     Of a video, or of photos without poses, a capture is made first, in out/capture: see `room2dgs prepare --help`.
-
-    What the mesh is made of:
-"""
+    """
 
 
 def main(argv: list[str]) -> int:
     """Run all steps; see `WHAT`."""
     if asked_for_help(argv):
-        sources = (f"    mesh.source={one.name:<8} {one.description}" for one in MESHERS.entries())
-        return show(USAGE, WHAT + "\n".join(sources))
+        return show(argv, USAGE, WHAT)
     if any(text in MULTIRUN for text in argv):
         return _run_all([text for text in argv if text not in MULTIRUN])
     from room2dgs.pipeline.reconstruct import start_run

@@ -12,7 +12,7 @@ USAGE = "room2dgs train scene.path=DIR out=DIR [resume=true] [KEY=VALUE ...]"
 def main(argv: list[str]) -> int:
     """Train on a capture, or go on with a run."""
     if asked_for_help(argv):
-        return show(USAGE, main.__doc__)
+        return show(argv, USAGE, main.__doc__)
     run = start_training(argv)
     run.log(f"peak memory {peak_memory_mb() / 1000:.2f} GB")
     run.log(f"next: room2dgs mesh out={run.path}")

@@ -23,7 +23,7 @@ def main(argv: list[str]) -> int:
     install 'room2dgs[view]'.
     """
     if asked_for_help(argv):
-        return show(USAGE, main.__doc__, ("render",))
+        return show(argv, USAGE, main.__doc__, ("render",))
     from room2dgs.pipeline.view import viewer_of
     from room2dgs.viewer.server import LOOPBACK, warn_of_host
 

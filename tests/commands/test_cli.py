@@ -341,9 +341,15 @@ def test_the_package_runs_as_the_command_does():
     assert done.returncode == 2 and "'jump' is no command" in done.stderr
 
 
-def test_help_of_run_names_every_setting(capsys):
-    assert cli.main(["run", "--help"]) == 0
-    shown = capsys.readouterr().out
+@pytest.mark.parametrize(("argv", "everything"), [(["run", "--help"], False), (["train", "-h", "all"], True)])
+def test_help_names_the_public_settings_and_with_all_those_for_experts(capsys, argv, everything):
+    assert cli.main(argv) == 0
+    shown = capsys.readouterr().out.partition("\nSettings:\n")[2].partition("\nExamples:")[0]
+    assert max(map(len, shown.splitlines())) <= 100
+    in_one_line = " ".join(shown.split())
     for key in leaf_keys():
-        (line,) = re.findall(rf"^  {re.escape(key.name)}=.*$", shown, re.MULTILINE)
-        assert key.comment in line
+        is_there = len(re.findall(rf"^  {re.escape(key.name)}=.*$", shown, re.MULTILINE))
+        assert is_there == (everything or key.public), key.name
+        assert not is_there or key.comment in in_one_line
+    hidden = sum(not key.public for key in leaf_keys())
+    assert (f"{hidden} more are for experts: --help all" in shown) != everything

@@ -41,7 +41,7 @@ def main(argv: list[str]) -> int:
         InputError: settings that cannot be, a scene without depth.
     """
     if asked_for_help(argv):
-        return show(USAGE, HELP, ("scene", "stereo", "prior"))
+        return show(argv, USAGE, HELP, ("scene", "stereo", "prior"))
     scenes, overrides = split_scenes(argv)
     given = last_value(overrides, "out")
     configs = [scene_config(scene, overrides) for scene in scenes]

@@ -94,7 +94,7 @@ def main(argv: list[str]) -> int:
         InputError: settings that cannot be, a capture without depth or without a ground-truth mesh.
     """
     if asked_for_help(argv):
-        return show(USAGE, HELP)
+        return show(argv, USAGE, HELP)
     out = study_folder(argv, JSON)
     priors = [*simulated_priors(argv, out), *real_priors(argv)]
     hydra_settings = [text for text in argv if of_hydra(text)]

@@ -43,7 +43,7 @@ def main(argv: list[str]) -> int:
         InputError: settings that cannot be, a scene without depth.
     """
     if asked_for_help(argv):
-        return show(USAGE, HELP, ("scene", "stereo"))
+        return show(argv, USAGE, HELP, ("scene", "stereo"))
     lists = [part.removeprefix(WIDTHS).split(",") for part in argv if part.startswith(WIDTHS)]
     widths: list[int | None] = [_width(text) for texts in lists for text in texts]
     scenes, overrides = split_scenes([text for text in argv if not text.startswith(WIDTHS)])

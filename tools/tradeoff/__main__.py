@@ -39,7 +39,7 @@ def main(argv: list[str]) -> int:
     failure the same command goes on. Photos alone count (prior=room_prior) unless a setting says otherwise.
     """
     if asked_for_help(argv):
-        return show(USAGE, main.__doc__)
+        return show(argv, USAGE, main.__doc__)
     out = study_folder(argv, JSON)
     hydra_settings = [text for text in argv if of_hydra(text)]
     rest = [text for text in argv if text.partition("=")[0] not in OURS and text not in hydra_settings]

@@ -23,9 +23,7 @@ class TermConfig:
 class MultiviewConfig:
     """What the multi-view terms compare: a view's pixels with a neighbour view's (eq. 13-15)."""
 
-    neighbours: Int = expert(
-        8, "Largest number of neighbour views of a view; one of them is drawn each iteration.", ge=1
-    )
+    neighbours: Int = expert(8, "Largest number of neighbour views of a view; each iteration draws one.", ge=1)
     max_angle_deg: Float = expert(30.0, "Largest angle between the optical axes of neighbour views.", ge=1, le=90)
     min_baseline_m: Float = expert(
         0.03, "Smallest distance between neighbour views, in metres; nearer views show no depth.", ge=1e-3, le=100

@@ -27,16 +27,17 @@ class StrategyConfig:
         8.0e-4, "Mean screen-space gradient above which primitives are added (the paper's theta_g).", ge=0
     )
     min_visits: Int = expert(
-        3,
-        "strategy=seeds: iterations in which a surfel must have been seen since the last densification to count.",
-        ge=1,
+        3, "Iterations since the last densification in which strategy=seeds must have seen a surfel to count it.", ge=1
     )
     levels: Int = expert(
-        3, "strategy=seeds: levels of the voxel hierarchy; each is 4 times finer, down to seeds.voxel_m.", ge=1, le=8
+        3,
+        "Levels of the voxel hierarchy of strategy=seeds; each is 4 times finer, down to seeds.voxel_m.",
+        ge=1,
+        le=8,
     )
     random_survival: bool = expert(
         False,
-        "strategy=seeds: whether half of the new seeds of the coarsest level are kept, 3/4 of the next, and so on.",
+        "Whether strategy=seeds keeps only half of the new seeds of the coarsest level and 3/4 of the next level's.",
     )
     prune_opacity: Float = expert(
         0.005, "Opacity below which primitives are pruned (the paper's theta_alpha).", ge=0, le=1
@@ -49,11 +50,13 @@ class StrategyConfig:
     )
     max_surfels: Int | None = public(None, "Number of surfels at which growth ends (null: no limit).", ge=1)
     split_size: Float = expert(
-        0.01, "strategy=plain: size above which a surfel is split, not cloned, as a share of the scene's extent.", ge=0
+        0.01,
+        "Size above which strategy=plain splits a surfel instead of cloning it, as a share of the scene's extent.",
+        ge=0,
     )
     prune_size: Float = expert(
         0.1,
-        "strategy=plain: size above which a surfel is pruned after opacities were reset, as a share of the extent.",
+        "Size above which strategy=plain prunes a surfel once opacities were reset, as a share of the scene's extent.",
         ge=0,
     )
-    reset_every: Time = expert(0, "strategy=plain: iterations between two resets of all opacities (0: none).")
+    reset_every: Time = expert(0, "Iterations between two resets of all opacities by strategy=plain (0: none).")
