@@ -23,6 +23,8 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import Tensor, nn
 
+from room2dgs.config import conf_dir
+from room2dgs.config.card import FOLDER
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.tools.command_line import command_line
@@ -40,7 +42,7 @@ TIMED_SIZE, TIMED_RUNS, TIMED_THREADS = (256, 320), 20, 2
 
 
 def export_prior(checkpoint: Path, out: Path) -> dict[str, float]:
-    """Writes the averaged network of a checkpoint; nothing is left at `out` when the check fails.
+    """Writes the averaged network of a checkpoint and its card beside it; neither is there when the check fails.
 
     Args:
         checkpoint: the file or its run's folder.
@@ -64,6 +66,8 @@ def export_prior(checkpoint: Path, out: Path) -> dict[str, float]:
         raise InputError(f"{checkpoint} gives maps that differ by {error:.1e} in onnxruntime; train it further")
     with whole_file(out) as temporary:
         temporary.write_bytes(data)
+    with whole_file(out.with_suffix(".json")) as temporary:
+        temporary.write_bytes((conf_dir() / FOLDER / "room_prior.json").read_bytes())
     return {"error": error, "megabytes": len(data) / 2**20, "milliseconds": milliseconds(session)}
 
 

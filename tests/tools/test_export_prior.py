@@ -5,6 +5,9 @@ import onnx
 import pytest
 import torch
 
+from room2dgs.config import load_config
+from room2dgs.depth.network.card import format_of
+from room2dgs.depth.network.session import open_network
 from room2dgs.errors import InputError
 from room2dgs.tools import export_prior
 from room2dgs.tools.prior_network.checkpoint import PARTS, Checkpoint, save_checkpoint
@@ -59,6 +62,13 @@ def test_the_file_names_what_goes_in_and_out_and_is_small(exported):
     assert shapes["image"] == [1, 3, "height", "width"]
     assert shapes["intrinsics"] == [1, 3, 3]
     assert exported.stat().st_size < 12 * 2**20
+
+
+def test_the_file_has_its_card_beside_it(exported):
+    given = ["scene.path=a", "out=b", "prior=none", "prior/depth=onnx", f"prior.depth.model={exported}"]
+    prior = load_config(given).prior
+    network = open_network(exported, "depth", format_of(prior.depth, "depth"), 1, "cpu")
+    assert prior.depth.meaning == "metric_depth" and network.outputs == ("depth", "depth_error")
 
 
 def test_large_weights_are_half_floats_and_those_of_the_average(exported, network):
