@@ -84,7 +84,8 @@ def settings() -> str:
         MADE,
         "# Settings\n",
         f"{public} settings are for everybody, {len(keys) - public} for experts. They follow a verb as `KEY=VALUE`. "
-        "Types and bounds are checked before anything runs, and a wrong key is answered with the nearest right one.\n",
+        "`--help` shows the first, `--help all` all of them. Types and bounds are checked before anything runs, and a "
+        "wrong key is answered with the nearest right one.\n",
     ]
     for section in sections:
         own = [key for key in keys if _section(key) == section]
