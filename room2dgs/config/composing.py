@@ -64,6 +64,7 @@ def _by_hydra(folder: Path, overrides: Sequence[str]) -> DictConfig:
 @contextmanager
 def hydra_to_itself() -> Iterator[None]:
     """Hydra keeps its state in singletons: what an application around us has there is put aside, then put back."""
+    store_defaults()  # whose store may have been replaced
     before: dict[type, Any] = {kind: Singleton._instances.pop(kind) for kind in _OURS if kind in Singleton._instances}
     try:
         yield
@@ -74,4 +75,4 @@ def hydra_to_itself() -> Iterator[None]:
 
 
 _OURS = (GlobalHydra, hydra_version.VersionBase)
-store_defaults()
+store_defaults()  # for who composes conf/ without us

@@ -22,8 +22,10 @@ def default_tree(kind: type = Config) -> dict[str, Any]:
 
 
 def store_defaults() -> None:
-    """Let Hydra begin with the defaults, under the name `STORED`."""
-    ConfigStore.instance().store(STORED, default_tree(), package="_global_", provider="room2dgs")
+    """Let Hydra begin with the defaults, under the name `STORED`; if it does already, nothing happens."""
+    store = ConfigStore.instance()
+    if f"{STORED}.yaml" not in store.repo:
+        store.store(STORED, default_tree(), package="_global_", provider="room2dgs")
 
 
 def _default(field: FieldInfo) -> Any:

@@ -203,6 +203,18 @@ def test_upright_photos_among_lying_ones(written, settings, made):
     np.testing.assert_allclose(scene.frames[2].camera.K[:2, 2], [(72 - 37.25) / 2, 46.5 / 2])
 
 
+@pytest.mark.parametrize(("asked", "expected"), [({}, (48, 36)), ({"image_width": "full"}, (96, 72))])
+def test_large_photos_are_worked_at_a_sensible_size_and_the_log_says_so(
+    written, settings, asked, expected, monkeypatch
+):
+    monkeypatch.setattr("room2dgs.captures.working_size.LARGE_PX", 48)
+    scene = read_scene(settings(written("nerfstudio"), **asked))
+    assert {frame.camera.size for frame in scene.frames} == {expected}
+    assert scene.frames[0].color().shape == (expected[1], expected[0], 3)
+    said = [note for note in scene.notes if "scene.image_width=full uses all pixels" in note]
+    assert said == ([] if asked else ["photos of 96 px are worked at 48 px; scene.image_width=full uses all pixels"])
+
+
 def test_a_fisheye_s_points_lie_where_its_undistorted_photos_show_them(written, settings, made, colmap_writer):
     """Tracks are in the photo as stored; OpenCV says where its fisheye puts them."""
     root, k = written("scannetpp_dslr"), np.array([0.05, -0.01, 0.002, 0.0])

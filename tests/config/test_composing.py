@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from hydra.core.config_store import ConfigStore
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
 
 from room2dgs.config import composing
 from room2dgs.config.composing import composed, conf_dir
+from room2dgs.config.defaults import STORED
 
 
 def by_hydra(*overrides: str) -> dict:
@@ -41,3 +43,9 @@ def test_no_value_stays_for_the_next_call():
     changed = composed(["experiment=quick", "train.iterations=7", "eval.protocols=[neuris]"])
     changed.scene.path = "another"
     assert composed(["experiment=quick"]) == before != changed
+
+
+def test_defaults_are_there_when_another_application_has_put_back_a_store_without_them(monkeypatch):
+    store = ConfigStore.instance()
+    monkeypatch.setattr(store, "repo", {name: node for name, node in store.repo.items() if not name.startswith(STORED)})
+    assert OmegaConf.to_container(composing._by_hydra(conf_dir().resolve(), []))["train"]["iterations"] == 3000
