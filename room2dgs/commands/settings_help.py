@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from room2dgs.config import conf_dir
 from room2dgs.config.defaults import NOT_GIVEN
+from room2dgs.config.fields import SHARE
 from room2dgs.config.keys import Key, leaf_keys
 from room2dgs.config.overrides import group_choices
 from room2dgs.config.sentences import shown
@@ -54,7 +55,9 @@ def settings(argv: Sequence[str], sections: tuple[str, ...] = ()) -> list[str]:
 
 
 def meaning(key: Key) -> str:
-    """What a setting decides, and its values where the sentence does not name them."""
+    """What a setting decides, and what it takes where the sentence does not say it."""
+    if SHARE in key.wants:
+        return f"{key.comment} A number with a point is a share of train.iterations."
     unnamed = [choice for choice in key.choices if choice not in key.comment and choice not in ("true", "false")]
     return f"{key.comment} One of: {', '.join(key.choices)}." if unnamed else key.comment
 

@@ -39,7 +39,7 @@ class Config:
     out: Folder = public(REQUIRED, "Folder of the run.")
     resume: bool = public(False, "Whether the run in `out` goes on from its last checkpoint.")
     primitive: Annotated[str, Name(PRIMITIVES.names)] = expert(
-        "surfel2d", described("What the room is made of.", PRIMITIVES)
+        "surfel2d", described("Primitive that the scene is made of.", PRIMITIVES)
     )
     prepare: PrepareConfig = group(PrepareConfig)
     scene: SceneConfig = Field(default=REQUIRED)

@@ -37,7 +37,7 @@ class MeshConfig:
         80.0, "Largest angle between the surface normal and the view ray of a pixel that is fused.", ge=1, le=90
     )
     min_weight: Float = expert(1.0, "Number of views that must have seen a voxel for it to be meshed.", ge=0)
-    min_triangles: Int = expert(50, "Connected pieces with fewer triangles are dropped.", ge=0)
+    min_triangles: Int = expert(50, "Number of triangles below which a connected piece is dropped.", ge=0)
     keep_clusters: Int = expert(50, "Largest number of connected pieces that are kept.", ge=1)
     smoothing_steps: Int = expert(
         5, "Steps of smoothing that remove the roughness of the voxels; borders stay in place.", ge=0, le=100

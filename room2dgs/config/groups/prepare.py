@@ -28,14 +28,14 @@ class PrepareConfig:
     lens: Literal["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"] = expert(
         "SIMPLE_RADIAL", "COLMAP's camera model, whose parameters are estimated with the poses."
     )
-    features: Int = expert(6000, "Largest number of features of a photo whose pose is wanted.", ge=100, le=50_000)
+    features: Int = expert(6000, "Largest number of SIFT features of a photo without a pose.", ge=100, le=50_000)
     peak_threshold: Float = expert(
         0.003, "Smallest contrast of a SIFT feature; a lower one finds more on plain walls.", gt=0, le=1
     )
     feature_side: Int = expert(
         1600, "Largest longer side of a photo in which features are searched, in pixels.", ge=160, le=8192
     )
-    exhaustive: Int = expert(60, "Largest number of photos of which each is matched with every other.", ge=0)
+    exhaustive: Int = expert(60, "Number of photos up to which each is matched with every other.", ge=0)
     overlap: Int = expert(
         10,
         "Number of following photos that a photo is matched with, where there are too many for all pairs.",
@@ -55,7 +55,7 @@ class PrepareConfig:
         None,
         "Known length that gives the scale: [height,METRES] of the cameras above the floor, "
         "[PHOTO,PHOTO,METRES] between "
-        "two photos, or [METRES] of the path.",
+        "two photos, or [METRES] of the camera's path.",
         min_length=1,
         max_length=3,
     )

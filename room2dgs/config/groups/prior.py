@@ -38,14 +38,14 @@ class DepthPriorConfig:
     )
     meaning: Meaning | None = public(
         None,
-        "What depth maps hold (null: what the network's card says, else metres). relative_inverse_depth: disparity, as "
-        "MiDaS gives it.",
+        "What depth maps hold (null: what the network's card says, else metres). relative_depth: depth up to scale and "
+        "shift. relative_inverse_depth: disparity up to scale and shift, as MiDaS gives it.",
     )
     model: PathText | None = public(
         None, "The .onnx file of the depth network (null: the one that comes with room2dgs)."
     )
     network: Annotated[str, Name(card_names)] | None = expert(
-        "room_prior", "Known network whose card describes prior.depth.model (null: the card beside the model does)."
+        "room_prior", "Known network whose card describes prior.depth.model (null: the card beside the model)."
     )
     card: PathText | None = expert(
         None, "Card (.json) that describes prior.depth.model, in place of its network's and of the one beside it."
@@ -85,7 +85,7 @@ class DepthPriorConfig:
     other_views: bool = expert(
         True, "Whether depth maps are drawn to the sure depth of other views, projected into them."
     )
-    free_space: bool = expert(True, "Whether depth counts for less that other views look through, by stereo's depth.")
+    free_space: bool = expert(True, "Whether depth that other views look through, by stereo's depth, loses weight.")
     second_pass: bool = public(
         True, "Whether stereo runs a second pass from the completed depth, followed by all steps of the first."
     )
@@ -128,7 +128,7 @@ class NormalPriorConfig:
         None, "The .onnx file of the normal network (null: the one that comes with room2dgs)."
     )
     network: Annotated[str, Name(card_names)] | None = expert(
-        "room_prior", "Known network whose card describes prior.normal.model (null: the card beside the model does)."
+        "room_prior", "Known network whose card describes prior.normal.model (null: the card beside the model)."
     )
     card: PathText | None = expert(
         None, "Card (.json) that describes prior.normal.model, in place of its network's and of the one beside it."

@@ -25,7 +25,7 @@ class SceneConfig:
         "auto", "Layout of the capture. auto: it is recognised by its files."
     )
     frames: Int | None = public(None, "Number of frames that are used, evenly spaced (null: all).", ge=3)
-    stride: Int = public(1, "Every how many frames of the capture one is used.", ge=1)
+    stride: Int = public(1, "Step between used frames of the capture: 2 uses every second.", ge=1)
     keyframes: Float = expert(
         1.0,
         "Share of the training photos whose depth and normals are estimated; they are chosen to differ most, "
@@ -68,5 +68,5 @@ class SceneConfig:
         "Which photos are held out for tests. capture: the capture's own test photos if it has any. every: every "
         "scene.test_every-th.",
     )
-    test_every: Int = public(8, "Every how many used frames one is held out (0: none).", ge=0)
+    test_every: Int = public(8, "Step between held-out frames: 8 holds out every eighth used frame (0: none).", ge=0)
     gt_mesh: PathText | None = public(None, "Mesh of the true surface (null: the one in the capture, if any).")

@@ -36,7 +36,7 @@ class SeedsConfig:
     )
     max_scale_m: Float = expert(0.1, "Largest first scale of a surfel in metres.", ge=1e-4, le=10)
     decoder: Annotated[str, Name(DECODERS.names)] = expert(
-        "explicit", described("Turns seeds into primitives.", DECODERS)
+        "explicit", described("How seeds become primitives.", DECODERS)
     )
     feature_size: Int = expert(32, "Size of the feature of a seed that the shared decoder reads.", ge=1, le=256)
     scale_activation: Literal["exp", "softplus"] = expert("exp", "Function that turns learnt numbers into scales.")

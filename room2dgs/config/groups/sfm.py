@@ -20,9 +20,8 @@ class SfmConfig:
     )
     leave_out: bool = expert(
         True,
-        "Whether views are left out whose given poses are clearly wrong and cannot be refined, where other "
-        "views see the "
-        "same.",
+        "Whether views are left out whose given poses are clearly wrong and cannot be refined; what they see must be "
+        "in other views.",
     )
     refine_lens: bool = expert(
         True, "Whether bundle adjustment refines focal lengths and distortion where the photos clearly contradict them."

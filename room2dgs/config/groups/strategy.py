@@ -16,7 +16,7 @@ class StrategyConfig:
     """Densification and pruning; a time is an iteration (int) or a share of train.iterations (float)."""
 
     name: Annotated[str, Name(STRATEGIES.names)] = expert(
-        "seeds", described("Decides which primitives are added and pruned.", STRATEGIES)
+        "seeds", described("Rule by which primitives are added and pruned.", STRATEGIES)
     )
     # the paper's 1,500 and 15,000 of 30,000
     start: Time = expert(0.05, "First iteration in which primitives are added or pruned.")
@@ -44,7 +44,8 @@ class StrategyConfig:
     )
     thin: Float = expert(  # about a third of the surfels go (docs/studies/training.md)
         0.03,
-        "Share of the rendering that surfels may add which are pruned at strategy.stop because they add least.",
+        "Share of what all surfels add to the training views that pruning at strategy.stop removes, beginning with the "
+        "surfels that add least.",
         ge=0,
         lt=1,
     )
