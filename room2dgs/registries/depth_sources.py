@@ -4,7 +4,7 @@ Each entry is a `DepthSource` (room2dgs.depth.sources.source). A new one is a mo
 here. Its facts:
 
     normals: it gives normals, too.
-    network: a network makes its maps, as `onnx` describes it.
+    network: a network makes its maps, which its card describes.
 """
 
 from __future__ import annotations
