@@ -28,7 +28,7 @@ from room2dgs.splat import Surfels
 SIZES = ((320, 240), (640, 480))
 COUNTS = (20_000, 100_000, 500_000)
 TILE_STEP = 8  # the bare loop runs every n-th tile
-FLOOR = 1 / 32  # as conf/train has it
+FLOOR = 1 / 32  # as train.opacity_floor has it
 
 
 class Case:

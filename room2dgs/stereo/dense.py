@@ -24,7 +24,7 @@ COARSEST_WIDTH = 240
 
 
 class Options(NamedTuple):
-    """Numbers of the search over all views; see conf/stereo.
+    """Numbers of the search over all views; see config/groups/stereo.py.
 
     Attributes:
         num_source_views: views that a view is matched with; consistency_views: views whose depth it is compared with.
