@@ -18,9 +18,9 @@ from room2dgs.files import check_room, whole_file
 from room2dgs.logs import Log
 from room2dgs.prepare.photos import ChosenPhoto
 from room2dgs.prepare.progress import Progress
+from room2dgs.sfm.features import extract_each
 from room2dgs.sfm.matching import MATCHING_THREADS, IndexPairs, database_bytes, quiet
 
-PHOTOS_AT_ONCE = 8
 PAIRS_AT_ONCE = 60
 # Of the longer side; phones' main cameras have 0.7 to 0.9. It is estimated with the poses; this is where it starts.
 FOCAL = 0.85
@@ -84,20 +84,11 @@ def extracted(path: Path, images: Path, photos: Sequence[ChosenPhoto], config: P
     options.sift.max_num_features = config.features
     options.sift.peak_threshold = config.peak_threshold
     options.max_image_size = config.feature_side
-    options.num_threads = config.threads or available_cores()
     sizes = {photo.name: photo.size for photo in photos}
     check_room(path.parent, database_bytes([sizes[name] for name in missing], 0, config.features))
     progress = Progress(log, "features", len(missing), "photos")
     with quiet():
-        for start in range(0, len(missing), PHOTOS_AT_ONCE):
-            pycolmap.extract_features(
-                path,
-                images,
-                image_names=missing[start : start + PHOTOS_AT_ONCE],
-                extraction_options=options,
-                device=pycolmap.Device.cpu,
-            )
-            progress.at(min(start + PHOTOS_AT_ONCE, len(missing)))
+        extract_each(path, images, missing, options, config.threads or available_cores(), done=progress.at)
     with pycolmap.Database.open(path) as database:
         return [database.num_keypoints_for_image(index) for index in range(1, len(photos) + 1)]
 

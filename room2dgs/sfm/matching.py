@@ -14,9 +14,11 @@ import numpy as np
 
 from room2dgs.captures.scene import Frame
 from room2dgs.colmap import pycolmap
+from room2dgs.cores import available_cores
 from room2dgs.config import PointsConfig
 from room2dgs.files import check_room
 from room2dgs.geometry.camera import Camera
+from room2dgs.sfm.features import extract_each
 
 # On several threads of a busy machine pycolmap now and then finds other matches; separate calls in separate threads do
 # so, too.
@@ -78,7 +80,7 @@ def match(
     with quiet():
         image_ids = _register(frames, images, database)
         check_room(work, database_bytes([frame.camera.size for frame in frames], len(pairs), config.max_features))
-        _extract(images, database, _written_masks(frames, work / "masks"), config)
+        _extract(images, database, [image_name(frame) for frame in frames], _written_masks(frames, work / "masks"), config)
         extracted()
         _match(frames, pairs, database, work / "pairs.txt")
     with pycolmap.Database.open(database) as db:
@@ -225,16 +227,14 @@ def _written_masks(frames: Sequence[Frame], folder: Path) -> Path | None:
     return folder
 
 
-def _extract(images: Path, database: Path, masks: Path | None, config: PointsConfig) -> None:
+def _extract(images: Path, database: Path, names: Sequence[str], masks: Path | None, config: PointsConfig) -> None:
     options = pycolmap.FeatureExtractionOptions()
     options.sift.max_num_features = config.max_features
     options.sift.peak_threshold = config.peak_threshold
     reader = pycolmap.ImageReaderOptions()
     if masks is not None:
         reader.mask_path = masks
-    pycolmap.extract_features(
-        database, images, reader_options=reader, extraction_options=options, device=pycolmap.Device.cpu
-    )
+    extract_each(database, images, names, options, available_cores(), reader)
 
 
 def _match(frames: Sequence[Frame], pairs: IndexPairs, database: Path, list_path: Path) -> None:
