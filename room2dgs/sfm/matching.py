@@ -14,8 +14,8 @@ import numpy as np
 
 from room2dgs.captures.scene import Frame
 from room2dgs.colmap import pycolmap
-from room2dgs.cores import available_cores
 from room2dgs.config import PointsConfig
+from room2dgs.cores import available_cores
 from room2dgs.files import check_room
 from room2dgs.geometry.camera import Camera
 from room2dgs.sfm.features import extract_each
@@ -80,7 +80,8 @@ def match(
     with quiet():
         image_ids = _register(frames, images, database)
         check_room(work, database_bytes([frame.camera.size for frame in frames], len(pairs), config.max_features))
-        _extract(images, database, [image_name(frame) for frame in frames], _written_masks(frames, work / "masks"), config)
+        masks = _written_masks(frames, work / "masks")
+        _extract(images, database, [image_name(frame) for frame in frames], masks, config)
         extracted()
         _match(frames, pairs, database, work / "pairs.txt")
     with pycolmap.Database.open(database) as db:

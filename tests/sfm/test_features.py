@@ -68,4 +68,3 @@ def test_a_photo_has_the_features_that_it_has_alone(extracted, threads):
         (alone,) = extracted((name,), 1).values()
         for found, wanted in zip(together[name], alone, strict=True):
             assert np.array_equal(found, wanted), name
-
