@@ -40,6 +40,8 @@ def extract_each(
     options.num_threads = 1
     reader = reader or pycolmap.ImageReaderOptions()
     count = max(1, min(threads, len(names)))
+    with pycolmap.Database.open(database) as of_all:
+        image_ids = {image.name: image.image_id for image in of_all.read_all_images()}
     # SQLite lets one thread write at a time, so each works on a copy that knows the photos
     copies: Queue[Path] = Queue()
     for number in range(count):
@@ -57,7 +59,7 @@ def extract_each(
                 device=pycolmap.Device.cpu,
             )
             with pycolmap.Database.open(copy) as of_copy:
-                image_id = of_copy.read_image_with_name(name).image_id
+                image_id = image_ids[name]
                 return image_id, of_copy.read_keypoints(image_id), of_copy.read_descriptors(image_id)
         finally:
             copies.put(copy)
