@@ -13,7 +13,7 @@ from room2dgs.captures.scene import Frame
 from room2dgs.config import DepthPriorConfig
 from room2dgs.depth.align.scale_shift import Fit
 from room2dgs.depth.sensor.maps import sensor_depth, sensor_map, unit_m
-from room2dgs.depth.sensor.registration import MIN_VIEW_POINTS, check_scale, found_shift
+from room2dgs.depth.sensor.registration import MIN_VIEW_POINTS, Scale, check_scale, found_shift, scale_warning
 from room2dgs.depth.sensor.views import SensorViews
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
@@ -46,7 +46,7 @@ def sensor_depths(frames: Sequence[Frame], views: SensorViews, settings: DepthPr
         views: what their depth files are good for.
 
     Raises:
-        InputError: no depth that can be used, or depth in another scale than the poses.
+        InputError: no depth that can be used, or depth that is clearly in another unit than the poses.
     """
     known = list(views.at_points.values())
     if not known:
@@ -55,13 +55,17 @@ def sensor_depths(frames: Sequence[Frame], views: SensorViews, settings: DepthPr
             "of prior/depth=sensor"
         )
     first = next(frame for frame in frames if frame.name in views.at_points)
-    scale = check_scale(known, unit_m(first, settings))
+    unit = unit_m(first, settings)
+    scale = check_scale(known, unit)
     if not views.frames:
         raise InputError(
             f"no depth file of the capture has a depth between prior.depth.sensor.min_m={settings.sensor.min_m:g} and "
             f"max_m={settings.sensor.max_m:g}; widen them, or give prior/depth=room_prior"
         )
     _log_fit(views, len(frames), scale, log)
+    warning = scale_warning(scale, unit) if scale else None
+    if warning:
+        log(warning)
     _warn_of_shift(views, first.camera.width, log)
     _warn_of_strangers(views, log)
     return _maps(views, settings)
@@ -91,12 +95,13 @@ def _excess(fit: Fit) -> float:
     return max(0.0, fit.residual - POINTS_OFF)
 
 
-def _log_fit(views: SensorViews, count: int, scale: float | None, log: Log) -> None:
+def _log_fit(views: SensorViews, count: int, scale: Scale | None, log: Log) -> None:
     residuals = [at.residual for at in views.at_points.values() if len(at.ratio)]
     if scale is None:
         fit = "too few sparse points to check scale and registration"
     else:
-        fit = f"off the sparse points by {np.median(residuals):.1%} (median view), scale {scale:.3f}"
+        off = f"off the sparse points by {np.median(residuals):.1%} (median view)"
+        fit = f"{off}, scale {scale.value:.3f} ± {scale.error:.1%}"
     log(f"depth: sensor ({len(views.frames)} of {count} photos); {fit}; {NETWORK}")
 
 

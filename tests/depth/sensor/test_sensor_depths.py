@@ -163,7 +163,7 @@ def test_no_usable_file_at_all(room, with_depth, load):
 @pytest.mark.parametrize("choice", [SENSOR, AUTO])
 def test_metres_in_another_unit_stop_the_run_with_the_unit_that_fits(with_depth, load, choice):
     frames = with_depth(unit_m=1 / 5000)
-    with pytest.raises(InputError, match=r"say 5 times the distances.*prior\.depth\.unit_m=0\.0002 \(now 0\.001\)"):
+    with pytest.raises(InputError, match=r"say 5 \(.*times the distances.*prior\.depth\.unit_m=0\.0002 \(now 0\.001\)"):
         load(frames, *choice)
     priors, _ = load(frames, *choice, depth__unit_m=0.0002)
     assert priors.depth_source == "sensor"
