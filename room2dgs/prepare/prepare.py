@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -37,6 +36,7 @@ from room2dgs.prepare.metres import (
     scale_by_length,
     scale_by_maps,
 )
+from room2dgs.prepare.one_place import MIN_MATCHES, walked, why_no_parallax, why_small_angles
 from room2dgs.prepare.pairs import all_pairs, loop_pairs, sequential_pairs
 from room2dgs.prepare.photos import ChosenPhoto, choose_photos
 from room2dgs.prepare.picture import draw_path
@@ -52,7 +52,6 @@ IMAGES, SPARSE, DEPTH = "images", "sparse", "depth"
 TURNED_PHOTOS = 40  # whose edges tell how the room stands
 MIN_ANGLE_DEG = 1.5  # under which the median point is seen: below that nothing is known of depths
 FEW_FEATURES = 40  # of the median photo
-TURNED, FLAT = "PANORAMIC", "PLANAR_OR_PANORAMIC"  # pairs whose pictures a homography explains
 
 
 def prepare(config: Config, out: Path, log: Log) -> dict[str, Any]:
@@ -129,10 +128,7 @@ def _model(
         remove_photos(model, loose)
     angle = float(np.median(triangulation_angles(model))) if model.num_points3D() else 0.0
     if angle < MIN_ANGLE_DEG:
-        raise InputError(
-            f"{_source(settings)} was taken from one place (its points are seen under {angle:.1f} degrees), so no "
-            "depth can be told; walk while filming, do not only turn"
-        )
+        raise InputError(why_small_angles(_source(settings), angle, walked(model)))
     with whole_folder(work / "model") as partial:
         model.write(partial)
     other = [sorted(names_of(one) - names_of(model)) for one in others]
@@ -164,24 +160,16 @@ def _pairs(
 def _why_none(photos: Sequence[ChosenPhoto], database: Path, settings: PrepareConfig) -> str:
     """Why nothing could be reconstructed."""
     pairs = verified_pairs(database)
-    good = [kind for count, kind in pairs.values() if count >= 15]
+    good = [count for count, _ in pairs.values() if count >= MIN_MATCHES]
     source = _source(settings)
     if len(good) < len(photos) / 2:
         return (
             f"{source} has {len(photos)} photos of which hardly any two show the same ({len(good)} pairs); film "
             "slower, so that each photo shows most of the one before"
         )
-    kinds = Counter(good)
-    if kinds[TURNED] > len(good) / 2:
-        return (
-            f"{source} was taken from one place (the camera only turns), so no depth can be told; walk while filming, "
-            "do not only turn"
-        )
-    if kinds[TURNED] + kinds[FLAT] > len(good) / 2:
-        return (
-            f"{source} was taken from one place, or shows one flat wall, so no depth can be told; film with steps to "
-            "the side and with corners or furniture in the picture"
-        )
+    no_parallax = why_no_parallax(source, pairs)
+    if no_parallax:
+        return no_parallax
     return (
         f"{source} gives no reconstruction although {len(good)} pairs of photos match; film again, slowly, with "
         "steps to the side"

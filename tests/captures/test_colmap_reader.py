@@ -89,6 +89,23 @@ def test_few_posed_photos_are_warned_of(written, settings):
     assert len(said) == 1
 
 
+def test_few_posed_photos_beside_the_model_are_warned_of_and_other_pictures_there_do_not_count(written, settings):
+    root = written("colmap")
+    for photo in sorted((root / "images").iterdir()):
+        photo.rename(root / photo.name)
+    (root / "images").rmdir()
+    assert not [line for line in read_scene(settings(root)).warnings if "has poses of" in line]
+    (root / "report").mkdir()
+    one = root / "walk one/IMG_7.jpg"
+    for index in range(20):
+        shutil.copy(one, root / f"walk one/more_{index}.jpg")
+        shutil.copy(one, root / f"report/{index}.jpg")
+    (root / "path.png").write_bytes(one.read_bytes())
+    warnings = read_scene(settings(root)).warnings
+    said = [line for line in warnings if "poses of 6 of the 26 photos" in line and "room2dgs prepare" in line]
+    assert len(said) == 1
+
+
 def test_two_images_of_one_name_are_refused(written, settings):
     root = written("colmap")
     text = root / "sparse/0/images.txt"

@@ -44,6 +44,15 @@ def test_two_folders_above_a_capture_and_several_captures(written, said, tmp_pat
     assert f"scene.path={tmp_path}/all/day one/cellar" in found
 
 
+@pytest.mark.parametrize("name", ["nerfstudio", "colmap", "tum"])
+def test_photos_and_texts_beside_captures_do_not_hide_them(written, said, tmp_path, name):
+    (tmp_path / "all").mkdir()
+    root = written(name).rename(tmp_path / "all/room")
+    (root.parent / "README.md").write_text("my rooms")
+    (root.parent / "door.jpg").write_bytes(b"\xff\xd8\xff\xd9")
+    assert f"scene.path={root} is a capture ({name})" in said(root.parent)
+
+
 @pytest.mark.parametrize(("name", "part"), [("scannet", "color"), ("scannet", "color/0.jpg"), ("stray", "rgb.mp4")])
 def test_a_part_of_a_capture_names_the_whole(written, said, name, part):
     root = written(name)

@@ -166,11 +166,12 @@ def _no_points(model: Model) -> list[str]:
 
 def _posed(model: Model, photos: Path) -> tuple[list[str], bool]:
     """A word where the model has poses of some of the photos alone, and whether they are few."""
-    if photos.name not in PHOTOS:  # a folder of other things too
-        return [], False
     named = {image.name.replace("\\", "/") for image in model.images}
     there = {name for name in in_folder(photos) if name.lower().endswith(PHOTO_SUFFIXES)}
     there = {name for name in there if name in named or not called_map(name)}
+    if photos.name not in PHOTOS:  # it has other things, too
+        alike = {_kind(name) for name in named}
+        there = {name for name in there if _kind(name) in alike}
     posed = len(named & there)
     if posed >= len(there):
         return [], False
@@ -178,6 +179,12 @@ def _posed(model: Model, photos: Path) -> tuple[list[str], bool]:
     if posed >= FEW_POSED * len(there):
         return [message], False
     return [f"{message}; map them again (room2dgs prepare), or give scene.path of another model"], True
+
+
+def _kind(name: str) -> tuple[str, str]:
+    """By which photos of a capture are alike: folder and suffix."""
+    path = PurePosixPath(name)
+    return str(path.parent), path.suffix.lower()
 
 
 def _warnings(root: Path) -> list[str]:
