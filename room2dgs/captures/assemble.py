@@ -72,7 +72,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
     points = None
     if capture.points is not None:
         shots = {frame.name: entry.shot.name for frame, entry in zip(frames, entries, strict=True)}
-        points = CapturePoints(capture, tuple(train), shots, config.unit, origin_m)
+        points = CapturePoints(capture, tuple(train), shots, config.given_unit, origin_m)
     return Scene(
         root,
         tuple(train),
@@ -118,9 +118,9 @@ def _posed(capture: Capture, config: SceneConfig) -> tuple[list[Entry], list[Dro
             continue
         if capture.world_from_disk is not None:
             pose = pose_in_world(pose, capture.world_from_disk)
-        if config.unit is not None:
+        if config.given_unit is not None:
             pose = pose.copy()
-            pose[:3, 3] *= config.unit
+            pose[:3, 3] *= config.given_unit
         entries.append(Entry(index, shot, pose))
     warned.append(left_out(damaged, len(chosen), "poses that cannot be used"))
     return entries, dropped, [one for one in warned if one is not None]
@@ -199,14 +199,12 @@ def _notes(capture: Capture, config: SceneConfig, entries: list[Entry]) -> list[
     """What a person should know of how the capture was understood."""
     count = len(entries)
     found = [f"layout: {capture.layout}, {capture.root}"]
-    if config.unit is not None:
-        found.append(f"scale: scene.unit={config.unit:g} metres")
+    if config.given_unit is not None:
+        found.append(f"scale: scene.unit={config.given_unit:g} metres")
     elif capture.metric:
         found.append(f"scale: metres ({capture.why})")
     else:
-        found.append(
-            f"scale: unknown ({capture.why}); lengths are taken as metres, scene.unit=METRES of one unit mends it"
-        )
+        found.append(f"scale: unknown ({capture.why}); give scene.unit=METRES of one unit if you know it")
     models = [entry.fitted_lens.model for entry in entries if entry.fitted_lens.distorts]
     if models:
         found.append(f"undistorted on reading: {len(models)} of {count} photos ({models[0]})")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from room2dgs.captures.in_metres import EstimatedUnit, unit_of_dict
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.scene import Dropped, Frame, Scene
 from room2dgs.captures.with_lens import with_lens
@@ -20,6 +21,7 @@ from room2dgs.regular_files import check_regular, read_regular
 
 KIND = "room2dgs poses"
 LEFT_OUT = "left_out"  # what a report calls the frames that take no part
+UNIT = "unit"  # by which the capture was scaled; without it, it was not
 LENS = "lens"  # and the lens that was found: model, params, size
 NO_POSE = "its photo does not tell its pose, and the given poses are off"
 MEND = "delete it and start the run anew"
@@ -55,11 +57,14 @@ def without(scene: Scene, names: Collection[str]) -> Scene:
     return replace(scene, train=train, test=test, dropped=(*scene.dropped, *dropped))
 
 
-def write_poses(path: Path, given: Scene, refined: Scene, report: Mapping[str, Any]) -> None:
+def write_poses(
+    path: Path, given: Scene, refined: Scene, report: Mapping[str, Any], unit: EstimatedUnit | None = None
+) -> None:
     """cam_from_world of each frame, row by row, as given and as refined; digits enough for the same bits.
 
     Args:
         refined: frames that were left out of it are written as given; `report` names them.
+        unit: that both scenes were scaled by.
     """
     after = {frame.name: frame.camera for frame in refined.frames}
     frames = {
@@ -69,9 +74,24 @@ def write_poses(path: Path, given: Scene, refined: Scene, report: Mapping[str, A
         }
         for before in given.frames
     }
-    text = json.dumps({"kind": KIND, "report": dict(report), "cam_from_world": frames}, indent=1, allow_nan=False)
+    scaled = {} if unit is None else {UNIT: unit.as_dict()}
+    content = {"kind": KIND, "report": dict(report), **scaled, "cam_from_world": frames}
+    text = json.dumps(content, indent=1, allow_nan=False)
     with whole_file(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def read_unit(path: Path, scene: Scene) -> EstimatedUnit | None:
+    """What the capture was scaled by before its poses were written to a file: `read_poses` wants it scaled so.
+
+    Raises:
+        InputError: the file is missing, damaged or too large.
+    """
+    try:
+        unit = json.loads(_raw(path, scene)).get(UNIT)
+        return None if unit is None else unit_of_dict(unit)
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        raise InputError(f"{path} is not a file of refined poses; {MEND}") from error
 
 
 def read_poses(path: Path, scene: Scene) -> tuple[Scene, dict[str, Any]]:
@@ -83,8 +103,7 @@ def read_poses(path: Path, scene: Scene) -> tuple[Scene, dict[str, Any]]:
         InputError: the file is missing, damaged or too large, holds poses that are not rigid or leaves out every
             photo, or belongs to other given poses.
     """
-    longest = LONGEST + len(scene.frames) * LONGEST_FRAME
-    raw = read_regular(path, longest, MEND) if check_regular(path, MEND) else b""
+    raw = _raw(path, scene)
     try:
         content = json.loads(raw)
         report = dict(content["report"])
@@ -117,6 +136,11 @@ def read_poses(path: Path, scene: Scene) -> tuple[Scene, dict[str, Any]]:
     if scene.train and not found.train:
         raise InputError(f"{path} leaves out every training photo; {MEND}")
     return found, report
+
+
+def _raw(path: Path, scene: Scene) -> bytes:
+    longest = LONGEST + len(scene.frames) * LONGEST_FRAME
+    return read_regular(path, longest, MEND) if check_regular(path, MEND) else b""
 
 
 def _matrix(rows: Any) -> np.ndarray:

@@ -39,7 +39,7 @@ def near_each_other(
         InputError: cameras are too far apart for a room; names the reading of the poses or the unit that mends it.
     """
     centres = np.stack([entry.world_from_cam[:3, 3] for entry in entries])
-    if _reach(centres) <= LONGEST_PATH_M or not (capture.metric or config.unit is None):
+    if _reach(centres) <= LONGEST_PATH_M or not (capture.metric or config.given_unit is None):
         return list(entries), [], []
     off = np.linalg.norm(centres - np.median(centres, axis=0), axis=1)
     together = off <= LONGEST_PATH_M

@@ -37,14 +37,18 @@ def scene_of_run(config: Config) -> Scene:
 
 
 def with_poses_of_run(scene: Scene, out: Path) -> Scene:
-    """The capture with the poses that the run in `out` worked with, if it has come to any.
+    """The capture with the poses and in the unit that the run in `out` worked with, if it has come to any.
 
     Raises:
         InputError: as `read_poses`.
     """
-    from room2dgs.captures.poses_file import read_poses
+    from room2dgs.captures.in_metres import in_metres
+    from room2dgs.captures.poses_file import read_poses, read_unit
 
-    return read_poses(out / POSES, scene)[0] if (out / POSES).exists() else scene
+    if not (out / POSES).exists():
+        return scene
+    unit = read_unit(out / POSES, scene)
+    return read_poses(out / POSES, scene if unit is None else in_metres(scene, unit))[0]
 
 
 @contextmanager

@@ -40,7 +40,7 @@ def check_unit(priors: Priors, points: PointCloud, scene: Scene, config: Config,
     fitted = len(scales) >= LEAST_VIEWS
     scale = float(np.median(scales)) if fitted else _scale_at_points(priors, points, scene)
     run.record({SCALE: scale})
-    doubt = unit_doubt(scale, scene, config.scene.unit)
+    doubt = unit_doubt(scale, scene, _unit(scene, config))
     if doubt and not fitted:
         raise InputError(f"{scene.path} is not in metres: {doubt}")
     if doubt:
@@ -74,7 +74,7 @@ def unit_doubt(scale: float | None, scene: Scene, unit: float | None) -> str | N
 
     Args:
         scale: times which the prior's metres are the poses'; None: unknown.
-        unit: `scene.unit`.
+        unit: `scene.unit`, or what it was estimated to be; None: lengths are as in the capture.
     """
     known = scene.metric or unit is not None
     if scale is None or max(scale, 1 / scale) < (KNOWN_UNIT if known else UNKNOWN_UNIT):
@@ -93,6 +93,11 @@ def unit_doubt(scale: float | None, scene: Scene, unit: float | None) -> str | N
     return f"the depth prior finds that one unit of the poses is about {better:g} m: give scene.unit={better:g}"
 
 
+def _unit(scene: Scene, config: Config) -> float | None:
+    """Metres of one unit of the capture's poses, where lengths are not as in the capture."""
+    return config.scene.given_unit or scene.unit_m
+
+
 @contextmanager
 def unit_in_no_surface(scene: Scene, config: Config, out: Path) -> Iterator[None]:
     """If the block finds no surface, and the unit of the poses may be the cause, the error says so.
@@ -105,13 +110,13 @@ def unit_in_no_surface(scene: Scene, config: Config, out: Path) -> Iterator[None
     try:
         yield
     except NoSurface as error:
-        scale = read_metrics(out).get(SCALE)
-        doubt = unit_doubt(scale if isinstance(scale, float) and scale > 0 else None, scene, config.scene.unit)
-        if doubt and (scene.metric or config.scene.unit is not None):  # then something else may be the cause
+        scale, unit = read_metrics(out).get(SCALE), _unit(scene, config)
+        doubt = unit_doubt(scale if isinstance(scale, float) and scale > 0 else None, scene, unit)
+        if doubt and (scene.metric or unit is not None):  # then something else may be the cause
             raise NoSurface(f"{error}; or lengths are in another unit than metres: {doubt}") from error
         if doubt:
             raise NoSurface(f"no surface came out, because lengths are in another unit than metres: {doubt}") from error
-        if scene.metric or config.scene.unit is not None:
+        if scene.metric or unit is not None:
             raise
         reach_m = float(np.linalg.norm(np.ptp([frame.camera.centre for frame in scene.frames], axis=0)))
         raise NoSurface(

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from room2dgs.captures.in_metres import scaled_points
 from room2dgs.captures.point_cloud import PointCloud, Tracks
 from room2dgs.captures.point_files import load_points, read_ply, save_points
 from room2dgs.captures.scene import Frame, Scene
@@ -66,7 +67,7 @@ def sparse_points(
         InputError: too few points, photos that disagree with their poses, or an unusable file.
     """
     if config.source == "file":
-        points = points_in_scene(partial(read_ply, Path(config.file or "")), scene.origin_m)
+        points = points_in_scene(partial(_file_in_metres, Path(config.file or ""), scene.unit_m), scene.origin_m)
         if len(points) < MIN_POINTS:
             raise InputError(
                 f"{config.file} holds {len(points)} points, at least {MIN_POINTS} are needed; give another file"
@@ -97,6 +98,11 @@ def sparse_points(
     log(f"points: {len(points)} triangulated, seen by {points.track_length.mean():.1f} views on average")
     keep_points(scene, config, cache, points)
     return points
+
+
+def _file_in_metres(path: Path, unit_m: float | None) -> PointCloud:
+    points = read_ply(path)
+    return points if unit_m is None else scaled_points(points, unit_m)
 
 
 def _too_few(scene: Scene, count: int, instead: str) -> str:

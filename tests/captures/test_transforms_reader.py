@@ -118,8 +118,8 @@ def test_k5_of_a_fisheye_is_refused(changed, settings):
         read_scene(settings(changed(lambda known: known.update(k1=0.01, k5=0.01, is_fisheye=True))))
 
 
-@pytest.mark.parametrize("unit", [None, 0.5])
-def test_depth_of_instant_ngp_is_in_units_of_the_poses(changed, settings, made, unit):
+@pytest.mark.parametrize(("unit", "metres"), [("auto", 1.0), (0.5, 0.5)])
+def test_depth_of_instant_ngp_is_in_units_of_the_poses(changed, settings, made, unit, metres):
     def change(known):
         for frame in known["frames"]:
             frame["depth_path"] = frame.pop("depth_file_path")
@@ -127,7 +127,7 @@ def test_depth_of_instant_ngp_is_in_units_of_the_poses(changed, settings, made, 
 
     scene = read_scene(settings(changed(change), unit=unit))
     for frame, depth in zip(scene.frames, made.depths, strict=True):
-        np.testing.assert_allclose(frame.depth(), depth / 1000 * (unit or 1.0), atol=5e-7)
+        np.testing.assert_allclose(frame.depth(), depth / 1000 * metres, atol=5e-7)
 
 
 @pytest.mark.parametrize(("keys", "why"), [({}, "integer_depth_scale"), ({"enable_depth_loading": False}, "false")])

@@ -103,7 +103,7 @@ def _shots(meta: dict[str, Any], path: Path, config: SceneConfig, messages: Mess
     notes, warnings = key_notes(meta, frames, path)
     messages.notes += notes
     messages.warnings += [*warnings, *contradictions(meta, frames, path)]
-    depth = _depth_of(meta, frames, path, config.unit, messages)
+    depth = _depth_of(meta, frames, path, config.given_unit, messages)
     shots = shots_of(meta, frames, path, partial(photo_at, path.parent, path=path), depth=depth, messages=messages)
     messages.warnings += _of_several(shots)
     shots, gone = without_missing_maps(shots, path)

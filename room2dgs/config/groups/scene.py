@@ -58,7 +58,13 @@ class SceneConfig:
         "world_to_camera_opencv",
         "world_to_camera_opengl",
     ] = expert("auto", "What the capture's poses mean. auto: as its layout says.")
-    unit: Float | None = public(None, "Metres of one unit of the capture's poses (null: 1).", gt=0)
+    unit: Annotated[
+        Literal["auto"] | Annotated[Float, Field(gt=0)], Wants("auto or a number above 0, the metres of one unit")
+    ] = public(
+        "auto",
+        "Metres of one unit of the capture's poses. auto: 1 where the capture says that they are metres; else it is "
+        "estimated from the depth prior, if one is read.",
+    )
     topics: list[str] | None = expert(
         None, "Topics of a ROS bag that are read where it has several pictures, depths or poses (null: the only ones)."
     )
@@ -70,3 +76,8 @@ class SceneConfig:
     )
     test_every: Int = public(8, "Step between held-out frames: 8 holds out every eighth used frame (0: none).", ge=0)
     gt_mesh: PathText | None = public(None, "Mesh of the true surface (null: the one in the capture, if any).")
+
+    @property
+    def given_unit(self) -> float | None:
+        """Metres of one unit, if they are given."""
+        return None if self.unit == "auto" else self.unit
