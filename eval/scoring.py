@@ -17,7 +17,7 @@ from room2dgs.eval.protocol import MeshFile, Options, Result, load
 from room2dgs.eval.protocol_area import AreaResult
 from room2dgs.eval.report import table
 from room2dgs.geometry.camera import Camera
-from room2dgs.registries.protocols import PROTOCOLS
+from room2dgs.registries.protocols import MESH, PROTOCOLS, against
 
 HEADLINE = ("f_score", "precision", "recall")
 MOST_SAMPLES = 100_000_000
@@ -104,7 +104,7 @@ def evaluate(
     Args:
         pred, gt: a mesh file (PLY, OBJ, OFF, STL, GLB) or a mesh; metres, one world frame.
         cameras: all usable views of the scene; only what they see is judged.
-        protocols: names out of `PROTOCOLS`.
+        protocols: names out of `PROTOCOLS`, of those that compare with a mesh.
         threshold_m: of precision, recall and F-score.
         samples, seed: protocol `area`: observed points on each mesh (at most 100 million), and the seed that draws
             them.
@@ -115,7 +115,11 @@ def evaluate(
     """
     if not protocols:
         raise InputError(f"no protocol is named; choose from {', '.join(PROTOCOLS)}")
-    chosen = {name: PROTOCOLS.load(name) for name in protocols}
+    of_meshes = against(MESH, protocols)
+    if len(of_meshes) < len(protocols):
+        other = ", ".join(name for name in protocols if name not in of_meshes)
+        raise InputError(f"protocol {other} does not compare two meshes; `evaluate` knows the others")
+    chosen = {name: PROTOCOLS.load(name) for name in of_meshes}
     if not len(cameras):
         raise InputError("there is no camera; protocols judge only what cameras see")
     if not 0 < threshold_m < float("inf"):

@@ -10,7 +10,7 @@ from room2dgs.config import conf_dir
 from room2dgs.config.keys import leaf_keys
 from room2dgs.config.overrides import group_choices
 from room2dgs.registries.exporters import EXPORTERS
-from room2dgs.registries.protocols import PROTOCOLS
+from room2dgs.registries.protocols import MESH, PROTOCOLS, against
 
 UPS = next(key.choices for key in leaf_keys() if key.name == "export.up")
 LAUNCHERS = ("basic", "joblib", "submitit_local", "submitit_slurm", "ray")
@@ -32,7 +32,7 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
     "report": {"run": ANY},
     "export": {"run": ANY, "to": ANY, "up": UPS, "faces": ANY, "max_error_m": ANY},
     "plan": {"run": ANY, "up": UPS},
-    "table": {"meshes": ANY, "protocol": PROTOCOLS.names(), "name": ANY, "out": ANY},
+    "table": {"meshes": ANY, "protocol": tuple(against(MESH, PROTOCOLS.names())), "name": ANY, "out": ANY},
     "bench": {
         "out": ANY, "in_run": ("true", "false"), "scenes": ANY, "root": ANY,
     },

@@ -12,10 +12,14 @@ from room2dgs.errors import InputError
 from room2dgs.links_out import refuse_links_out
 from room2dgs.logs import Log, in_lines, to_terminal
 from room2dgs.owner import owned
+from room2dgs.pipeline.depth_scores import depth_figures
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.same_depth import same_depth_figures
 from room2dgs.pipeline.scene import read_capture
 from room2dgs.pipeline.surfels import render_frames, use_threads
+from room2dgs.registries.protocols import DEPTH as DEPTH_TRUTH
+from room2dgs.registries.protocols import MESH as MESH_TRUTH
+from room2dgs.registries.protocols import against
 from room2dgs.regular_files import check_regular
 from room2dgs.runs.folder import MESH, METRICS, required
 from room2dgs.runs.metrics import MESH_SCORES, cleared, read_metrics
@@ -29,21 +33,30 @@ if TYPE_CHECKING:
 def evaluate_run(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder) -> None:
     """Held-out views against their photos, if there are surfels, and the mesh against the truth, if there is one.
 
+    With protocol `depth` also the mesh and the surfels against the capture's depth maps.
+
     Raises:
         InputError: no mesh, or as `ground_truth` and `alignment`.
     """
     use_threads(config)
     gt = ground_truth(config) or scene.gt_mesh
+    by_mesh, by_depth = (against(truth, config.eval.protocols) for truth in (MESH_TRUTH, DEPTH_TRUTH))
     figures: dict[str, Any] = {}
     with run.timed("eval"):
         if surfels is not None and config.eval.image_metrics:
             figures = _image_scores(scene, surfels, config, run.log)
-        if gt is None:
-            run.log("no ground truth (gt_mesh.ply in the capture, or eval.gt=MESH): the mesh is not scored")
-        else:
-            mesh = required(Path(config.eval.pred) if config.eval.pred else run.path / MESH, "mesh")
+        mesh = Path(config.eval.pred) if config.eval.pred else run.path / MESH
+        if by_depth or (by_mesh and gt is not None):
             figures |= cleared(run.path, MESH_SCORES)
-            figures |= _mesh_scores(mesh, gt, scene, config.eval, run.path, run.log)
+        if by_depth:
+            source = read_metrics(run.path).get("depth_source", "")
+            figures |= depth_figures(required(mesh, "mesh"), scene, surfels, config, source, run.log)
+        if gt is None:
+            has_depth = not by_depth and any(frame.depth_path for frame in scene.frames)
+            also = "; eval.protocols=[depth] compares it with the capture's depth maps" if has_depth else ""
+            run.log(f"no ground truth (gt_mesh.ply in the capture, or eval.gt=MESH): the mesh is not scored{also}")
+        elif by_mesh:
+            figures |= _mesh_scores(required(mesh, "mesh"), gt, scene, config.eval, run.path, run.log)
             if config.eval.align == "none":
                 source = read_metrics(run.path).get("depth_source", "")
                 figures |= same_depth_figures(scene, gt, config, source, run.log)
@@ -56,28 +69,38 @@ def evaluate_mesh(config: Config, log: Log = to_terminal) -> Path:
     """Scores a mesh that no run made: its cameras come from the capture.
 
     Args:
-        config: `eval.pred` is the mesh, `eval.gt` the truth unless the capture has one.
+        config: `eval.pred` is the mesh, `eval.gt` the truth unless the capture has one. Protocol `depth` alone needs
+            no truth but the capture's depth maps.
 
     Returns:
         The folder that the scores went to, which is config.out.
 
     Raises:
-        InputError: prediction or ground truth are not named or not there.
+        InputError: prediction or ground truth are not named or not there, or no photo has the depth asked for.
     """
     gt = ground_truth(config)
     pred = Path(config.eval.pred or "")
     check_regular(pred, "give pred=MESH")
     scene = read_capture(config)
     gt = gt or scene.gt_mesh
-    if gt is None:
+    by_mesh, by_depth = (against(truth, config.eval.protocols) for truth in (MESH_TRUTH, DEPTH_TRUTH))
+    if by_mesh and gt is None:
         raise InputError(f"{config.scene.path} has no gt_mesh.ply; give gt=MESH")
+    if not by_mesh and not any(frame.depth_path for frame in scene.frames):
+        raise InputError(
+            f"{config.scene.path} has no depth maps, which protocol depth needs; give gt=MESH and another protocol"
+        )
     run = RunFolder(Path(config.out), log)
     refuse_links_out(run.path, ("eval",))
     with owned(run.path):
         with run.timed("eval"):
-            scores = _mesh_scores(pred, gt, scene, config.eval, run.path, log)
+            scores: dict[str, Any] = {}
+            if by_depth:
+                scores = depth_figures(pred, scene, None, config, "", log)
+            if by_mesh and gt is not None:
+                scores |= _mesh_scores(pred, gt, scene, config.eval, run.path, log)
         run.record(cleared(run.path, MESH_SCORES) | scores)
-    log(f"scores: {run.path / METRICS}, pictures: {run.path / 'eval'}")
+    log(f"scores: {run.path / METRICS}" + (f", pictures: {run.path / 'eval'}" if by_mesh else ""))
     return run.path
 
 
@@ -140,7 +163,7 @@ def _mesh_scores(pred: Path, gt: Path, scene: Scene, settings: EvalConfig, out: 
     result = evaluate(
         *meshes,
         [frame.camera for frame in frames],
-        settings.protocols,
+        against(MESH_TRUTH, settings.protocols),
         threshold_m=settings.threshold_m,
         samples=settings.samples,
         seed=settings.seed,

@@ -27,7 +27,7 @@ def same_depth_figures(scene: Scene, gt: Path, config: Config, depth_source: str
         depth_source: what the run's metrics.json says.
     """
     frames = [frame for frame in scene.train if frame.depth_path]
-    if not frames or not _used_own_depth(frames, config, depth_source):
+    if not frames or not used_own_depth(frames, config, depth_source):
         return {"truth_from_same_depth": False, "depth_to_truth_m": None}
     from room2dgs.eval.protocol import load
     from room2dgs.eval.same_depth import SAME_M, distance_to_truth
@@ -44,7 +44,12 @@ def same_depth_figures(scene: Scene, gt: Path, config: Config, depth_source: str
     return {"truth_from_same_depth": same, "depth_to_truth_m": distance if np.isfinite(distance) else None}
 
 
-def _used_own_depth(frames: Sequence[Frame], config: Config, depth_source: str) -> bool:
+def used_own_depth(frames: Sequence[Frame], config: Config, depth_source: str) -> bool:
+    """Whether a run was given the depth maps of these photos; all of them have one.
+
+    Args:
+        depth_source: what the run's metrics.json says.
+    """
     own = frames[0].depth_path
     if depth_source == "files" and config.prior.depth.path and own:
         return Path(config.prior.depth.path).resolve() == own.resolve().parent

@@ -40,6 +40,7 @@ MESH_SCORES = (
     "align",
     "chamfer_m",
     "completion_m",
+    "depth_scores",
     "depth_to_truth_m",
     "eval_seconds",
     "f_score_",

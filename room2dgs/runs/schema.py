@@ -84,6 +84,16 @@ def _are_sites(value: Any) -> bool:
     return bool(farther) and _each(lambda one: isinstance(one, dict) and is_number(one.get("wrong")))(farther)
 
 
+def _are_depth_scores(value: Any) -> bool:
+    """Of protocol `depth`, as far as they are read again: figures by group of photos for each surface."""
+    surfaces = [one for key, one in value.items() if key != "constants"] if isinstance(value, dict) else [None]
+    groups = _each(_each(_or_none(is_number)))
+    return all(
+        isinstance(one, dict) and groups({key: group for key, group in one.items() if key != "by_view"})
+        for one in surfaces
+    )
+
+
 NUMBER, TEXT = Kind("number", is_number), Kind("text", _is_text)
 NUMBERS, OBJECT = Kind("object of numbers", _each(is_number)), Kind("object", _is_object)
 BY_BEGINNING = {"f_score_": NUMBER, "precision_": NUMBER, "recall_": NUMBER}
@@ -102,6 +112,7 @@ BY_KEY = {
     "truth_from_same_depth": Kind("true or false", lambda value: isinstance(value, bool)),
     "align": Kind("text or object with a matrix truth_from_pred of 4 by 4", _is_alignment),
     "protocols": Kind("object of scores by protocol", _each(_are_scores)),
+    "depth_scores": Kind("object of depth scores by surface", _are_depth_scores),
     "where_the_error_sits": Kind("breakdown of the error", _are_sites),
 }
 

@@ -15,6 +15,7 @@ from room2dgs.eval.geometry_scores import threshold_name
 FULL = "full"
 FINE = "f_score_2cm"
 FAR_OFF = "far_off"
+NEAR_DEPTH = "depth_within_5cm"
 SCORING = ("export", "render", "eval", "report")  # stages that make no mesh
 
 
@@ -158,6 +159,8 @@ def figures_of(metrics: Mapping[str, Any] | None, at: str) -> dict[str, float]:
         "mesh_s": seconds.get("mesh"),
         "peak_memory_mb": metrics.get("peak_memory_mb"),
     }
+    if depth := (metrics.get("depth_scores") or {}).get("mesh"):
+        found[NEAR_DEPTH] = depth["all"].get("within_5cm")
     for name, stages in (("run_s", seconds), ("cpu_s", metrics.get("cpu_seconds") or {})):
         if stages:
             found[name] = sum(value for stage, value in stages.items() if stage not in SCORING)

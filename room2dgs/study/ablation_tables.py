@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from room2dgs.report.table import NOTHING, Table, table
-from room2dgs.study.ablation import FAR_OFF, FINE, FULL, Row, Study, Value, difference
+from room2dgs.study.ablation import FAR_OFF, FINE, FULL, NEAR_DEPTH, Row, Study, Value, difference
 
 SIMULATED = "simulated priors"
 # figure -> factor and decimals of what is shown
@@ -18,6 +18,7 @@ SHOWN: dict[str, tuple[float, int]] = {
     "f_score": (1, 3),
     FINE: (1, 3),
     FAR_OFF: (100, 1),
+    NEAR_DEPTH: (1, 3),
     "stereo_coverage": (100, 0),
     "chamfer_m": (100, 1),
     "psnr_db": (1, 1),

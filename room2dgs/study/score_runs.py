@@ -13,6 +13,9 @@ from room2dgs.json_files import read_json, update_json
 from room2dgs.logs import Log, to_terminal
 from room2dgs.pipeline.evaluate import ground_truth
 from room2dgs.pipeline.scene import scene_of_run
+from room2dgs.pipeline.truth import truth_in_scene
+from room2dgs.registries.protocols import MESH as MESH_TRUTH
+from room2dgs.registries.protocols import against
 from room2dgs.runs.folder import CAPTURE, CONFIG, MESH, earlier_run
 from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.schema import is_number
@@ -47,7 +50,9 @@ def write_score_table(
         InputError: no run, a folder without any, or no mesh in `meshes`.
     """
     configs = [earlier_run([f"out={folder}"]) for folder in _runs_in(folders)]
-    protocol = protocol or str(configs[0].eval.protocols[0])
+    protocol = protocol or next(iter(against(MESH_TRUTH, configs[0].eval.protocols)), "area")
+    if not against(MESH_TRUTH, [protocol]):
+        raise InputError(f"protocol {protocol} compares with no ground truth; the table is of protocols that do")
     scenes = _scene_names(configs)
     scores = [_score_of_run(config, name, scene, protocol) for config, scene in zip(configs, scenes, strict=True)]
     if meshes is not None:
@@ -150,7 +155,7 @@ def _score_mesh(path: Path, config: Config, protocol: str, file: Path, log: Log)
         return known
     result = evaluate(
         load(path, scene.origin_m),
-        load(gt, scene.origin_m),
+        truth_in_scene(gt, scene),
         [frame.camera for frame in scene.frames],
         (protocol,),
         threshold_m=settings.threshold_m,

@@ -116,3 +116,28 @@ def test_the_demo_and_the_studies_compare_photos_alone():
     (line,) = (line for line in (ROOT / "Makefile").read_text().splitlines() if "room2dgs run" in line)
     assert "prior=room_prior" in line
     assert "prior=room_prior" in ABLATE and "prior=room_prior" in PRIOR_ERROR
+
+
+def test_depth_is_scored_in_each_photo(finished, capture, wall, tmp_path, capsys):
+    run = Path(shutil.copytree(finished, tmp_path / "copy"))
+    assert cli.main(["eval", f"out={run}", "eval.protocols=[area,depth]"]) == 0
+    metrics = metrics_of(run)
+    scores = metrics["depth_scores"]
+    assert metrics["f_score_5cm"] > 0.7 and metrics["depth_source"] == "sensor"
+    assert scores["mesh"]["all"]["within_5cm"] > 0.8 and scores["surfels"]["all"]["abs_rel"] < 0.05
+    assert scores["mesh"]["training"]["views"] > scores["mesh"]["held_out"]["views"] > 0
+    assert scores["constants"]["run_used_this_depth"] is True
+    log = (run / "log.txt").read_text()
+    assert "depth of the mesh, by the sensor's" in log and "depth of the surfels, by the sensor's" in log
+    assert "protocol depth says nothing of photos alone" in log
+    assert cli.main(["report", f"out={run}"]) == 0
+    assert "depth of the mesh, held-out photos" in (run / "report.html").read_text()
+    assert cli.main(["mesh", f"out={run}"]) == 0
+    assert metrics_of(run)["depth_scores"] is None and metrics_of(run)["depth_source"] == "sensor"
+    given = [f"pred={capture / 'gt_mesh.ply'}", f"scene={capture}", "eval.protocols=[depth]", f"out={tmp_path / 'gt'}"]
+    assert cli.main(["eval", *given]) == 0
+    assert metrics_of(tmp_path / "gt")["depth_scores"]["mesh"]["all"]["within_2cm"] > 0.99
+    capsys.readouterr()
+    given[1], given[3] = f"scene={wall}", f"out={tmp_path / 'none'}"
+    assert cli.main(["eval", *given]) == 2
+    assert "has no depth maps, which protocol depth needs" in capsys.readouterr().err

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from room2dgs.captures.matrix_files import read_world_from_cam
 from room2dgs.captures.poses_file import write_poses
 from room2dgs.captures.read import read_scene
 from room2dgs.config import load_config
+from room2dgs.tools.pose_drift import AFTER_CM, SMOOTH_M, Drift, drifted
 from room2dgs.tools.pose_errors import main as tool
 from room2dgs.tools.pose_errors import pose_errors
 from room2dgs.tools.shake_poses import main, shake_poses
@@ -73,3 +75,75 @@ def test_errors_of_a_runs_poses_are_measured_against_the_true_ones(capture, tmp_
     assert "run, refined: 0.00 cm, 0.000 deg" in capsys.readouterr().out
     assert tool([str(capture), str(tmp_path)]) == 2
     assert "poses.json is missing" in capsys.readouterr().err
+
+
+def walk(count: int, step_m: float) -> np.ndarray:
+    """(N, 4, 4) poses along a circle, turned with it."""
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    angle = np.arange(count) * 0.02
+    radius = step_m / (2 * np.sin(0.01))
+    poses[:, 0, 3], poses[:, 2, 3] = radius * np.cos(angle), radius * np.sin(angle)
+    poses[:, 0, 0] = poses[:, 2, 2] = np.cos(angle)
+    poses[:, 2, 0], poses[:, 0, 2] = np.sin(angle), -np.sin(angle)
+    return poses
+
+
+def errors_of_motion(true: np.ndarray, wrong: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Metres and degrees by which the motion from each photo to the next is wrong: (N - 1, 3) and (N - 1,)."""
+    motion, other = (np.linalg.inv(poses[:-1]) @ poses[1:] for poses in (true, wrong))
+    error = np.linalg.inv(motion) @ other
+    return error[:, :3, 3], np.degrees(Rotation.from_matrix(error[:, :3, :3]).magnitude())
+
+
+def test_drift_has_the_asked_size_for_each_metre_and_is_smooth():
+    true = walk(20_000, 0.05)
+    drift = Drift(cm_per_m=2.0, degrees_per_m=0.35, relocalise_m=np.inf)
+    wrong, jumps = drifted(true, drift, np.random.default_rng(0))
+    metres, degrees = errors_of_motion(true, wrong)
+    assert not jumps.any()
+    np.testing.assert_array_equal(wrong[0], true[0])
+    assert np.sqrt((metres**2).sum(axis=1).mean()) / 0.05 == pytest.approx(0.02, rel=0.1)
+    assert np.sqrt((degrees**2).mean()) / 0.05 == pytest.approx(0.35, rel=0.1)
+    alike = (metres[1:] * metres[:-1]).sum() / (metres**2).sum()  # 0 for white noise
+    assert alike == pytest.approx(np.exp(-0.05 / SMOOTH_M), abs=0.01)
+    far = round(5 * SMOOTH_M / 0.05)
+    assert abs((metres[far:] * metres[:-far]).sum() / (metres**2).sum()) < 0.15
+
+
+def test_drift_jumps_back_at_relocalisations():
+    true = walk(4000, 0.05)  # 200 m
+    drift = Drift(cm_per_m=2.0, degrees_per_m=0.35, relocalise_m=4.0)
+    wrong, jumps = drifted(true, drift, np.random.default_rng(1))
+    assert 30 < jumps.sum() < 75  # 50 are due
+    off = np.linalg.norm((wrong - true)[:, :3, 3], axis=1)
+    assert np.sqrt((off[jumps] ** 2).mean()) == pytest.approx(0.01 * AFTER_CM, rel=0.3)
+    before = off[np.flatnonzero(jumps) - 1]
+    assert before.mean() > 2 * off[jumps].mean()
+    metres, _ = errors_of_motion(true, wrong)
+    steps = np.linalg.norm(metres, axis=1)
+    assert steps[jumps[1:]].mean() > 10 * steps[~jumps[1:]].mean()
+
+
+def test_a_camera_that_stands_still_does_not_drift():
+    true = np.tile(walk(1, 0.05), (50, 1, 1))
+    wrong, _ = drifted(true, Drift(), np.random.default_rng(0))
+    np.testing.assert_array_equal(wrong, true)
+
+
+def test_drift_from_the_command_line(capture, tmp_path, capsys):
+    assert main([str(capture), str(tmp_path / "one"), "--drift", "--seed", "3"]) == 0
+    assert main([str(capture), str(tmp_path / "same"), "--drift", "--seed", "3"]) == 0
+    assert main([str(capture), str(tmp_path / "other"), "--drift", "--seed", "4"]) == 0
+    names = sorted(path.stem for path in (capture / "pose").glob("*.txt"))
+    names.sort(key=int)
+    true = poses(capture, names)
+    one, same, other = (poses(tmp_path / name, names) for name in ("one", "same", "other"))
+    np.testing.assert_array_equal(one, same)
+    assert np.abs(one - other).max() > 1e-6
+    np.testing.assert_allclose(one[0], true[0], atol=1e-9)
+    assert np.abs(one - true).max() > 1e-5
+    assert (tmp_path / "one/color/0.jpg").read_bytes() == (capture / "color/0.jpg").read_bytes()
+    assert main([str(capture), str(tmp_path / "bad"), "--drift", "--cm-per-m", "-1"]) == 2
+    assert main([str(capture), str(tmp_path / "bad"), "--drift", "--relocalise-m", "0"]) == 2
+    assert "metres above 0 between relocalisations" in capsys.readouterr().err
+    assert not (tmp_path / "bad").exists()

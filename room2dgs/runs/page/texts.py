@@ -26,6 +26,18 @@ SCORES = (
     ("normal_consistency", "normal consistency"),
 )
 
+DEPTH_SCORES = {
+    "within_2cm": "within 2 cm of the sensor's depth",
+    "within_5cm": "within 5 cm",
+    "within_10cm": "within 10 cm",
+    "coverage": "coverage",
+    "abs_rel": "AbsRel",
+    "delta1": "delta1",
+    "scale_error_median": "scale error of a photo, median",
+    "scale_error_p5": "scale error, 5th percentile",
+    "scale_error_p95": "scale error, 95th percentile",
+}
+
 
 def opening(config: Config, metrics: dict[str, Any]) -> str:
     """Which capture, by what."""
@@ -140,11 +152,25 @@ def _scores(metrics: dict[str, Any]) -> Table:
                 if key.startswith(start) and isinstance(value, float):
                     at = f" at {key.removeprefix(start)}" if start.endswith("_") else ""
                     rows.append((name, label + at, f"{value * 1000:.1f} mm" if key.endswith("_m") else f"{value:.3f}"))
+    rows += _depth_scores(metrics)
     for key, label in (("psnr_db", "PSNR, dB"), ("ssim", "SSIM")):
         if metrics.get(key) is not None:
             rows.append(("held-out photos", label, f"{metrics[key]:.3f}"))
     columns = {"protocol": lambda row: row[0], "score": lambda row: row[1], "value": lambda row: row[2]}
     return table("Scores", columns, rows)
+
+
+def _depth_scores(metrics: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """Protocol, score and value of each figure of protocol `depth`, training and held-out photos apart."""
+    rows = []
+    for surface, groups in part(metrics, "depth_scores").items():
+        for group, label in (("training", "training photos"), ("held_out", "held-out photos")):
+            figures = groups.get(group) or {}
+            for key, text in DEPTH_SCORES.items():
+                if (value := figures.get(key)) is not None:
+                    shown_value = f"{value:+.1%}" if key.startswith("scale_error_") else f"{value:.3f}"
+                    rows.append((f"depth of the {surface}, {label}", text, shown_value))
+    return rows
 
 
 def _stages(metrics: dict[str, Any]) -> Table:
