@@ -31,8 +31,9 @@ def main(argv: list[str] | None = None) -> int:
     """Run one command.
 
     Returns:
-        0 done, 1 our fault, 2 bad input, 130 interrupted by Ctrl-C, 143 by SIGTERM, 141 when nobody reads the output
-        any more; of a study or a sweep with failed runs, that of the first one's cause.
+        0 done, 1 our fault, 2 bad input, 3 a run with strict=true whose verdict is "failed", 130 interrupted by
+        Ctrl-C, 143 by SIGTERM, 141 when nobody reads the output any more; of a study or a sweep with failed runs, that
+        of the first one's cause.
     """
     one_arena()
     with signals_raise():

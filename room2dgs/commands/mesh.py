@@ -6,6 +6,7 @@ from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.errors import InputError
 from room2dgs.pipeline.loaded_run import loaded_surfels
 from room2dgs.pipeline.mesh import make_mesh
+from room2dgs.pipeline.verdict import judge_run
 from room2dgs.runs.folder import earlier_run, keep_settings
 
 USAGE = "room2dgs mesh out=DIR [mesh.KEY=VALUE ...]"
@@ -21,6 +22,9 @@ def main(argv: list[str]) -> int:
         raise InputError(f"{source} is a run of its own; type room2dgs run scene.path=DIR {source}")
     with loaded_surfels(config) as (scene, surfels, run):
         make_mesh(scene, surfels, config, run)
+        verdict = judge_run(scene, config, run)
         keep_settings(run.path, config, "mesh")
+        for line in verdict.lines():
+            run.log(line)
         run.log(f"next: room2dgs eval out={run.path}")
     return 0

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.commands.short_keys import FOOTAGE, with_full_keys
 from room2dgs.errors import InputError
-from room2dgs.runs.folder import CONFIG, last_value
+from room2dgs.runs.folder import CONFIG, last_value, saved_settings
+from room2dgs.texts import shown
 
 USAGE = (
     "room2dgs run scene.path=DIR out=DIR [resume=true] [KEY=VALUE ...]\n"
     "room2dgs run video=FILE|images=DIR out=DIR [resume=true] [KEY=VALUE ...]\n"
     "room2dgs run -m scene.path=DIR,DIR out=DIR [hydra/launcher=joblib] [KEY=VALUE,VALUE ...]"
 )
+VERDICT_FAILED = 3  # exit code with strict=true
 MULTIRUN = ("-m", "--multirun")
-WHAT = """Points, training, mesh, renders of the held-out views, scores if there is a ground truth, and a report.
+WHAT = """Points, training, mesh, renders of the held-out views, scores if there is a ground truth, a verdict and
+    a report.
 
     With -m every combination of settings that are lists is a run of its own, in out/0, out/1, ...: Hydra's multirun,
     with Hydra's sweepers and launchers. A path with a comma in its name then stands in quotes.
@@ -32,8 +36,19 @@ def main(argv: list[str]) -> int:
         return _run_all([text for text in argv if text not in MULTIRUN])
     from room2dgs.pipeline.reconstruct import start_run
 
-    start_run(with_full_keys(argv, FOOTAGE))
-    return 0
+    return _strict_code(start_run(with_full_keys(argv, FOOTAGE)))
+
+
+def _strict_code(out: Path) -> int:
+    """The exit code of a finished run; a strict one that failed says so where errors are read."""
+    from room2dgs.runs.metrics import read_metrics
+    from room2dgs.runs.verdict import noted_verdict
+
+    verdict = noted_verdict(read_metrics(out))
+    if verdict is None or not verdict.failed or not saved_settings(out).strict:
+        return 0
+    print(f"room2dgs: the verdict on {shown(str(out))} is failed: {shown(verdict.reasons[0])}", file=sys.stderr)
+    return VERDICT_FAILED
 
 
 def _run_all(overrides: list[str]) -> int:

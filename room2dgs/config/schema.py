@@ -38,6 +38,7 @@ class Config:
 
     out: Folder = public(REQUIRED, "Folder of the run.")
     resume: bool = public(False, "Whether the run in `out` goes on from its last checkpoint.")
+    strict: bool = public(False, "Whether `run` ends with exit code 3 if the verdict on the run is `failed`.")
     primitive: Annotated[str, Name(PRIMITIVES.names)] = expert(
         "surfel2d", described("Primitive that the scene is made of.", PRIMITIVES)
     )

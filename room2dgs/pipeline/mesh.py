@@ -12,6 +12,7 @@ from room2dgs.pipeline.units import unit_in_no_surface
 from room2dgs.registries.meshers import MESHERS
 from room2dgs.runs.folder import MESH
 from room2dgs.runs.metrics import MESH_SCORES, cleared
+from room2dgs.runs.verdict import VERDICT
 
 if TYPE_CHECKING:
     from room2dgs.primitives.primitive import Splats
@@ -44,11 +45,12 @@ def make_mesh(scene: Scene, surfels: Splats | None, config: Config, run: RunFold
         with unit_in_no_surface(scene, config, run.path):
             mesh = make(settings)
         write_in_world(run.path / MESH, mesh, scene.origin_m)
-    # Scores of a mesh that is no longer there must not stand beside this one.
+    # Scores and the verdict of a mesh that is no longer there must not stand beside this one.
     scores = cleared(run.path, MESH_SCORES)
     run.record(
         {
             **scores,
+            VERDICT: None,
             "mesh_vertices": len(mesh.vertices),
             "mesh_faces": len(mesh.faces),
             "mesh_voxel_m": settings.voxel_m,

@@ -23,6 +23,7 @@ from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.scene import photos_cached, read_capture
 from room2dgs.pipeline.summary import summary
 from room2dgs.pipeline.train import train_surfels, training_hooks
+from room2dgs.pipeline.verdict import judge_run
 from room2dgs.runs.folder import CAPTURE, absolute, check_out, claimed, last_value, new_run
 from room2dgs.runs.metrics import StageTimes, timed
 
@@ -73,6 +74,7 @@ def run_steps(scene: Scene, config: Config, run: RunFolder) -> None:
         export_after_run(scene, surfels, config, run)
         write_renders(scene, surfels, config, run)
     evaluate_run(scene, surfels, config, run)
+    judge_run(scene, config, run)
     if config.report.enabled:
         write_run_report(scene, surfels, config, run)
 

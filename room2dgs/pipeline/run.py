@@ -14,6 +14,7 @@ from room2dgs.logs import Log
 from room2dgs.pipeline.settings import overrides_of
 from room2dgs.runs.folder import CONFIG, MESH, METRICS, POSES, REPORT, SURFELS, earlier_run, required, saved_settings
 from room2dgs.runs.metrics import IMAGE_SCORES, MESH_SCORES, read_metrics
+from room2dgs.runs.verdict import Verdict, noted_verdict
 
 if TYPE_CHECKING:  # torch takes seconds to import
     import trimesh
@@ -139,6 +140,15 @@ class Run:
         return {
             name: value for name, value in self.metrics.items() if name.startswith(beginnings) and value is not None
         }
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """Whether the run is good, usable or failed, why, and what to do; None: it did not come to its end.
+
+        Raises:
+            InputError: metrics.json is damaged.
+        """
+        return noted_verdict(self.metrics)
 
     @cached_property
     def mesh(self) -> trimesh.Trimesh:

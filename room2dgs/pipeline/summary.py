@@ -6,10 +6,11 @@ from pathlib import Path
 
 from room2dgs.runs.folder import MESH, RENDERS, REPORT
 from room2dgs.runs.metrics import read_metrics
+from room2dgs.runs.verdict import noted_verdict
 
 
 def summary(out: Path) -> list[str]:
-    """How good it is, how long it took, and where to look.
+    """How good it is, how long it took, where to look, and the verdict.
 
     Raises:
         InputError: as `read_metrics`.
@@ -31,4 +32,7 @@ def summary(out: Path) -> list[str]:
         lines.append(f"          {out / 'eval' / 'views.png'}, {out / 'eval' / 'top.png'}")
     if (out / REPORT).exists():
         lines.append(f"report    {out / REPORT}")
+    verdict = noted_verdict(metrics)
+    if verdict is not None:
+        lines += verdict.lines()
     return lines

@@ -94,6 +94,14 @@ def _are_depth_scores(value: Any) -> bool:
     )
 
 
+def _is_verdict(value: Any) -> bool:
+    if not isinstance(value, dict) or not _is_text(value.get("word")):
+        return False
+    lists = (value.get("reasons"), value.get("advice"))
+    texts = all(isinstance(one, list) and all(map(_is_text, one)) for one in lists)
+    return texts and _each(_or_none(is_number))(value.get("measures", {}))
+
+
 NUMBER, TEXT = Kind("number", is_number), Kind("text", _is_text)
 NUMBERS, OBJECT = Kind("object of numbers", _each(is_number)), Kind("object", _is_object)
 BY_BEGINNING = {"f_score_": NUMBER, "precision_": NUMBER, "recall_": NUMBER}
@@ -107,7 +115,8 @@ BY_KEY = {
     "prior_seconds": Kind("object of objects of numbers", _each(_each(is_number))),
     "versions": Kind("object of texts", _each(_is_text)),
     "machine": Kind("object of numbers and texts", _each(_is_scalar)),
-    **dict.fromkeys(("capture", "poses"), OBJECT),
+    **dict.fromkeys(("capture", "poses", "unit"), OBJECT),
+    "verdict": Kind("object of a word, reasons, advice and measures", _is_verdict),
     "test_views": Kind("object or list", lambda value: isinstance(value, dict | list)),
     "truth_from_same_depth": Kind("true or false", lambda value: isinstance(value, bool)),
     "align": Kind("text or object with a matrix truth_from_pred of 4 by 4", _is_alignment),

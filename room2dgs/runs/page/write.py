@@ -28,6 +28,7 @@ from room2dgs.runs.page.mesh_layer import SEEN, PageMesh, block, page_mesh, with
 from room2dgs.runs.page.plots import drawings, read_plots
 from room2dgs.runs.page.views import FULL, KINDS, Rendered, view_pictures
 from room2dgs.runs.trust import read_trust
+from room2dgs.runs.verdict import noted_verdict
 
 if TYPE_CHECKING:
     from room2dgs.primitives.primitive import Splats
@@ -66,6 +67,7 @@ def write_report(scene: Scene, surfels: Splats | None, rendered: Rendered, confi
         "run.html.j2",
         title=f"Room from photos: {Path(config.scene.path).name}",
         opening=texts.opening(config, metrics),
+        verdict=noted_verdict(metrics),
         facts=texts.facts(scene, metrics),
         warnings=texts.warnings(scene, config, metrics, log),
         solid=_page_mesh(room, surfels, places, scene, config, texts.threshold_m(metrics, config)) if room else None,
