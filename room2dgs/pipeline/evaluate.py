@@ -17,6 +17,7 @@ from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.same_depth import same_depth_figures
 from room2dgs.pipeline.scene import read_capture
 from room2dgs.pipeline.surfels import render_frames, use_threads
+from room2dgs.pipeline.truth import truth_in_scene
 from room2dgs.registries.protocols import DEPTH as DEPTH_TRUTH
 from room2dgs.registries.protocols import MESH as MESH_TRUTH
 from room2dgs.registries.protocols import against
@@ -149,7 +150,8 @@ def _mesh_scores(pred: Path, gt: Path, scene: Scene, settings: EvalConfig, out: 
 
     truth = _true_scene(settings)
     origin_m = scene.origin_m if truth is None else truth.origin_m
-    meshes = load(pred, scene.origin_m), load(gt, origin_m)
+    in_capture = truth is None and settings.align == "none"
+    meshes = load(pred, scene.origin_m), truth_in_scene(gt, scene) if in_capture else load(gt, origin_m)
     frames = scene.frames
     scores: dict[str, Any] = {"align": "none"}
     if settings.align != "none":
