@@ -27,7 +27,7 @@ class SeedsConfig:
         0.1, "Side in metres of the voxels that get one seed each from trusted prior depth.", ge=1e-3, le=10
     )
     # the paper has 10; fewer and larger surfels score the same (docs/studies/training.md)
-    per_seed: Int = public(4, "Number of surfels of a seed (the paper's k).", ge=1, le=64)
+    per_seed: Int = expert(4, "Number of surfels of a seed (the paper's k).", ge=1, le=64)
     neighbours: Int = expert(36, "Number of nearest points that give a seed its normal and scale.", ge=3, le=256)
     # with depth priors seeds lie on the surface from the start (docs/studies/training.md)
     opacity: Float = expert(0.6, "First opacity of surfels in a run with depth priors.", ge=0.005, le=0.99)
