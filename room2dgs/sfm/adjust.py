@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -29,9 +30,24 @@ FIRST, LEAST = Spread(0.01, 0.5, 0.5), Spread(0.002, 0.05, 0.4)
 MEDIAN_LENGTH, MEDIAN_IN_PLANE = 1.538, 1.177  # of a vector of three (two) coordinates with unit deviation
 
 
+class Adjusted(NamedTuple):
+    """Poses that fit tracks.
+
+    Attributes:
+        cameras: those that had too few tracks to be adjusted are as given.
+        known: (V,) bool: those that had enough.
+        scale_change: relative change of the scale of the largest group by all bundle adjustments, which the alignment
+            took back.
+    """
+
+    cameras: list[Camera]
+    known: np.ndarray
+    scale_change: float
+
+
 def adjusted(
     given: Sequence[Camera], tracks: Tracks, start: Sequence[Camera] | None = None, rounds: int = ROUNDS
-) -> tuple[list[Camera], np.ndarray]:
+) -> Adjusted:
     """Poses that fit the tracks, in the frame and scale of the given ones.
 
     Each round triangulates with the poses of the round before, drops the observations with large errors, runs a bundle
@@ -42,10 +58,8 @@ def adjusted(
         tracks: of all of them, sorted by point.
         start: cameras of an earlier round; None: the given ones.
         rounds: at most; the last two have errors of a pixel or less.
-
-    Returns:
-        The cameras, and (V,) bool: those that had tracks enough to be adjusted; the others are as given.
     """
+    scale = 1.0
     cameras, known = list(start or given), np.zeros(len(given), bool)
     if len(tracks):
         tracks = some(tracks, covering(tracks, SEEN))
@@ -57,14 +71,16 @@ def adjusted(
         if not known.any():
             break
         moved = bundle_adjusted(cameras, given, fitting, xyz, loss_px, spread)
+        largest = int(np.bincount(groups[known]).argmax())
         for group in range(groups.max() + 1):
-            moved = aligned(moved, given, groups == group)
+            moved, held = aligned(moved, given, groups == group)
+            scale /= held if group == largest else 1.0
         cameras = [one if seen else other for one, other, seen in zip(moved, given, known, strict=True)]
         spread = spread_of(cameras, given, known, fitting)
         fine += loss_px == LOSS_PX
         if fine == FINE_ROUNDS:
             break
-    return cameras, known
+    return Adjusted(cameras, known, scale - 1.0)
 
 
 def consistent(cameras: Sequence[Camera], tracks: Tracks) -> tuple[Tracks, np.ndarray, float]:

@@ -20,6 +20,7 @@ FAR_M = 1e4
 PRIOR_IDS = 1_000_000  # ids of the rotation priors' images and cameras begin here, above those of photos
 PRIOR_PX = 1000
 ALIGNMENT_ROUNDS = 4
+MIN_REACH = 3.0  # times the scatter of the centres: cameras nearer to each other only turned and have no scale
 
 
 class Spread(NamedTuple):
@@ -208,10 +209,20 @@ def _add(
     rebuilt.register_frame(frame.frame_id)
 
 
-def aligned(cameras: Sequence[Camera], given: Sequence[Camera], which: np.ndarray) -> list[Camera]:
+class Aligned(NamedTuple):
+    """Cameras in the frame of given ones, and the scale by which they had to be multiplied."""
+
+    cameras: list[Camera]
+    scale: float
+
+
+def aligned(cameras: Sequence[Camera], given: Sequence[Camera], which: np.ndarray) -> Aligned:
     """The cameras in the frame of the given ones: turned, shifted and scaled as a whole.
 
-    Centres and rotations are used together, each weighed by its own scatter; outliers do not count.
+    Centres and rotations are used together, each weighed by its own scatter; outliers do not count. The scale is the
+    regression of the given centres on the found ones. Where the cameras reach less than ten times the scatter, it is
+    the inverse of the regression of the found on the given ones: photos tell centres of a camera that turns on the spot
+    badly, and the other regression would make the room smaller by their scatter.
 
     Args:
         which: (V,) bool, the cameras that are aligned as one group; the others are returned as they are.
@@ -231,15 +242,18 @@ def aligned(cameras: Sequence[Camera], given: Sequence[Camera], which: np.ndarra
         rotation = _nearest_rotation(centres + (turned * weight[:, None, None]).sum(axis=0) / (2 * sigma_rad**2))
         straight = (found_centres - mean_found) @ rotation.T
         spread = np.sum(weight[:, None] * straight**2)
-        # cameras that only turned have no scale
+        given_spread = np.sum(weight[:, None] * (to - mean_to) ** 2)
+        common = np.sum(weight[:, None] * (to - mean_to) * straight)
         if spread > 100 * weight.sum() * sigma_m**2:
-            scale = float(np.sum(weight[:, None] * (to - mean_to) * straight) / spread)
+            scale = float(common / spread)
+        elif given_spread > MIN_REACH**2 * weight.sum() * sigma_m**2 and common > 0:
+            scale = float(given_spread / common)
         shift = mean_to - scale * rotation @ mean_found
     found = list(cameras)
     for i in index:
         centre = scale * rotation @ cameras[i].centre + shift
         found[i] = replace(cameras[i], cam_from_world=pose_at(cameras[i].rotation @ rotation.T, centre))
-    return found
+    return Aligned(found, scale)
 
 
 def moves(cameras: Sequence[Camera], given: Sequence[Camera]) -> tuple[np.ndarray, np.ndarray]:

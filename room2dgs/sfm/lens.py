@@ -57,7 +57,7 @@ def found_lens(given: Sequence[Camera], tracks: Tracks) -> LensFound | None:
         return None
     judges, used = judges_and_used(tracks)
     used = some(used, covering(used, SEEN))
-    cameras, known = adjusted(given, used, rounds=ROUNDS)
+    cameras, known, _ = adjusted(given, used, rounds=ROUNDS)
     fitting, xyz, loss_px = consistent(cameras, used)
     if not known.any() or not len(fitting):
         return None

@@ -34,7 +34,7 @@ from room2dgs.sfm.structure import track_errors
 from room2dgs.sfm.triangulation import MAX_EPIPOLAR_PX, triangulate_matches
 
 # Raised when the same input gives other poses.
-RECIPE = 5
+RECIPE = 6
 LEAST_TRACKS = 100
 # "auto" takes poses that lower the held-out error to this share of it and by this much
 SHARE, LEAST_PX = 0.8, 0.05
@@ -43,6 +43,7 @@ PROMISING = 0.95  # after the first round; else there is no second one
 # so much of what they see others see, too: blank walls that nobody else sees are better a little off than not there.
 HARMFUL_PX, SEEN_BY_OTHERS = 0.5, 0.9
 # A camera that moved this many times as far as the middle one, and farther than this, is left where it was.
+SAID_SCALE = 0.01  # a change of scale that was taken back; the log has it from here on
 JUMP, JUMP_M, JUMP_DEG = 5.0, 0.03, 1.5
 
 
@@ -56,6 +57,7 @@ class PoseReport:
         before_px, after_px: median reprojection error of held-out tracks, with the given and the adjusted poses.
         agree_before, agree_after: share of the matches within 2 px of their epipolar lines.
         moved_m, turned_deg: medians over the training views.
+        scale_change: share by which the photos alone would have changed the scale; that of the given poses is held.
         left: names of views that could not be refined; they have propagated corrections or their given poses.
         left_out: those of them that are removed from the scene.
         lens: the distorted lens that was found, as `poses_file` reads it, with its errors.
@@ -69,6 +71,7 @@ class PoseReport:
     agree_after: float | None = None
     moved_m: float | None = None
     turned_deg: float | None = None
+    scale_change: float | None = None
     left: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     lens: dict[str, Any] | None = None
@@ -246,11 +249,12 @@ def judged(
         return list(given), PoseReport(False, f"only {count} tracks through 3 photos or more")
     judges, used = judges_and_used(tracks)
     before = float(np.median(track_errors(given, judges)))
-    cameras, known = adjusted(given, used, rounds=1)
+    cameras, known, scale_change = adjusted(given, used, rounds=1)
     if not known.any():
         return list(given), PoseReport(False, "no group of photos has tracks enough")
     if forced or float(np.median(track_errors(cameras, judges))) <= PROMISING * before:
-        cameras, known = adjusted(given, used, start=cameras)
+        cameras, known, more = adjusted(given, used, start=cameras)
+        scale_change = (1 + scale_change) * (1 + more) - 1
     metres, degrees = moves(cameras, given)
     jumped = metres > max(JUMP_M, JUMP * float(np.median(metres[known])))
     jumped |= degrees > max(JUMP_DEG, JUMP * float(np.median(degrees[known])))
@@ -267,6 +271,7 @@ def judged(
         "agree_after": agree_after,
         "moved_m": float(np.median(metres[known])),
         "turned_deg": float(np.median(degrees[known])),
+        "scale_change": scale_change,
         "left": tuple(name for name, unplaced in zip(tracks.frames, left, strict=True) if unplaced),
     }
     clearly = after <= SHARE * before and before - after >= LEAST_PX and agree_after >= agree_before
@@ -325,6 +330,11 @@ def _lines(found: PoseReport) -> list[str]:
         f"{found.agree_before:.0%} -> {found.agree_after:.0%} of the matches agree, cameras moved "
         f"{100 * found.moved_m:.1f} cm, {found.turned_deg:.2f} deg (median)"
     )
+    if found.scale_change is not None and abs(found.scale_change) >= SAID_SCALE:
+        lines.append(
+            f"poses: by the photos alone the room would be {abs(found.scale_change):.1%} "
+            f"{'larger' if found.scale_change > 0 else 'smaller'}; the scale of the given poses is held"
+        )
     return lines
 
 

@@ -24,7 +24,7 @@ from room2dgs.sfm.adjust import adjusted
 from room2dgs.sfm.bundle import Spread, aligned, angles_deg, far_points, moves, rotation_prior_camera
 from room2dgs.sfm.feature_tracks import covering
 from room2dgs.sfm.matching import Matches, of_photos
-from room2dgs.sfm.refinement import dispensable, judged, propagated_to_unplaced, refined_poses
+from room2dgs.sfm.refinement import PoseReport, _lines, dispensable, judged, propagated_to_unplaced, refined_poses
 from room2dgs.sfm.sparse import sparse_points
 from room2dgs.sfm.structure import parallax_deg, reprojection_errors, triangulated
 
@@ -105,7 +105,7 @@ def scale_of(cameras, true) -> float:
 def test_shaken_poses_come_back_in_the_given_frame_and_scale(degrees, metres):
     true = ring()
     given = shaken(true, degrees, metres)
-    found, known = adjusted(given, seen(true))
+    found, known, _ = adjusted(given, seen(true))
     assert known.all()
     before, after = moves(given, true), moves(found, true)
     assert np.median(after[0]) < 0.4 * np.median(before[0])
@@ -117,13 +117,63 @@ def test_shaken_poses_come_back_in_the_given_frame_and_scale(degrees, metres):
     assert abs(scale_of(found, true) - 1) < 3 * metres / np.sqrt(3) / (2 * np.sqrt(len(true)))
 
 
+def on_the_spot(count: int = 60, radius: float = 0.05) -> list[Camera]:
+    """Who turns by a third of a circle with the camera at arm's length, in the middle of a room."""
+    cameras = []
+    for angle in np.linspace(0, 2 * np.pi / 3, count):
+        centre = np.array([radius * np.cos(angle), radius * np.sin(angle), 0.02 * np.sin(8 * angle)])
+        to = 0.8 + 0.7 * angle / 2
+        forward = np.array([np.cos(to), np.sin(to), 0.15 * np.sin(5 * angle)])
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, (0.0, 0.0, 1.0))
+        right /= np.linalg.norm(right)
+        cameras.append(Camera(K, 320, 240, pose_at(np.stack([right, np.cross(forward, right), forward]), centre)))
+    return cameras
+
+
+def with_focal(cameras, by: float) -> list[Camera]:
+    return [replace(camera, K=camera.K * np.array([[by, 1, 1], [1, by, 1], [1, 1, 1]])) for camera in cameras]
+
+
+@pytest.mark.parametrize("focal", [1.0, 0.97])
+def test_a_camera_that_turns_on_the_spot_keeps_the_scale_of_its_metric_poses(focal):
+    """With a focal length that is off, the photos pull the centres together."""
+    true = on_the_spot()
+    given = with_focal(shaken(true, 0.3, 0.003), focal)
+    found, known, change = adjusted(given, seen(true, 3000, noise_px=0.5, box=((-2, 1, -1.2), (2, 3, 1.2))))
+    assert known.all()
+    assert abs(scale_of(found, given) - 1) < 0.01
+    assert (change < -0.02) == (focal != 1.0)  # what the photos alone would have made of it
+
+
+def test_cameras_in_one_point_have_no_scale_that_could_be_held():
+    true = on_the_spot(radius=0.0)
+    true = [replace(one, cam_from_world=pose_at(one.rotation, np.zeros(3))) for one in true]
+    given = shaken(true, 0.1, 0.002, seed=3)
+    assert aligned(shaken(true, 0.1, 0.002, seed=4), given, np.ones(len(true), bool)).scale == 1.0
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.1])
+def test_the_alignment_of_a_small_reach_is_not_pulled_to_a_smaller_scale_by_scatter(scale):
+    true = on_the_spot()
+    found = [replace(c, cam_from_world=pose_at(c.rotation, scale * c.centre)) for c in shaken(true, 0.1, 0.007)]
+    back = aligned(found, true, np.ones(len(true), bool))
+    assert abs(scale_of(back.cameras, true) - 1) < 0.01 and back.scale == pytest.approx(1 / scale, rel=0.1)
+
+
+def test_a_scale_that_is_held_is_said():
+    report = PoseReport(True, "", 1.0, 0.5, 0.5, 0.9, 0.01, 0.2, scale_change=-0.103)
+    assert "10.3% smaller; the scale of the given poses is held" in _lines(report)[-1]
+    assert len(_lines(replace(report, scale_change=0.004))) == 1
+
+
 def test_along_a_wall_a_wrong_rotation_is_not_kept_at_the_cost_of_the_centre():
     true = along_a_wall()
     tracks = seen(true, 900, box=((-2, -1.5, 2.9), (6, 1.5, 3.1)))  # 20 cm of depth: a turn is almost a shift
     ratios = []
     for seed in range(3):
         given = shaken(true, 0.5, 0.01, seed)
-        found, known = adjusted(given, tracks)
+        found, known, _ = adjusted(given, tracks)
         assert known.all()
         ratios.append([np.median(moves(found, true)[k]) / np.median(moves(given, true)[k]) for k in (0, 1)])
     assert np.mean(ratios, axis=0)[0] < 0.6 and np.mean(ratios, axis=0)[1] < 0.3
@@ -144,7 +194,7 @@ def test_a_turn_by_its_spread_costs_what_an_observation_of_that_noise_does(axis,
 
 def test_true_poses_stay_where_they_are():
     true = ring()
-    found, known = adjusted(true, seen(true, noise_px=0.1))
+    found, known, _ = adjusted(true, seen(true, noise_px=0.1))
     metres, degrees = moves(found, true)
     assert known.all() and metres.max() < 1e-3 and degrees.max() < 0.02
 
@@ -155,7 +205,9 @@ def test_a_camera_without_tracks_keeps_its_pose():
     tracks = seen(true)
     few = ~((tracks.frame == 7) & (np.arange(len(tracks)) % 40 > 0))
     _, point = np.unique(tracks.point[few], return_inverse=True)
-    found, known = adjusted(given, Tracks(tracks.frames, tracks.frame[few], point.astype(np.int32), tracks.pixel[few]))
+    found, known, _ = adjusted(
+        given, Tracks(tracks.frames, tracks.frame[few], point.astype(np.int32), tracks.pixel[few])
+    )
     assert not known[7] and known.sum() == len(true) - 1
     np.testing.assert_array_equal(found[7].cam_from_world, given[7].cam_from_world)
     assert np.median(moves(found, true)[0]) < 0.004
@@ -164,7 +216,7 @@ def test_a_camera_without_tracks_keeps_its_pose():
 def test_nothing_to_see_leaves_everything():
     true = ring(6)
     nobody = np.zeros(0, np.int32)
-    found, known = adjusted(true, Tracks(("a",) * 6, nobody, nobody, np.zeros((0, 2), np.float32)))
+    found, known, _ = adjusted(true, Tracks(("a",) * 6, nobody, nobody, np.zeros((0, 2), np.float32)))
     assert not known.any() and moves(found, true)[0].max() == 0
 
 
@@ -177,7 +229,7 @@ def test_alignment_undoes_a_similarity_and_overlooks_a_camera_that_jumped():
     jumped = list(other)
     jumped[3] = replace(other[3], cam_from_world=pose_at(other[3].rotation, other[3].centre + np.array([1.0, 0, 0])))
     which = np.arange(20) != 5
-    back = aligned(jumped, true, which)
+    back = aligned(jumped, true, which).cameras
     metres, degrees = moves(back, true)
     rest = which & (np.arange(20) != 3)
     assert metres[rest].max() < 1e-6 and degrees[rest].max() < 1e-5
@@ -273,7 +325,7 @@ def shake_capture(capture, degrees: float, metres: float) -> dict[str, np.ndarra
 def off(frames, true) -> tuple[float, float]:
     """Largest errors in metres and degrees after the best similarity: few photos do not tell the frame."""
     want = [replace(f.camera, cam_from_world=np.linalg.inv(true[str(int(f.name))])) for f in frames]
-    metres, degrees = moves(aligned([f.camera for f in frames], want, np.ones(len(frames), bool)), want)
+    metres, degrees = moves(aligned([f.camera for f in frames], want, np.ones(len(frames), bool)).cameras, want)
     return float(metres.max()), float(degrees.max())
 
 
