@@ -188,7 +188,7 @@ def _scene(out: Path, model: Path, config: Config) -> Scene:
     )
     settings = replace(
         config.scene, frames=None, stride=1, image_width="full", intrinsics=None, pixel_centres="auto", poses="auto",
-        unit=None, test_every=0, gt_mesh=None,
+        unit="auto", test_every=0, gt_mesh=None,
     )  # fmt: skip
     return assembled(capture, settings)
 
