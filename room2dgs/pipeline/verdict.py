@@ -14,6 +14,7 @@ from room2dgs.captures.selection import evenly_spaced
 from room2dgs.config import Config
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.units import SCALE
+from room2dgs.registries.meshers import MESHERS
 from room2dgs.runs.depth_coverage import SURE
 from room2dgs.runs.folder import MESH, PRIORS, TRUST
 from room2dgs.runs.metrics import read_metrics
@@ -61,6 +62,7 @@ def measures_of(scene: Scene, config: Config, out: Path) -> Measures:
     psnr_db = metrics.get("psnr_db")
     # what other networks give has a scale of its own in every view
     in_metres = config.mesh.with_priors and config.prior.depth.meaning == "metric_depth"
+    made_of = MESHERS.get(config.mesh.source).facts
     lost = len(scene.dropped)
     return Measures(
         coverage=mesh_coverage(scene.train, view),
@@ -74,6 +76,7 @@ def measures_of(scene: Scene, config: Config, out: Path) -> Measures:
         left_out=lost / (lost + len(scene.frames)),
         prior_scale=_positive(metrics.get(SCALE)),
         unit=_positive(config.scene.unit),
+        points_alone=not (made_of["reads_priors"] or made_of["needs_stereo"]),
     )
 
 

@@ -63,6 +63,7 @@ class Measures:
         left_out: share of the capture's photos that were not used because they have no pose or cannot be read.
         prior_scale: metres of the run in a metre of the depth network, median over the views.
         unit: scene.unit as the user gave it.
+        points_alone: whether the mesh joins the sparse points and nothing else.
     """
 
     coverage: float | None = None
@@ -76,6 +77,7 @@ class Measures:
     left_out: float | None = None
     prior_scale: float | None = None
     unit: float | None = None
+    points_alone: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -189,6 +191,14 @@ def stereo(measures: Measures) -> Reason | None:
     return Reason(Level.USABLE, sentence, "film with more texture in view, more light, and steps to the side")
 
 
+def joined_points(measures: Measures) -> Reason | None:
+    """Photos are compared where they have texture, and so have points: between these nothing was measured."""
+    if not measures.points_alone:
+        return None
+    sentence = "the mesh joins sparse points: what lies between them, blank walls above all, is a guess"
+    return Reason(Level.USABLE, sentence, "mesh.source=depth measures these parts in minutes, a run with training best")
+
+
 def expected_error(measures: Measures) -> Reason | None:
     """Depth that the run itself does not believe."""
     share = measures.trusted
@@ -242,6 +252,7 @@ RULES: tuple[Rule, ...] = (
     scales_agree,
     photos_used,
     stereo,
+    joined_points,
     expected_error,
     unit,
 )

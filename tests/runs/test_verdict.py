@@ -43,6 +43,8 @@ SOUND = Measures(
         # a bare floor
         ({"stereo_coverage": 0.33, "points": 39}, "usable", "stereo measured 33%"),
         ({"stereo_coverage": 0.33, "points": 2000}, "good", ""),
+        ({"points_alone": True}, "usable", "joins sparse points"),
+        ({"points_alone": False}, "good", ""),
         ({"trusted": 0.27}, "usable", "sure of"),
         # views that contradict each other
         ({"scale_ratio": 1.58 / 0.34}, "failed", "4.6 times between views"),
