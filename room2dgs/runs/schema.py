@@ -99,7 +99,11 @@ def _is_verdict(value: Any) -> bool:
         return False
     lists = (value.get("reasons"), value.get("advice"))
     texts = all(isinstance(one, list) and all(map(_is_text, one)) for one in lists)
-    return texts and _each(_or_none(is_number))(value.get("measures", {}))
+    return texts and _each(_or_none(_is_measure))(value.get("measures", {}))
+
+
+def _is_measure(value: Any) -> bool:
+    return isinstance(value, bool) or is_number(value)
 
 
 NUMBER, TEXT = Kind("number", is_number), Kind("text", _is_text)

@@ -94,7 +94,7 @@ class Verdict:
     word: str
     reasons: tuple[str, ...] = ()
     advice: tuple[str, ...] = ()
-    measures: Mapping[str, float | int | None] | None = None
+    measures: Mapping[str, float | bool | None] | None = None
 
     @property
     def failed(self) -> bool:
