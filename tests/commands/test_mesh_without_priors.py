@@ -62,7 +62,16 @@ def test_it_is_scored_timed_and_said_what_it_was_made_of(finished):
     assert metrics["f_score_5cm"] > 0.5 and metrics["mesh_voxel_m"] == 0.04 and metrics["mesh_faces"] > 100
     assert metrics["priors"] == "none" and metrics["prior_networks"] == {} and metrics["points"] > 500
     assert metrics["depth_source"] == {"stereo": "stereo", "points": "none"}[source]
-    timed = {"read", "poses", "points", "mesh", "eval", "report", "verdict", *(["stereo"] if source == "stereo" else [])}
+    timed = {
+        "read",
+        "poses",
+        "points",
+        "mesh",
+        "eval",
+        "report",
+        "verdict",
+        *(["stereo"] if source == "stereo" else []),
+    }
     assert timed == set(metrics["seconds"]) == set(metrics["cpu_seconds"])
     covered = metrics["stereo_coverage"]
     assert covered is None if source == "points" else 0.3 < covered < 1
