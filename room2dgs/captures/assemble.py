@@ -46,7 +46,9 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
     """
     root = capture.root
     entries, dropped, messages = _posed(capture, config)
+    posed = len(entries)
     entries = evenly_spaced(entries, config.frames)
+    not_chosen = posed - len(entries)
     _check_enough(entries, dropped, root)
     entries, elsewhere, alone = near_each_other(entries, capture, config)
     dropped += elsewhere
@@ -86,6 +88,7 @@ def assembled(capture: Capture, config: SceneConfig) -> Scene:
         given_points=points,
         matched_only=frozenset(frame.name for index, frame in enumerate(train) if index not in chosen),
         origin_m=origin_m,
+        not_chosen=not_chosen,
     )
 
 

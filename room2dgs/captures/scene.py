@@ -201,6 +201,7 @@ class Scene:
             them, and their photos are trained on.
         origin_m: where the origin of the poses and points stands in the capture's own world, metres: not (0, 0, 0) if
             that is far away (`world_offset`). `gt_mesh` is a file in that world.
+        not_chosen: number of photos with a pose that `scene.frames` leaves aside.
         unit_m: metres of one unit of the capture's world, by which the scene was scaled (`in_metres`); None: it is as
             it was read. Files in the capture's world (`gt_mesh`, points.file) count in its unit then.
     """
@@ -219,6 +220,7 @@ class Scene:
     matched_only: frozenset[str] = frozenset()
     origin_m: Origin = AT_ORIGIN
     unit_m: float | None = None
+    not_chosen: int = 0
 
     @property
     def frames(self) -> tuple[Frame, ...]:

@@ -63,7 +63,6 @@ def measures_of(scene: Scene, config: Config, out: Path) -> Measures:
     # what other networks give has a scale of its own in every view
     in_metres = config.mesh.with_priors and config.prior.depth.meaning == "metric_depth"
     made_of = MESHERS.get(config.mesh.source).facts
-    lost = len(scene.dropped)
     return Measures(
         coverage=mesh_coverage(scene.train, view),
         photo_agreement=photo_agreement(scene.train, view),
@@ -73,11 +72,17 @@ def measures_of(scene: Scene, config: Config, out: Path) -> Measures:
         points=metrics.get("points"),
         trusted=_trusted(out) if config.mesh.with_priors else None,
         scale_ratio=scale_ratio(out / PRIORS) if in_metres else None,
-        left_out=lost / (lost + len(scene.frames)),
+        left_out=left_out_share(scene),
         prior_scale=_positive(metrics.get(SCALE)),
         unit=_positive(config.scene.unit),
         points_alone=not (made_of["reads_priors"] or made_of["needs_stereo"]),
     )
+
+
+def left_out_share(scene: Scene) -> float:
+    """Share of the capture's photos that cannot be used; what `scene.frames` leaves aside can be."""
+    lost = len(scene.dropped)
+    return lost / (lost + len(scene.frames) + scene.not_chosen)
 
 
 def scale_ratio(path: Path) -> float | None:
