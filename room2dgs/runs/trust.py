@@ -16,6 +16,7 @@ from room2dgs.files import NUMPY_DAMAGE, whole_file
 from room2dgs.geometry.low_res import low_res_width
 from room2dgs.regular_files import open_regular
 
+FARTHEST_M = 60_000.0  # that the depth's 16 bits can say
 LARGEST = 1 << 20  # bytes of a map, which has 160 columns, and of a name
 
 
@@ -25,10 +26,18 @@ class Trust(NamedTuple):
     Attributes:
         confidence: (h, w) uint8, of 255: in the depth that the losses compare with; 0 = no depth.
         num_consistent: (h, w) uint8: how many consistent views stereo's depth counts as; 0 = none.
+        depth: (h, w) float16 z-depth, metres, good to a thousandth; 0 = none. None in files that have it not.
     """
 
     confidence: np.ndarray
     num_consistent: np.ndarray
+    depth: np.ndarray | None = None
+
+    def sure_depth(self, least: float) -> np.ndarray:
+        """(h, w) float32 the depth of a confidence, 0..1, of at least `least`; 0 elsewhere."""
+        if self.depth is None:
+            return np.zeros(self.confidence.shape, np.float32)
+        return np.where(self.confidence >= 255 * least, self.depth.astype(np.float32), np.float32(0))
 
 
 def write_trust(
@@ -55,6 +64,7 @@ def write_trust(
             confidence = np.clip(found.depth_confidence, 0, 1).astype(np.float32)
         small = frame.camera.resized_to_width(low_res_width(frame.camera.width)).size
         confidence = cv2.resize(confidence, small, interpolation=cv2.INTER_AREA)
+        small_depth = cv2.resize(found.depth.astype(np.float32), small, interpolation=cv2.INTER_NEAREST_EXACT)
         num_consistent = np.zeros(confidence.shape, np.uint8)
         if frame.name in stereo:
             depth, count = stereo[frame.name]
@@ -63,6 +73,7 @@ def write_trust(
         least = confidence > 0  # of a depth that hardly anything speaks for, too
         arrays[f"{len(names)}/confidence"] = np.maximum(np.round(confidence * 255), least).astype(np.uint8)
         arrays[f"{len(names)}/agreeing"] = num_consistent
+        arrays[f"{len(names)}/depth"] = np.minimum(small_depth, FARTHEST_M).astype(np.float16)
         names.append(frame.name)
     path.unlink(missing_ok=True)
     if names:
@@ -77,10 +88,14 @@ def read_trust(path: Path) -> dict[str, Trust]:
             if not _is_small(file):
                 return {}
             names = [str(name) for name in file["names"]]
-            maps = [Trust(file[f"{index}/confidence"], file[f"{index}/agreeing"]) for index in range(len(names))]
+            maps = [_of_view(file, index) for index in range(len(names))]
     except (InputError, *NUMPY_DAMAGE):
         return {}
     return dict(zip(names, maps, strict=True)) if all(map(_fits, maps)) else {}
+
+
+def _of_view(file: np.lib.npyio.NpzFile, index: int) -> Trust:
+    return Trust(file[f"{index}/confidence"], file[f"{index}/agreeing"], file.get(f"{index}/depth"))
 
 
 def _is_small(file: np.lib.npyio.NpzFile) -> bool:
@@ -92,5 +107,7 @@ def _is_small(file: np.lib.npyio.NpzFile) -> bool:
 
 
 def _fits(maps: Trust) -> bool:
-    whole = all(one.dtype == np.uint8 and one.ndim == 2 and one.size for one in maps)
-    return whole and maps.confidence.shape == maps.num_consistent.shape
+    whole = all(one.dtype == np.uint8 and one.ndim == 2 and one.size for one in maps[:2])
+    if not whole or maps.confidence.shape != maps.num_consistent.shape:
+        return False
+    return maps.depth is None or (maps.depth.dtype == np.float16 and maps.depth.shape == maps.confidence.shape)
