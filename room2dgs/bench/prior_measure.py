@@ -192,7 +192,7 @@ def _add_depth(
     for name, depth in candidates.items():
         pool.depth.setdefault(name, []).append(depth_score(depth, wanted))
     # a prior that knows depth but for its scale is looked at after the scale alone
-    best = fits[meaning != "metric_depth"]
+    best = fits[meaning not in ("metric_depth", "scaled_depth")]
     picture.depth = _filled(valid, best, 0.0)
     picture.depth_error = _filled(valid, np.abs(np.log(best / wanted)), np.nan)
     if found.depth_error is not None:

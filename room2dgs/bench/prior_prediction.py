@@ -65,8 +65,8 @@ def open_networks(config: PriorConfig) -> list[list[Network]]:
     """The configured networks, those together that one run of a model serves; each session is a `TimedSession`.
 
     Raises:
-        InputError: neither depth nor normals are configured, depth is the truth itself, or as `read_models` and
-            `open_network`.
+        InputError: neither depth nor normals are configured, depth is the truth itself or of a network that sees
+            several photos at a time, or as `read_models` and `open_network`.
     """
     if all(getattr(config, kind).source == "none" for kind in KINDS):
         raise InputError("no prior is configured, there is nothing to measure; give for example prior=room_prior")
@@ -74,6 +74,11 @@ def open_networks(config: PriorConfig) -> list[list[Network]]:
         raise InputError(
             f"prior.depth.source={config.depth.source} would be measured against itself: the truth is the capture's "
             "own depth; give another prior/depth"
+        )
+    if config.depth.source == "onnx_multiview":
+        raise InputError(
+            "prior.depth.source=onnx_multiview sees several photos at a time, and single ones are measured here; "
+            "`room2dgs eval` measures what a run makes of it"
         )
     groups: list[list[Network]] = []
     digests: list[str] = []

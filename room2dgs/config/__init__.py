@@ -6,7 +6,13 @@ from room2dgs.config.groups.loss import LossConfig, MultiviewConfig, NormalRewei
 from room2dgs.config.groups.mesh import MeshConfig
 from room2dgs.config.groups.points import PointsConfig
 from room2dgs.config.groups.prepare import PrepareConfig
-from room2dgs.config.groups.prior import NETWORK_SOURCES, DepthPriorConfig, NormalPriorConfig, PriorConfig
+from room2dgs.config.groups.prior import (
+    NETWORK_SOURCES,
+    ONE_PHOTO_SOURCES,
+    DepthPriorConfig,
+    NormalPriorConfig,
+    PriorConfig,
+)
 from room2dgs.config.groups.render import RenderConfig
 from room2dgs.config.groups.report import ReportConfig
 from room2dgs.config.groups.scene import SceneConfig
@@ -21,6 +27,7 @@ from room2dgs.config.schema import Config
 
 __all__ = [
     "NETWORK_SOURCES",
+    "ONE_PHOTO_SOURCES",
     "Config",
     "DepthPriorConfig",
     "EvalConfig",

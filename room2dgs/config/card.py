@@ -19,6 +19,7 @@ from pydantic.dataclasses import dataclass
 from room2dgs.config.fields import GROUP, REQUIRED, Float, Int
 from room2dgs.config.folder import conf_dir
 from room2dgs.errors import InputError
+from room2dgs.registries.depth_sources import DEPTH_SOURCES
 from room2dgs.regular_files import read_regular
 
 if TYPE_CHECKING:
@@ -84,18 +85,45 @@ class CardOutput:
 
 
 @dataclass(config=GROUP, frozen=True)
+class CardViews:
+    """How several photos of one room go in together.
+
+    Attributes:
+        count: photos at a time; for a file that does not fix it: what it was traced with (null: as the file fixes it).
+        poses: name of the input for the poses (null: none).
+        pose: "cam_from_world", also called extrinsics or w2c, or "world_from_cam", also called c2w; OpenCV's axes.
+        origin: "world", or "first": the first photo's camera is the world.
+        unit: of the translations: "metres", or "median_distance": the lower median of the distances of all the photos'
+            cameras from the first, its own 0 among them, at least 0.1 m.
+        answers: whether "all" photos get a map, or the "first".
+    """
+
+    count: Annotated[Int, Field(ge=2, le=64)] | None = None
+    poses: str | None = None
+    pose: Literal["cam_from_world", "world_from_cam"] = "cam_from_world"
+    origin: Literal["world", "first"] = "first"
+    unit: Literal["metres", "median_distance"] = "metres"
+    answers: Literal["all", "first"] = "all"
+
+
+@dataclass(config=GROUP, frozen=True)
 class CardDepth(CardOutput):
     """What the depth output means.
 
     Attributes:
         meaning: as `prior.depth.meaning`.
-        channel: of the output that is depth (null: it has one).
+        channel: of the output that is depth (null: it has one); 2 of points in each photo's camera frame.
         canonical_focal_px: focal length for which depth is metric (null: the photo's).
+        confidence: name of an output above 0, the larger the surer depth is, in any unit. Of several photos together
+            alone (null: none).
     """
 
-    meaning: Literal["metric_depth", "relative_depth", "relative_inverse_depth"] = Field(default=REQUIRED)
+    meaning: Literal["metric_depth", "scaled_depth", "relative_depth", "relative_inverse_depth"] = Field(
+        default=REQUIRED
+    )
     channel: Annotated[Int, Field(ge=0, le=255)] | None = None
     canonical_focal_px: Annotated[Float, Field(ge=1, le=1e5)] | None = None
+    confidence: str | None = None
 
 
 @dataclass(config=GROUP, frozen=True)
@@ -123,6 +151,7 @@ class Card:
         licence: of the model.
         sha256: of the .onnx file (null: not checked).
         input: how a photo goes in.
+        views: how several photos go in together (null: one at a time).
         depth, normal: the maps that come out; at least one of them.
     """
 
@@ -132,6 +161,7 @@ class Card:
     licence: str = ""
     sha256: Annotated[str, Field(pattern="^[0-9a-fA-F]{64}$")] | None = None
     input: CardInput = Field(default_factory=CardInput)
+    views: CardViews | None = None
     depth: CardDepth | None = None
     normal: CardNormal | None = None
 
@@ -153,7 +183,8 @@ def card_of(part: DepthPriorConfig | NormalPriorConfig, kind: str) -> Card:
         kind: "depth" or "normal".
 
     Raises:
-        InputError: there is none, it cannot be used, or it has no map of this kind.
+        InputError: there is none, it cannot be used, it has no map of this kind, or it is of a network that sees
+            several photos at a time where the prior's sees one, or the other way round.
     """
     if part.card:
         path = Path(part.card)
@@ -170,6 +201,13 @@ def card_of(part: DepthPriorConfig | NormalPriorConfig, kind: str) -> Card:
     card = read_card(path)
     if getattr(card, kind) is None:
         raise InputError(f"{path} is the card of a network without {kind}; choose another prior/{kind}")
+    several = DEPTH_SOURCES.get(part.source).facts["several"]
+    if several and card.views is None:
+        raise InputError(f"{path} is the card of a network that sees one photo at a time; give prior/{kind}=onnx")
+    if card.views is not None and not several:
+        raise InputError(
+            f"{path} is the card of a network that sees several photos at a time; give prior/depth=onnx_multiview"
+        )
     return card
 
 
@@ -214,9 +252,24 @@ def _parsed(path: Path, text: bytes) -> Card:
         place = ".".join(str(part) for part in first["loc"])
         what = {"unexpected_keyword_argument": "is no key of a card", "missing": "is missing"}.get(first["type"])
         raise InputError(f"{path} is no network's card: {place} {what or _should(first)}; {GUIDE}") from error
-    if card.depth is None and card.normal is None:
-        raise InputError(f"{path} is no network's card: it has neither depth nor normal; {GUIDE}")
+    wrong = _contradiction(card)
+    if wrong:
+        raise InputError(f"{path} is no network's card: {wrong}; {GUIDE}")
     return card
+
+
+def _contradiction(card: Card) -> str | None:
+    if card.depth is None and card.normal is None:
+        return "it has neither depth nor normal"
+    if card.views is None:
+        return "depth.confidence belongs to views" if card.depth and card.depth.confidence else None
+    if card.depth is None or card.normal is not None:
+        return "several photos at a time (views) give depth and no normals"
+    if card.input.flip or card.input.tokens:
+        return "input.flip and input.tokens are of one photo at a time, not of views"
+    if card.depth.confidence and card.depth.error:
+        return "depth.confidence and depth.error say the same thing"
+    return None
 
 
 def read_card(path: Path) -> Card:

@@ -82,7 +82,7 @@ def decoded_depth(path: Path, settings: DepthPriorConfig, camera: Camera) -> tup
     finite = _check_finite(path, np.isfinite(values))
     unit = unit if settings.unit_m is None else settings.unit_m
     values = np.where(finite, values, 0.0) * np.float32(unit)
-    valid = values > 0 if settings.meaning == "metric_depth" else values != 0
+    valid = values > 0 if settings.meaning in ("metric_depth", "scaled_depth") else values != 0
     if not valid.any():
         raise InputError(f"{path} has no valid depth (0 = invalid); replace it or delete it")
     return np.where(valid, values, 0.0).astype(np.float32), valid

@@ -5,6 +5,7 @@ here. Its facts:
 
     normals: it gives normals, too.
     network: a network makes its maps, which its card describes.
+    several: that network sees several photos at a time.
 """
 
 from __future__ import annotations
@@ -19,15 +20,17 @@ if TYPE_CHECKING:
 DEPTH_SOURCES: Registry[DepthSource] = Registry("depth source")
 
 _AT = "room2dgs.depth.sources"
-DEPTH_SOURCES.register("none", f"{_AT}.nothing:NOTHING", "No maps.", normals=True, network=False)
-DEPTH_SOURCES.register("files", f"{_AT}.files:FILES", "Maps of your own, in a folder.", normals=True, network=False)
-DEPTH_SOURCES.register("onnx", f"{_AT}.networks:NETWORK", "A network of your own, in ONNX.", normals=True, network=True)
+_FACTS = {"normals": False, "network": False, "several": False}
+_NETWORK = _FACTS | {"normals": True, "network": True}
+DEPTH_SOURCES.register("none", f"{_AT}.nothing:NOTHING", "No maps.", **_FACTS | {"normals": True})
+DEPTH_SOURCES.register("files", f"{_AT}.files:FILES", "Maps of your own, in a folder.", **_FACTS | {"normals": True})
+DEPTH_SOURCES.register("onnx", f"{_AT}.networks:NETWORK", "A network of your own, in ONNX.", **_NETWORK)
 DEPTH_SOURCES.register(
-    "room_prior", f"{_AT}.networks:NETWORK", "The network that comes with room2dgs.", normals=True, network=True
+    "onnx_multiview",
+    f"{_AT}.multiview:MULTIVIEW",
+    "A network of your own that sees several photos at a time and their poses, in ONNX.",
+    **_FACTS | {"network": True, "several": True},
 )
-DEPTH_SOURCES.register(
-    "sensor", f"{_AT}.sensor:SENSOR", "The depth files of the capture's own camera.", normals=False, network=False
-)
-DEPTH_SOURCES.register(
-    "auto", f"{_AT}.sensor:AUTO", "The depth camera where there is one, else room_prior.", normals=False, network=False
-)
+DEPTH_SOURCES.register("room_prior", f"{_AT}.networks:NETWORK", "The network that comes with room2dgs.", **_NETWORK)
+DEPTH_SOURCES.register("sensor", f"{_AT}.sensor:SENSOR", "The depth files of the capture's own camera.", **_FACTS)
+DEPTH_SOURCES.register("auto", f"{_AT}.sensor:AUTO", "The depth camera where there is one, else room_prior.", **_FACTS)

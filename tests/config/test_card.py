@@ -96,7 +96,7 @@ def test_every_card_that_comes_with_the_package_is_read_and_chosen_by_a_name():
     assert {"room_prior", "moge_2", "depth_anything_v2"} <= set(card_names())
     chosen = set()
     for kind in ("depth", "normal"):
-        for name in set(group_choices(conf_dir())[f"prior/{kind}"]) - {"onnx"}:
+        for name in set(group_choices(conf_dir())[f"prior/{kind}"]) - {"onnx", "onnx_multiview"}:
             given = [f"prior/{kind}={name}", f"prior.{kind}.model=m.onnx", f"prior.{kind}.path=p"]
             part = getattr(load_config([*GIVEN, *given]).prior, kind)
             if part.network:

@@ -49,7 +49,8 @@ def _composes(settings, sweeps=False):
     for column in range(max(map(len, choices), default=0)):
         chosen = [one[min(column, len(one) - 1)] for one in choices]
         if "prior.depth.model=model.onnx" in chosen:  # whose card lies beside it
-            chosen.append(f"prior.depth.card={conf_dir() / '_networks/depth_anything_v2.json'}")
+            card = "depth_anything_3" if "prior/depth=onnx_multiview" in chosen else "depth_anything_v2"
+            chosen.append(f"prior.depth.card={conf_dir() / f'_networks/{card}.json'}")
         load_config(["scene.path=a", "out=b", *chosen])
 
 

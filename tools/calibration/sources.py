@@ -14,7 +14,7 @@ from room2dgs.bench.prior_truth import Truth, frame_truth, truth_source
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.captures.uncertainty import completed_sigma
-from room2dgs.config import NETWORK_SOURCES, Config, PriorConfig
+from room2dgs.config import ONE_PHOTO_SOURCES, Config, PriorConfig
 from room2dgs.depth import Priors, StereoViews, estimate_depth
 from room2dgs.depth.align.scale_shift import Fit
 from room2dgs.depth.completion.on_planes import on_planes
@@ -96,12 +96,12 @@ def _sources(scene: Scene, config: Config, cache: Path, log: Log) -> Iterator[tu
 
 
 def _network_files(frames: Sequence[Frame], prior: PriorConfig) -> dict[str, Mapping[str, Path]]:
-    """ "depth" and "normal", where a network makes them, -> frame name -> its map, from the cache."""
+    """ "depth" and "normal", where a network of one photo makes them, -> frame name -> its map, from the cache."""
     models = read_models(prior)
     return {
         kind: predicted_maps(frames, kind, prior, models, lambda line: None)
         for kind in models
-        if getattr(prior, kind).source in NETWORK_SOURCES
+        if getattr(prior, kind).source in ONE_PHOTO_SOURCES
     }
 
 

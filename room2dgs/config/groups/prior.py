@@ -13,10 +13,12 @@ from room2dgs.config.groups.sensor import SensorConfig
 from room2dgs.config.names import described
 from room2dgs.registries.depth_sources import DEPTH_SOURCES
 
-Meaning = Literal["metric_depth", "relative_depth", "relative_inverse_depth"]
+Meaning = Literal["metric_depth", "scaled_depth", "relative_depth", "relative_inverse_depth"]
 Axes = Literal["opencv", "opengl", "rdf", "rub", "rdb", "ruf", "ldf", "lub", "ldb", "luf"]
 Side = Literal["camera", "away"]
 NETWORK_SOURCES = tuple(entry.name for entry in DEPTH_SOURCES.entries() if entry.facts["network"])
+# those that see one photo at a time
+ONE_PHOTO_SOURCES = tuple(name for name in NETWORK_SOURCES if not DEPTH_SOURCES.get(name).facts["several"])
 
 
 def normal_sources() -> tuple[str, ...]:
@@ -38,8 +40,8 @@ class DepthPriorConfig:
     )
     meaning: Meaning | None = public(
         None,
-        "What depth maps hold (null: what the network's card says, else metres). relative_depth: depth up to scale and "
-        "shift. relative_inverse_depth: disparity up to scale and shift, as MiDaS gives it.",
+        "What depth maps hold (null: what the network's card says, else metres). scaled_depth: depth up to scale. "
+        "relative_depth: up to scale and shift. relative_inverse_depth: disparity up to scale and shift, as of MiDaS.",
     )
     model: PathText | None = public(
         None, "The .onnx file of the depth network (null: the one that comes with room2dgs)."
@@ -192,5 +194,5 @@ def _has_what_its_source_needs(name: str, prior: DepthPriorConfig | NormalPriorC
         raise ValueError(f"prior.{name}.source=files needs prior.{name}.path=DIR with a map for each photo")
     if prior.source in ("room_prior", "auto") and prior.network != "room_prior":
         raise ValueError(f"prior.{name}.source={prior.source} lacks its settings; write prior/{name}={prior.source}")
-    if prior.source == "onnx" and not prior.model:
+    if prior.source in ("onnx", "onnx_multiview") and not prior.model:
         raise ValueError(f"prior.{name}.model=FILE is not given{where_from(prior.network)}")

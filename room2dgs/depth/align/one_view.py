@@ -14,7 +14,7 @@ from room2dgs.config import DepthPriorConfig
 from room2dgs.depth.align.scale_shift import Fit, aligned_depth
 
 MAX_DEPTH_M = 100.0
-# Maps in metres are off by a factor rather than by a shift: a free shift would follow their smooth errors.
+# Maps of depth itself are off by a factor rather than by a shift: a free shift would follow their smooth errors.
 METRIC_SHIFT_M = 0.1
 
 
@@ -48,4 +48,4 @@ def is_disparity(settings: DepthPriorConfig) -> bool:
 
 def shift_sigma(settings: DepthPriorConfig) -> float | None:
     """How far from 0 a fit's shift is expected, metres; None: anywhere."""
-    return METRIC_SHIFT_M if settings.meaning == "metric_depth" else None
+    return METRIC_SHIFT_M if settings.meaning in ("metric_depth", "scaled_depth") else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from room2dgs.depth.align.calibrated import calibrated_sigmas
 from room2dgs.depth.align.depths import aligned_depths
 from room2dgs.depth.state import DepthSettings, DepthState
 
@@ -21,4 +22,7 @@ def align(state: DepthState, settings: DepthSettings) -> DepthState:
         return state
     with settings.timed("maps"):
         depths, fits = aligned_depths(state.frames, proposal.raw, state.samples, state.depth_settings, settings.log)
-    return replace(state, depths=depths, sigmas=proposal.sigmas, fits=fits)
+        sigmas = proposal.sigmas
+        if proposal.doubts:
+            sigmas = calibrated_sigmas(state.frames, depths, proposal.doubts, state.samples, settings.log)
+    return replace(state, depths=depths, sigmas=sigmas, fits=fits)

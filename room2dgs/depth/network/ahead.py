@@ -10,7 +10,7 @@ from pathlib import Path
 from threading import Event
 
 from room2dgs.captures.scene import Frame
-from room2dgs.config import NETWORK_SOURCES, PriorConfig
+from room2dgs.config import ONE_PHOTO_SOURCES, PriorConfig
 from room2dgs.depth.network.maps import predicted_maps, read_models
 from room2dgs.logs import Log
 
@@ -20,9 +20,9 @@ def maps_ahead(frames: Sequence[Frame], config: PriorConfig, log: Log) -> Iterat
     """Gives a function that begins to fill the map cache; the block's end begins it too, and waits for it.
 
     If the block fails it stops with the photo at hand.
-    Only what `estimate_depth` will ask for whatever it finds: a network's depth, with normals if the same inference
-    gives them, or the normals of the network that comes with the package. Others' normals are checked on a few photos
-    first.
+    Only what `estimate_depth` will ask for whatever it finds: the depth of a network that sees one photo at a time,
+    with normals if the same inference gives them, or the normals of the network that comes with the package. Others'
+    normals are checked on a few photos first.
 
     Raises:
         InputError: as `predicted_maps`.
@@ -51,6 +51,6 @@ def _wanted(frames: Sequence[Frame], config: PriorConfig) -> tuple[str | None, P
     """The kind to begin with, if any, and the settings with "auto" decided."""
     if config.depth.source == "auto" and not any(frame.depth_path for frame in frames):
         config = replace(config, depth=replace(config.depth, source="room_prior"))
-    if config.depth.source in NETWORK_SOURCES:
+    if config.depth.source in ONE_PHOTO_SOURCES:
         return "depth", config
     return ("normal" if config.normal.source == "room_prior" else None), config

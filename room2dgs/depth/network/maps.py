@@ -34,7 +34,7 @@ from room2dgs.logs import Log
 KINDS = ("depth", "normal")
 # Raise it when a map of the same photo by the same network would come out differently.
 FORMAT = 2
-_REPORT_SECONDS = 30.0
+REPORT_SECONDS = 30.0
 LARGE_MB = 100.0  # of the file of a network that runs on one photo at a time
 MOST_AT_ONCE = 4
 
@@ -153,7 +153,7 @@ def _fill(
 
 def _make(frame: Frame, networks: Sequence[Network], paths: Mapping[str, Path]) -> None:
     """One photo's maps of all kinds, of which some may be there already."""
-    for (kind, path), found in zip(paths.items(), predictions(networks, *_photo(frame)), strict=True):
+    for (kind, path), found in zip(paths.items(), predictions(networks, *full_photo(frame)), strict=True):
         if is_cached(path, _shape(frame, kind)):
             continue
         try:
@@ -167,7 +167,7 @@ def _make(frame: Frame, networks: Sequence[Network], paths: Mapping[str, Path]) 
 def _log_progress(made: Iterable[None], kind: str, count: int, log: Log) -> None:
     start = reported = time.monotonic()
     for done, _ in enumerate(made, start=1):
-        if time.monotonic() - reported > _REPORT_SECONDS:
+        if time.monotonic() - reported > REPORT_SECONDS:
             reported = time.monotonic()
             log(f"{kind} prior: {done} of {count} photos, {(reported - start) / done:.1f} s each")
 
@@ -196,7 +196,7 @@ def at_camera(found: Prediction, camera: Camera) -> Prediction:
     return Prediction(values, valid, error)
 
 
-def _photo(frame: Frame) -> tuple[np.ndarray, Camera]:
+def full_photo(frame: Frame) -> tuple[np.ndarray, Camera]:
     """The photo at its full size, whatever size the run works at, and its camera."""
     size = frame.full_size()
     if size == (frame.camera.width, frame.camera.height):

@@ -67,15 +67,15 @@ def same_input(one: NetworkFormat, other: NetworkFormat) -> bool:
 def _inferred(networks: Sequence[Network], photo: np.ndarray, camera: Camera) -> list[Prediction]:
     network = networks[0]
     settings = network.settings
-    fit = _fit(network, camera)
+    fit = input_fit(network, camera)
     dtype = FLOATS[network.image.type]
     feeds = {network.image.name: network_input(photo, fit, settings).astype(dtype)}
     by_name = {arg.name: arg for arg in network.session.get_inputs()}
     if settings.intrinsics:
-        feeds[settings.intrinsics] = _shaped(input_intrinsics(camera, fit), by_name[settings.intrinsics], network)
+        feeds[settings.intrinsics] = shaped(input_intrinsics(camera, fit), by_name[settings.intrinsics], network)
     if settings.tokens:
         count = np.array((fit.height // settings.multiple) * (fit.width // settings.multiple))
-        feeds[settings.tokens] = _shaped(count, by_name[settings.tokens], network)
+        feeds[settings.tokens] = shaped(count, by_name[settings.tokens], network)
     names = list(dict.fromkeys(name for network in networks for name in network.outputs))
     try:
         results = network.session.run(names, feeds)
@@ -85,10 +85,20 @@ def _inferred(networks: Sequence[Network], photo: np.ndarray, camera: Camera) ->
             f"it has {described(network.session)}"
         ) from error
     by_name = dict(zip(names, results, strict=True))
-    return [_decoded(network, by_name, fit, camera) for network in networks]
+    return [decoded(network, by_name, fit, camera) for network in networks]
 
 
-def _decoded(network: Network, results: Mapping[str, np.ndarray], fit: Fit, camera: Camera) -> Prediction:
+def decoded(network: Network, results: Mapping[str, np.ndarray], fit: Fit, camera: Camera) -> Prediction:
+    """One photo's map from the outputs of an inference.
+
+    Args:
+        results: output's name -> array.
+        fit: where the photo lies in the input.
+        camera: of the photo.
+
+    Raises:
+        InputError: they are no such map.
+    """
     settings = network.settings
     values = raw_map(network, results[network.outputs[0]], fit)
     valid = np.isfinite(values) if values.ndim == 2 else np.isfinite(values).all(axis=-1)
@@ -120,9 +130,14 @@ def _beside(network: Network, results: Mapping[str, np.ndarray], name: str, shap
     return values
 
 
-def _fit(network: Network, camera: Camera) -> Fit:
+def input_fit(network: Network, camera: Camera) -> Fit:
+    """Where a photo lies in the network's input.
+
+    Raises:
+        InputError: the input's size is not known, or the card has another.
+    """
     settings, shape = network.settings, network.image.shape
-    sides = shape[2:] if settings.layout == "nchw" else shape[1:3]
+    sides = shape[-2:] if settings.layout == "nchw" else shape[-3:-1]
     fixed = [side if isinstance(side, int) and side > 0 else None for side in sides]
     how = "stretch" if settings.fit == "cover" and all(fixed) else settings.fit
     size: list[int] = []
@@ -139,8 +154,12 @@ def _fit(network: Network, camera: Camera) -> Fit:
     return fitted(camera, size[0], size[1], how, settings.multiple)
 
 
-def _shaped(values: np.ndarray, arg: Any, network: Network) -> np.ndarray:
-    """A second input's values with the axes and the type that the network wants."""
+def shaped(values: np.ndarray, arg: Any, network: Network) -> np.ndarray:
+    """An input's values with the type and as many axes as the network wants.
+
+    Raises:
+        InputError: it wants something else.
+    """
     if arg.type not in NUMBERS or len(arg.shape) < values.ndim:
         raise InputError(
             f"{network.path} wants {arg.name} as {arg.type} of {shape_in_words(arg)}, which numbers of shape "

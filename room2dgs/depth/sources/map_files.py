@@ -18,11 +18,12 @@ from room2dgs.depth.network.map_cache import SUFFIX, has_array, read_array
 from room2dgs.depth.sources.source import NormalMap, NormalMaps, Proposal, SourceInput
 
 
-def proposal_of_files(given: SourceInput, files: Mapping[str, Path]) -> Proposal:
+def proposal_of_files(given: SourceInput, files: Mapping[str, Path], doubts: bool = False) -> Proposal:
     """Depth maps on disk.
 
     Args:
         files: frame name -> map; frames may have none.
+        doubts: the maps' errors only rank their pixels (`Proposal.doubts`).
 
     Raises:
         InputError: a damaged file.
@@ -32,9 +33,11 @@ def proposal_of_files(given: SourceInput, files: Mapping[str, Path]) -> Proposal
     for frame in given.frames:
         if frame.name in files:
             path = files[frame.name]
-            raw.add(frame.name, partial(_raw_map, path, given.prior.depth, frame))
+            raw.add(frame.name, partial(_raw_map, path, given.prior.depth, frame, doubts))
             if has_sigma(path):
                 sigmas.add(frame.name, partial(_sigma, path))
+    if doubts:
+        return Proposal(given.prior, raw=raw, doubts=sigmas, models=given.models)
     return Proposal(given.prior, raw=raw, sigmas=sigmas, models=given.models)
 
 
@@ -71,9 +74,9 @@ def _sigma(path: Path) -> np.ndarray:
     return sigma
 
 
-def _raw_map(path: Path, settings: DepthPriorConfig, frame: Frame) -> RawMap:
+def _raw_map(path: Path, settings: DepthPriorConfig, frame: Frame, doubts: bool) -> RawMap:
     values, valid = read_depth(path, settings, frame.camera)
-    sigma = read_sigma(path)
+    sigma = None if doubts else read_sigma(path)
     if sigma is None:
         return RawMap(values, valid)
     return RawMap(values, valid & (measured_weight(sigma, settings.error_scale, settings.max_error) > 0))

@@ -55,6 +55,8 @@ class Proposal:
         raw: frame name -> values as the source has them, and where they are valid; to be aligned.
         measured: frame name -> (H, W) float32 metres, 0 = invalid: of a depth camera, which nothing aligns or bends.
         sigmas: frame name -> (H, W) relative standard deviation, for the maps that come with one.
+        doubts: frame name -> (H, W) what is the larger, the larger the error of the aligned map is, in no unit: by how
+            much, the samples tell (`align.calibrated`).
         fits: frame name -> how far a measured map is off the points that its photo sees.
         models: kind -> the model that makes these maps.
         label: "simulated" if any map says so, else the sources: "room_prior", "files+onnx", or "none".
@@ -64,6 +66,7 @@ class Proposal:
     raw: Mapping[str, RawMap] = field(default_factory=dict)
     measured: Mapping[str, np.ndarray] = field(default_factory=dict)
     sigmas: Mapping[str, np.ndarray] = field(default_factory=dict)
+    doubts: Mapping[str, np.ndarray] = field(default_factory=dict)
     fits: Mapping[str, Fit] = field(default_factory=dict)
     models: Mapping[str, ModelFile] = field(default_factory=dict)
     label: str = ""
