@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from room2dgs.captures.selection import evenly_spaced
 from room2dgs.eval.boundary import open_boundary, pieces, sides
 from room2dgs.eval.coverage import coverage
 from room2dgs.eval.creases import crease_error, crease_points
@@ -92,7 +93,7 @@ def measure(mesh: trimesh.Trimesh, views: Sequence[KnownView], truth: trimesh.Tr
     mesh = clean(mesh)
     surface = Surface(mesh)
     true_surface = None if truth is None else Surface(truth)
-    some = [views[int(i)] for i in np.linspace(0, len(views) - 1, min(len(views), MOST_VIEWS)).round()]
+    some = evenly_spaced(views, MOST_VIEWS)
     seeing = [_sightlines(one, surface, true_surface) for one in some]
     edges = sides(surface.faces)
     torn = tears(open_boundary(np.asarray(mesh.vertices, np.float64), surface.faces, edges), seeing)

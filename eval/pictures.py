@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
@@ -17,6 +18,9 @@ from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.up_axis import up_axis
 from room2dgs.mesh.world import write_in_world
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 INSIDE_VIEWS = 4  # evenly spaced in the capture
 TILE_WIDTH = 480  # pixels of one picture
@@ -54,12 +58,16 @@ def inside_rows(
     pred: trimesh.Trimesh, pred_surface: Surface, gt: Surface, frames: Sequence[Frame], threshold_m: float
 ) -> list[list[np.ndarray]]:
     """A row of pictures (photo, then COLUMNS) for each of a few evenly spaced frames."""
-    chosen = np.unique(np.linspace(0, len(frames) - 1, INSIDE_VIEWS + 2).astype(int)[1:-1])
     rows = []
-    for frame in (frames[index] for index in chosen):
+    for frame in (frames[index] for index in inside(len(frames), INSIDE_VIEWS)):
         camera = frame.camera.resized_to_width(TILE_WIDTH)
-        rows.append([frame.color() / 255, *_three(pred, pred_surface, gt, _camera_rays(camera), threshold_m)])
+        rows.append([frame.color() / 255, *_three(pred, pred_surface, gt, camera_rays(camera), threshold_m)])
     return rows
+
+
+def inside(count: int, wanted: int) -> list[int]:
+    """Places of so many evenly spaced items, first and last left out where there are enough."""
+    return [int(index) for index in np.unique(np.linspace(0, count - 1, wanted + 2).astype(int)[1:-1])]
 
 
 def top_row(
@@ -80,19 +88,9 @@ def write_sheet(path: Path, rows: Sequence[Sequence[np.ndarray]], titles: Sequen
     """Rows of pictures with titles and the error's colour bar, as a PNG that appears whole or not at all."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import ListedColormap, Normalize
-    from matplotlib.figure import Figure
 
-    height, width = rows[0][-1].shape[:2]
-    tall = height / width * len(rows) * 3.2 + 1.2  # inches: pictures of 3.2 across, titles, colour bar
-    figure = Figure(figsize=(3.2 * len(titles), tall), dpi=130)
-    axes = figure.subplots(len(rows), len(titles), squeeze=False)
-    figure.subplots_adjust(0.005, 0.9 / tall, 0.995, 1 - 0.3 / tall, wspace=0.02, hspace=0.02)
-    for line, row in zip(axes, rows, strict=True):
-        for axis, picture in zip(line, row, strict=True):
-            axis.imshow(np.clip(picture, 0, 1), interpolation="antialiased")
-            axis.set_axis_off()
-    for axis, title in zip(axes[0], titles, strict=True):
-        axis.set_title(title, fontsize=9, pad=4)
+    figure = new_sheet(rows, titles, below=0.9)
+    tall = figure.get_figheight()
     figure.colorbar(
         ScalarMappable(
             Normalize(0, FULL_THRESHOLDS * threshold_m * 100),
@@ -105,6 +103,28 @@ def write_sheet(path: Path, rows: Sequence[Sequence[np.ndarray]], titles: Sequen
     )
     with whole_file(path) as temporary:
         figure.savefig(temporary, format="png")
+
+
+def new_sheet(rows: Sequence[Sequence[np.ndarray]], titles: Sequence[str], below: float = 0.05) -> Figure:
+    """Rows of pictures with a title above each column.
+
+    Args:
+        below: inches that are left free under them.
+    """
+    from matplotlib.figure import Figure
+
+    height, width = rows[0][-1].shape[:2]
+    tall = height / width * len(rows) * 3.2 + 0.3 + below  # inches: pictures of 3.2 across, titles
+    figure = Figure(figsize=(3.2 * len(titles), tall), dpi=130)
+    axes = figure.subplots(len(rows), len(titles), squeeze=False)
+    figure.subplots_adjust(0.005, below / tall, 0.995, 1 - 0.3 / tall, wspace=0.02, hspace=0.02)
+    for line, row in zip(axes, rows, strict=True):
+        for axis, picture in zip(line, row, strict=True):
+            axis.imshow(np.clip(picture, 0, 1), interpolation="antialiased")
+            axis.set_axis_off()
+    for axis, title in zip(axes[0], titles, strict=True):
+        axis.set_title(title, fontsize=9 if len(title) < 40 else 6, pad=4)
+    return figure
 
 
 def _three(
@@ -130,7 +150,8 @@ def _three(
     return [shade(rays, pred_hits, pred_surface, mesh_color(pred, pred_hits)), error, missed]
 
 
-def _camera_rays(camera: Camera) -> Rays:
+def camera_rays(camera: Camera) -> Rays:
+    """The rays through a camera's pixels."""
     return Rays(camera.centre, camera.world_rays().reshape(-1, 3), camera.width, camera.height)
 
 

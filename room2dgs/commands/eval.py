@@ -12,7 +12,7 @@ from room2dgs.pipeline.evaluate import evaluate_mesh, evaluate_run, ground_truth
 from room2dgs.pipeline.loaded_run import loaded_run
 from room2dgs.runs.folder import CONFIG, absolute, earlier_run, last_value
 
-USAGE = "room2dgs eval run=DIR | pred=MESH gt=MESH scene=DIR [out=DIR] [eval.KEY=VALUE ...]"
+USAGE = "room2dgs eval run=DIR | pred=MESH [gt=MESH] scene=DIR [out=DIR] [eval.KEY=VALUE ...]"
 SHORT = {"pred": "eval.pred", "gt": "eval.gt", "scene": "scene.path", "run": "out"}
 
 
@@ -36,6 +36,6 @@ def _with_folder(overrides: list[str], out: str | None) -> list[str]:
     """The settings of a mesh that no run made, with a folder beside it for the scores unless one is given."""
     pred = last_value(overrides, "eval.pred")
     if not pred:
-        raise InputError("nothing to score; give out=DIR of an earlier run, or pred=MESH gt=MESH scene=DIR")
+        raise InputError("nothing to score; give out=DIR of an earlier run, or pred=MESH scene=DIR")
     path = Path(pred).expanduser()
     return overrides if out else [*overrides, f"out={path.with_name(path.stem + '_scores')}"]

@@ -62,6 +62,8 @@ def evaluate_run(scene: Scene, surfels: Splats | None, config: Config, run: RunF
                 source = read_metrics(run.path).get("depth_source", "")
                 figures |= same_depth_figures(scene, gt, config, source, run.log)
             run.log(f"pictures of the error: {run.path / 'eval'}")
+        if mesh.is_file():
+            figures |= _quality(mesh, gt, scene, config, run.path, run.log)
     run.record(figures)
     run.log(f"scores: {run.path / METRICS}")
 
@@ -85,8 +87,6 @@ def evaluate_mesh(config: Config, log: Log = to_terminal) -> Path:
     scene = read_capture(config)
     gt = gt or scene.gt_mesh
     by_mesh, by_depth = (against(truth, config.eval.protocols) for truth in (MESH_TRUTH, DEPTH_TRUTH))
-    if by_mesh and gt is None:
-        raise InputError(f"{config.scene.path} has no gt_mesh.ply; give gt=MESH")
     if not by_mesh and not any(frame.depth_path for frame in scene.frames):
         raise InputError(
             f"{config.scene.path} has no depth maps, which protocol depth needs; give gt=MESH and another protocol"
@@ -100,8 +100,11 @@ def evaluate_mesh(config: Config, log: Log = to_terminal) -> Path:
                 scores = depth_figures(pred, scene, None, config, "", log)
             if by_mesh and gt is not None:
                 scores |= _mesh_scores(pred, gt, scene, config.eval, run.path, log)
+            elif by_mesh:
+                log(f"{config.scene.path} has no gt_mesh.ply: without gt=MESH nothing says how far the mesh is off")
+            scores |= _quality(pred, gt, scene, config, run.path, log)
         run.record(cleared(run.path, MESH_SCORES) | scores)
-    log(f"scores: {run.path / METRICS}" + (f", pictures: {run.path / 'eval'}" if by_mesh else ""))
+    log(f"scores: {run.path / METRICS}, pictures: {run.path / 'eval'}")
     return run.path
 
 
@@ -174,6 +177,15 @@ def _mesh_scores(pred: Path, gt: Path, scene: Scene, settings: EvalConfig, out: 
     for line in result.lines():
         in_lines(log, line)
     return scores | result.as_dict()
+
+
+def _quality(mesh: Path, gt: Path | None, scene: Scene, config: Config, out: Path, log: Log) -> dict[str, Any]:
+    """How whole the mesh is; a truth in another frame stays aside."""
+    from room2dgs.mesh.world import read_in_scene
+    from room2dgs.pipeline.mesh_quality import quality_figures
+
+    truth = truth_in_scene(gt, scene).mesh if gt is not None and config.eval.align == "none" else None
+    return quality_figures(read_in_scene(mesh, scene.origin_m), scene, config, out, truth, log)
 
 
 def _true_scene(settings: EvalConfig) -> Scene | None:

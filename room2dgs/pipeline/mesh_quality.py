@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,27 +13,52 @@ from room2dgs.captures.scene import Frame, Scene
 from room2dgs.captures.selection import evenly_spaced
 from room2dgs.config import Config
 from room2dgs.errors import InputError
+from room2dgs.logs import Log
 from room2dgs.runs.depth_coverage import SURE
-from room2dgs.runs.folder import TRUST
+from room2dgs.runs.folder import EVAL, QUALITY, TRUST
 from room2dgs.runs.trust import Trust, read_trust
 
 if TYPE_CHECKING:
+    import trimesh
+
     from room2dgs.eval.mesh_quality import KnownView
 
 
-def known_views(scene: Scene, config: Config, out: Path | None) -> list[KnownView]:
+def quality_figures(
+    mesh: trimesh.Trimesh, scene: Scene, config: Config, run: Path, truth: trimesh.Trimesh | None, log: Log
+) -> dict[str, Any]:
+    """For metrics.json: "mesh_quality", with pictures in the folder `eval`; empty without a training view.
+
+    Args:
+        mesh, truth: in the scene's frame; None: no truth is known there.
+        run: folder of the run, or that of the scores of a mesh that no run made.
+
+    Raises:
+        InputError: a photo cannot be read.
+    """
+    from room2dgs.eval.mesh_quality import MOST_VIEWS, measure
+    from room2dgs.eval.quality_pictures import write_quality_pictures
+    from room2dgs.eval.quality_text import sentence
+
+    found = measure(mesh, known_views(scene, config, run), truth)
+    write_quality_pictures(run / EVAL / QUALITY, found, evenly_spaced(scene.train, MOST_VIEWS))
+    log(sentence(found.figures))
+    return {"mesh_quality": found.figures}
+
+
+def known_views(scene: Scene, config: Config, out: Path) -> list[KnownView]:
     """Training views, as many as judge a mesh, with the depth that a sensor measured or else the run trusts.
 
     Args:
         scene: with the poses of the mesh.
-        out: the run's folder; None: the capture alone knows something.
+        out: the run's folder.
 
     Raises:
         InputError: a photo's mask cannot be read.
     """
     from room2dgs.eval.mesh_quality import MOST_VIEWS, KnownView
 
-    trust = {} if out is None else read_trust(out / TRUST)
+    trust = read_trust(out / TRUST)
     return [
         KnownView(frame.camera, tuple(_depths(frame, config, trust.get(frame.name))), frame.mask())
         for frame in evenly_spaced(scene.train, MOST_VIEWS)

@@ -26,6 +26,7 @@ CONFIG, MESH, METRICS = "config.yaml", "mesh.ply", "metrics.json"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
 PRIORS, PRIOR_MAPS, CACHE, POSES = "priors.csv", "priors", "cache", "poses.json"
 REPORT, TRUST, EXPORTS = "report.html", "trust.npz", "export"
+EVAL, QUALITY = "eval", "quality.png"  # in the folder before it
 KEPT = "kept"  # priors, until the run ends
 CAPTURE = "capture"  # what `run video=...` made of the video, before the run itself
 # What a run may have made before anything is finished; nothing else in its folder is ever removed.
@@ -36,7 +37,7 @@ MADE = {
 
 # Where a file of these names, or a folder, cannot be written
 FILES = (CONFIG, MESH, METRICS, SURFELS, PRIORS, POSES, REPORT, TRUST, LOG_FILE, "dense.ply", "coverage.json")
-FOLDERS = (KEPT, CHECKPOINTS, POINTS, RENDERS, PRIOR_MAPS, CACHE, EXPORTS, CAPTURE, "eval", "tensorboard")
+FOLDERS = (KEPT, CHECKPOINTS, POINTS, RENDERS, PRIOR_MAPS, CACHE, EXPORTS, CAPTURE, EVAL, "tensorboard")
 
 
 def new_run(overrides: list[str]) -> Config:

@@ -10,10 +10,11 @@ import numpy as np
 
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.selection import evenly_spaced
+from room2dgs.eval.coverage import covered, mean_share
+from room2dgs.eval.sightlines import ray_depth, small_camera
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
 
-WIDTH = 160  # pixels of a view's small copy
 MAX_VIEWS, NEIGHBOURS = 20, 2
 SAMPLE_STEP = 31  # every so many of a view's pixels tell what its neighbours see
 MAX_CANDIDATES = 40  # views of the best baselines, of which the neighbours are chosen
@@ -43,20 +44,19 @@ class SmallView(NamedTuple):
 
 
 def small_view(frame: Frame, surface: Surface) -> SmallView:
-    """The view at `WIDTH` pixels.
+    """The view as `small_camera` has it.
 
     Raises:
         InputError: the photo cannot be decoded.
     """
-    camera = frame.camera.resized_to_width(min(WIDTH, frame.camera.width))
+    camera = small_camera(frame.camera)
     grey = cv2.cvtColor(frame.color(), cv2.COLOR_RGB2GRAY).astype(np.float32)
     mask = frame.mask()
     usable = np.ones(camera.size[::-1], bool)
     if mask is not None:
         usable = cv2.resize(mask.astype(np.uint8), camera.size, interpolation=cv2.INTER_NEAREST_EXACT) > 0
-    hits = surface.seen_by(camera)
-    depth = np.where(hits.triangle >= 0, hits.t, 0).astype(np.float32).reshape(camera.size[::-1])
-    return SmallView(camera, cv2.resize(grey, camera.size, interpolation=cv2.INTER_AREA), usable, depth)
+    small = cv2.resize(grey, camera.size, interpolation=cv2.INTER_AREA)
+    return SmallView(camera, small, usable, ray_depth(surface, camera))
 
 
 def photo_agreement(frames: Sequence[Frame], view: Callable[[int], SmallView]) -> float | None:
@@ -84,8 +84,7 @@ def mesh_coverage(frames: Sequence[Frame], view: Callable[[int], SmallView]) -> 
         frames, view: as in `photo_agreement`.
     """
     some = [view(index) for index in evenly_spaced(range(len(frames)), MAX_VIEWS)]
-    shares = [float((one.depth > 0)[one.usable].mean()) for one in some if one.usable.any()]
-    return float(np.mean(shares)) if shares else None
+    return mean_share((covered(one.depth), one.usable) for one in some)
 
 
 def window_correlation(view: SmallView, other: SmallView) -> np.ndarray:

@@ -44,6 +44,7 @@ MESH_SCORES = (
     "depth_to_truth_m",
     "eval_seconds",
     "f_score_",
+    "mesh_quality",
     "normal_consistency",
     "precision_",
     "protocol",

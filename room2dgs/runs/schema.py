@@ -94,6 +94,15 @@ def _are_depth_scores(value: Any) -> bool:
     )
 
 
+def _is_quality(value: Any) -> bool:
+    """How whole a mesh is: figures, and holes by size."""
+    if not isinstance(value, dict):
+        return False
+    return _each(is_number)(value.get("holes", {})) and all(
+        one is None or is_number(one) for key, one in value.items() if key != "holes"
+    )
+
+
 def _is_verdict(value: Any) -> bool:
     if not isinstance(value, dict) or not _is_text(value.get("word")):
         return False
@@ -125,6 +134,7 @@ BY_KEY = {
     "truth_from_same_depth": Kind("true or false", lambda value: isinstance(value, bool)),
     "align": Kind("text or object with a matrix truth_from_pred of 4 by 4", _is_alignment),
     "protocols": Kind("object of scores by protocol", _each(_are_scores)),
+    "mesh_quality": Kind("object of numbers", _is_quality),
     "depth_scores": Kind("object of depth scores by surface", _are_depth_scores),
     "where_the_error_sits": Kind("breakdown of the error", _are_sites),
 }

@@ -13,7 +13,9 @@ from room2dgs.eval.error_sites import far_share
 from room2dgs.eval.geometry_scores import threshold_name
 
 FULL = "full"
-FINE = "f_score_2cm"
+FINE, FINEST = "f_score_2cm", "f_score_1cm"
+# of `mesh_quality`
+WHOLE = ("tears_per_m", "coverage_known", "roughness_2cm_deg", "roughness_10cm_deg", "in_free_space")
 FAR_OFF = "far_off"
 NEAR_DEPTH = "depth_within_5cm"
 SCORING = ("export", "render", "eval", "report")  # stages that make no mesh
@@ -149,6 +151,8 @@ def figures_of(metrics: Mapping[str, Any] | None, at: str) -> dict[str, float]:
         "recall": metrics.get(f"recall_{at}"),
         "f_score": metrics.get(f"f_score_{at}"),
         FINE: scores.get(FINE),
+        FINEST: scores.get(FINEST),
+        "normal_consistency": metrics.get("normal_consistency"),
         "chamfer_m": metrics.get("chamfer_m"),
         "psnr_db": metrics.get("psnr_db"),
         "stereo_coverage": metrics.get("stereo_coverage"),
@@ -159,6 +163,8 @@ def figures_of(metrics: Mapping[str, Any] | None, at: str) -> dict[str, float]:
         "mesh_s": seconds.get("mesh"),
         "peak_memory_mb": metrics.get("peak_memory_mb"),
     }
+    quality = metrics.get("mesh_quality") or {}
+    found |= {name: quality.get(name) for name in WHOLE}
     if depth := (metrics.get("depth_scores") or {}).get("mesh"):
         found[NEAR_DEPTH] = depth["all"].get("within_5cm")
     for name, stages in (("run_s", seconds), ("cpu_s", metrics.get("cpu_seconds") or {})):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from room2dgs.report.table import NOTHING, Table, table
-from room2dgs.study.ablation import FAR_OFF, FINE, FULL, NEAR_DEPTH, Row, Study, Value, difference
+from room2dgs.study.ablation import FAR_OFF, FINE, FINEST, FULL, NEAR_DEPTH, Row, Study, Value, difference
 
 SIMULATED = "simulated priors"
 # figure -> factor and decimals of what is shown
@@ -17,6 +17,13 @@ SHOWN: dict[str, tuple[float, int]] = {
     "recall": (1, 3),
     "f_score": (1, 3),
     FINE: (1, 3),
+    FINEST: (1, 3),
+    "normal_consistency": (1, 3),
+    "tears_per_m": (1, 2),
+    "coverage_known": (100, 1),
+    "roughness_2cm_deg": (1, 1),
+    "roughness_10cm_deg": (1, 1),
+    "in_free_space": (100, 2),
     FAR_OFF: (100, 1),
     NEAR_DEPTH: (1, 3),
     "stereo_coverage": (100, 0),

@@ -19,7 +19,7 @@ from room2dgs.eval.geometry_scores import threshold_name
 from room2dgs.files import whole_file
 from room2dgs.report.table import NOTHING, Table, markdown, table
 from room2dgs.runs.folder import POINTS, PRIOR_MAPS, absolute
-from room2dgs.study.ablation import FINE, NEAR_DEPTH, Row, Run, Value, figures_of, rows_of
+from room2dgs.study.ablation import FINE, FINEST, NEAR_DEPTH, WHOLE, Row, Run, Value, figures_of, rows_of
 from room2dgs.study.ablation_tables import shown
 from room2dgs.study.jobs import SEED, Job, path_as_it_stands, swept_settings
 
@@ -28,16 +28,25 @@ TUNE, REPORT, NEITHER = "tune", "report", ""
 ALL = "all"
 # heading -> figure
 COLUMNS = {
+    "F @ 1cm": FINEST,
     "F @ 2cm": FINE,
     "F @ {at}": "f_score",
     "precision": "precision",
     "recall": "recall",
     "chamfer (cm)": "chamfer_m",
+    "normals": "normal_consistency",
+    "tears (m/m²)": "tears_per_m",
+    "covered (%)": "coverage_known",
+    "rough at 2cm (°)": "roughness_2cm_deg",
+    "rough at 10cm (°)": "roughness_10cm_deg",
+    "in free space (%)": "in_free_space",
     "depth @ 5cm": NEAR_DEPTH,
     "seconds": "run_s",
     "surfels": "primitives",
     "memory (GB)": "peak_memory_mb",
 }
+# left out where no run has them: few are scored by protocol depth, and runs from before have no others
+SOMETIMES = {FINEST, "normal_consistency", NEAR_DEPTH, *WHOLE}
 
 
 @dataclass(frozen=True)
@@ -138,8 +147,8 @@ def score_table(suite: Suite) -> Table:
         lines.append((f"mean of{share} {len(among)}", half, values))
     columns = {"scene": lambda line: line[0], "half": lambda line: line[1]}
     for heading, figure in COLUMNS.items():
-        if figure == NEAR_DEPTH and not any(figure in line[2] for line in lines):
-            continue  # few are scored by protocol depth
+        if figure in SOMETIMES and not any(figure in line[2] for line in lines):
+            continue
         columns[heading.format(at=suite.at)] = partial(lambda figure, line: shown(line[2].get(figure), figure), figure)
     return table("", columns, lines)
 

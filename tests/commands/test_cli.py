@@ -240,7 +240,7 @@ def test_render_of_training_views(run_copy):
         (["mesh"], "out is not given"),
         (["mesh", "out=nowhere"], "nowhere holds no run"),
         (["render", "out=nowhere", "views=some"], "choose from test, train, all"),
-        (["eval"], "pred=MESH gt=MESH scene=DIR"),
+        (["eval"], "pred=MESH scene=DIR"),
         (["eval", "pred=gone.ply", "scene=nowhere"], "gone.ply is missing"),
         (["bench", "sleep"], "choose from raster"),
         (["doctor", "who"], "doctor takes no argument"),

@@ -10,6 +10,7 @@ from room2dgs.captures.scene import Scene
 from room2dgs.config import Config, load_config
 from room2dgs.config.keys import leaf_keys
 from room2dgs.config.sentences import shown
+from room2dgs.eval.quality_text import rows as quality_rows
 from room2dgs.registries.meshers import MESHERS
 from room2dgs.report.table import NOTHING, Table, table
 from room2dgs.runs.schema import is_number
@@ -120,7 +121,9 @@ def logged_warnings(log: Sequence[str]) -> list[str]:
 def tables(metrics: dict[str, Any]) -> list[Table]:
     """Scores, stages, machine."""
     return [
-        one for one in (_scores(metrics), _stages(metrics), _training(metrics), _machine(metrics)) if len(one.frame)
+        one
+        for one in (_scores(metrics), _quality(metrics), _stages(metrics), _training(metrics), _machine(metrics))
+        if len(one.frame)
     ]
 
 
@@ -158,6 +161,11 @@ def _scores(metrics: dict[str, Any]) -> Table:
             rows.append(("held-out photos", label, f"{metrics[key]:.3f}"))
     columns = {"protocol": lambda row: row[0], "score": lambda row: row[1], "value": lambda row: row[2]}
     return table("Scores", columns, rows)
+
+
+def _quality(metrics: dict[str, Any]) -> Table:
+    columns = {"how whole the mesh is": lambda row: row[0], "": lambda row: row[1]}
+    return table("Mesh", columns, quality_rows(part(metrics, "mesh_quality")))
 
 
 def _depth_scores(metrics: dict[str, Any]) -> list[tuple[str, str, str]]:

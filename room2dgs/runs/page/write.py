@@ -8,10 +8,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 
+from room2dgs.captures.image_files import read_photo
 from room2dgs.captures.scene import Scene
 from room2dgs.config import Config, dump_config
+from room2dgs.errors import InputError
 from room2dgs.eval.pictures import FULL_THRESHOLDS
 from room2dgs.eval.shading import error_color
 from room2dgs.files import whole_file
@@ -19,8 +22,8 @@ from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.up_axis import up_axis
 from room2dgs.logs import logged
 from room2dgs.mesh.world import read_in_scene
-from room2dgs.report.page import page
-from room2dgs.runs.folder import MESH, REPORT, TRUST
+from room2dgs.report.page import Figure, page
+from room2dgs.runs.folder import EVAL, MESH, QUALITY, REPORT, TRUST
 from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.page import surfel_layer, texts, trust
 from room2dgs.runs.page.coverage import Coverage, Spot, advice, coverage, spots
@@ -41,6 +44,7 @@ BUTTONS = (
     ("discs", "Splats"),
 )
 KEY_STEPS = 5
+WIDTH = 1200  # pixels of the picture of the boundary, at most
 
 
 def write_report(scene: Scene, surfels: Splats | None, rendered: Rendered, config: Config, out: Path) -> Path:
@@ -74,6 +78,7 @@ def write_report(scene: Scene, surfels: Splats | None, rendered: Rendered, confi
         views=view_pictures(scene, rendered, maps, settings.views),
         kinds=[kind for kind in KINDS if kind[0] != "trust" or maps],
         kind_keys=_kind_keys(source),
+        whole=_whole(out, metrics),
         spots=[spot.text for spot in places],
         advice=advice(scene, seen),
         trusted=trust.sentences(maps, source),
@@ -98,6 +103,24 @@ def _room(scene: Scene, config: Config, out: Path) -> tuple[PageMesh | None, Cov
     room = with_error(room, out, scene.origin_m)
     seen = coverage(room, [frame.camera for frame in scene.train])
     return with_photos(room, seen.photos), seen, spots(room, seen, scene.frames)
+
+
+def _whole(out: Path, metrics: dict[str, Any]) -> list[Figure]:
+    """Pictures of where the mesh is torn; none if its figures are not these, or the picture is gone."""
+    path = out / EVAL / QUALITY
+    if not metrics.get("mesh_quality") or not path.is_file():
+        return []
+    try:
+        pixels = read_photo(path, None)
+    except InputError:  # damaged: the page does without
+        return []
+    shown = min(WIDTH, pixels.shape[1])
+    size = shown, round(pixels.shape[0] * shown / pixels.shape[1])
+    caption = (
+        "Photo; mesh with its boundary (torn red, real edges blue, where no view looks grey, in free space violet)"
+    )
+    caption += "; pixels that the mesh does not cover (red, yellow where no depth is known)"
+    return [Figure(caption, cv2.resize(pixels, size, interpolation=cv2.INTER_AREA) / 255)]
 
 
 def _page_mesh(
