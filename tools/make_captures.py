@@ -1,9 +1,13 @@
 """Films random rooms as hand-held walks with exact ground truth, in the ScanNet layout: a suite to tune on.
 
     python -m room2dgs.tools.make_captures OUT --rooms 8 --seed 9000
+    python -m room2dgs.tools.make_captures OUT --rooms 8 --phone
+    python -m room2dgs.tools.make_captures OUT --rooms 8 --phone wander,blur
 
 Written: OUT/room_00, room_01, ..., each as `capture_files` says, with the noise of lens and sensor on the photos;
 gt_mesh.ply is only what the cameras saw. With --pose-noise the poses are wrong, and `pose_true` holds the right ones.
+With --phone the photos are a phone's (`phone_camera.effects`), each room's another one: its noise and JPEG take the
+place of those options, phone.json says what it did, depth and the mesh stay exact.
 The same options give the same bytes; captures that are there already are kept. Seed 0 is refused: it made the rooms
 that the shipped network is trained on.
 """
@@ -41,6 +45,8 @@ from room2dgs.errors import InputError
 from room2dgs.files import whole_folder
 from room2dgs.mesh.open3d import o3c_tensor
 from room2dgs.tools.command_line import command_line
+from room2dgs.tools.phone_camera.effects import EFFECTS, chosen, spelled
+from room2dgs.tools.phone_camera.filming import filming
 from room2dgs.tools.random_rooms.blank import with_blank_walls
 from room2dgs.tools.random_rooms.layout import RandomRoom, random_room
 from room2dgs.tools.random_rooms.render import Room, light_up, render
@@ -69,6 +75,7 @@ class CaptureOptions:
         exposure_drift: largest change of exposure along the walk, stops.
         pose_noise_deg, pose_noise_cm: error of the written poses, root of the mean square over the photos.
         jpeg_quality: 1 to 100.
+        phone: effects of a phone, as `phone_camera.effects.chosen` reads them.
     """
 
     seed: int = 9000
@@ -81,8 +88,10 @@ class CaptureOptions:
     pose_noise_deg: float = 0.0
     pose_noise_cm: float = 0.0
     jpeg_quality: int = 92
+    phone: str = "none"
 
 
+PHONE = "phone.json"
 LIMITS = {
     "seed": (1, 2**63 - 1),
     "photos": (0, 10_000),
@@ -127,16 +136,27 @@ def write_capture(out: Path, number: int, options: CaptureOptions) -> None:
     gain = exposure(room, K, walk.poses, options)
     gains = gain * exposure_gains(len(walk.poses), options.exposure_drift, stream(options, number, draw, 4))
     make_folders(out)
+    filmed = filming(chosen(options.phone), walk.poses, stream(options, number, draw, 8))
+    quality = filmed.phone.jpeg_quality if "jpeg" in filmed.effects else options.jpeg_quality
     for index, world_from_cam in enumerate(walk.poses):
         mirrored, noise = stream(options, number, draw, 5, index), stream(options, number, draw, 6, index)
         view = render(room, K[0, 0], world_from_cam, options.width, options.height, mirrored, FINE)
-        blurred = cv2.GaussianBlur(view.radiance, (0, 0), BLUR)
-        photo = exposed(blurred, gains[index], options.sensor_noise, noise)
-        write_frame(out, index, photo, view.depth, options.jpeg_quality)
-    degrees, cm, wrong = options.pose_noise_deg, options.pose_noise_cm, walk.poses
+        if filmed.effects:
+            size = options.width, options.height
+            light = gains[index] * filmed.radiance(room, index, K[0, 0], world_from_cam, size, mirrored)
+            photo = filmed.photo(cv2.GaussianBlur(light, (0, 0), BLUR), index, [options.seed, number, draw, 9, index])
+        else:
+            blurred = cv2.GaussianBlur(view.radiance, (0, 0), BLUR)
+            photo = exposed(blurred, gains[index], options.sensor_noise, noise)
+        write_frame(out, index, photo, view.depth, quality)
+    if filmed.effects:
+        (out / PHONE).write_text(json.dumps(filmed.as_dict(), indent=1) + "\n", encoding="utf-8")
+        if "drift" in filmed.effects:
+            write_poses(out / "pose_true", walk.poses)
+    degrees, cm, wrong = options.pose_noise_deg, options.pose_noise_cm, filmed.written
     if degrees or cm:
         random = stream(options, number, draw, 7)
-        wrong = np.stack([shaken(world_from_cam, degrees, cm, random) for world_from_cam in walk.poses])
+        wrong = np.stack([shaken(world_from_cam, degrees, cm, random) for world_from_cam in wrong])
         write_poses(out / "pose_true", walk.poses)
     write_poses(out / "pose", wrong)
     write_intrinsics(out, K)
@@ -221,10 +241,19 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--exposure-drift", type=float, default=plain.exposure_drift, help="stops")
     parser.add_argument("--pose-noise", default="0,0", metavar="DEG,CM", help="error of the written poses")
     parser.add_argument("--jpeg-quality", type=int, default=plain.jpeg_quality, help="1 to 100")
+    parser.add_argument(
+        "--phone",
+        nargs="?",
+        const="all",
+        default=plain.phone,
+        metavar="EFFECTS",
+        help=f"photos as a phone's: all, or some of {', '.join(EFFECTS)}, with commas between",
+    )
     parser.add_argument("--workers", type=int, default=1, help="processes")
     given = vars(parser.parse_args(arguments))
     out, rooms, workers, pose_noise = (given.pop(name) for name in ("out", "rooms", "workers", "pose_noise"))
     degrees, centimetres = both_numbers(pose_noise)
+    given["phone"] = spelled(chosen(given["phone"]))
     options = replace(CaptureOptions(**given), pose_noise_deg=degrees, pose_noise_cm=centimetres)
     check_limits(options, LIMITS)
     if rooms < 1 or workers < 1:
@@ -258,7 +287,7 @@ def _made_with(out: Path) -> dict[str, Any]:
     """Options and number of the capture in a folder; nothing if it holds none."""
     try:
         made = json.loads((out / OPTIONS).read_text(encoding="utf-8"))
-        return {name: made[name] for name in (*LIMITS, "room")}
+        return {**{name: made[name] for name in (*LIMITS, "room")}, "phone": made.get("phone", "none")}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 
