@@ -4,6 +4,7 @@
 # make lint    style and types
 # make docs    the documentation as a site, in site/
 # make sanitize    the bindings and threads under AddressSanitizer, UndefinedBehaviorSanitizer and ThreadSanitizer
+# make train-prior   trains the network for depth and normals, in build/prior; goes on where it was stopped
 # make bench   how fast the rasterizer is on this machine
 # make gpu-check   with an NVIDIA GPU: builds the CUDA kernels, checks them against the reference, times them (8 minutes)
 # make gpu-sanitize   after gpu-check: the CUDA kernels under compute-sanitizer
@@ -19,6 +20,10 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 SOURCES := $(shell find room2dgs -name '*.cpp' -o -name '*.h' -o -name '*.cu') CMakeLists.txt pyproject.toml constraints.txt
 ROOM_OPTIONS ?=
 DEMO_OPTIONS ?=
+# on a GPU: PRIOR_OPTIONS='--device cuda --precision bf16 --batch 64 --workers 16 --minutes 10 --from ...'
+PRIOR := build/prior
+PRIOR_ROOMS ?= 848
+PRIOR_OPTIONS ?= --from room2dgs/depth/network/room_prior.onnx
 GPU_ARCHITECTURES ?= native
 GPU_OPTIONS ?=
 GPU_TESTS ?= $(wildcard tests/bindings/test_block_*.py) $(addprefix tests/,splat/test_blocks.py losses/test_blocks.py \
@@ -26,7 +31,7 @@ GPU_TESTS ?= $(wildcard tests/bindings/test_block_*.py) $(addprefix tests/,splat
 	mesh/test_device_volume.py commands/test_mesh_on_device.py)
 TEST_OPTIONS ?= -n 2 --dist loadfile --durations=20 --durations-min=8
 
-.PHONY: install demo test test-slow test-all coverage lint docs sanitize bench gpu-check gpu-sanitize clean
+.PHONY: install demo test test-slow test-all coverage lint docs sanitize bench train-prior gpu-check gpu-sanitize clean
 .DELETE_ON_ERROR:
 
 install: $(READY)
@@ -74,6 +79,11 @@ docs: $(READY)
 
 sanitize: $(READY)
 	$(BIN)/python tests/bindings/sanitize.py
+
+train-prior: $(READY)
+	$(BIN)/python -m room2dgs.tools.make_prior_data $(PRIOR)/data --rooms $(PRIOR_ROOMS) --workers $(shell nproc)
+	$(BIN)/python -m room2dgs.tools.train_prior $(PRIOR)/data $(PRIOR)/run $(PRIOR_OPTIONS)
+	$(BIN)/python -m room2dgs.tools.export_prior $(PRIOR)/run $(PRIOR)/room_prior.onnx
 
 bench: $(READY)
 	$(BIN)/room2dgs bench raster

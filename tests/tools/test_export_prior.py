@@ -11,6 +11,7 @@ from room2dgs.depth.network.session import open_network
 from room2dgs.errors import InputError
 from room2dgs.tools import export_prior
 from room2dgs.tools.prior_network.checkpoint import PARTS, Checkpoint, save_checkpoint
+from room2dgs.tools.prior_network.from_onnx import exported_weights
 from room2dgs.tools.prior_network.network import FullSize, PriorNetwork
 
 pytestmark = pytest.mark.slow
@@ -100,3 +101,21 @@ def test_a_file_that_computes_something_else_is_not_written(checkpoint, tmp_path
 def test_a_missing_checkpoint_is_named(tmp_path):
     with pytest.raises(InputError, match=r"checkpoint\.safetensors is missing"):
         export_prior.export_prior(tmp_path, tmp_path / "room_prior.onnx")
+
+
+def test_an_exported_network_can_be_trained_on(exported, network):
+    """Its weights come back as they were but for the rounding to half floats; layers are told from one another."""
+    found = exported_weights(exported)
+    for name, parameter in network.named_parameters():
+        torch.testing.assert_close(found[name], parameter.detach(), rtol=1e-3, atol=1e-6)
+
+
+def test_a_file_of_another_network_is_not_trained_on(tmp_path, exported):
+    model = onnx.load(exported)
+    del model.graph.initializer[0]
+    onnx.save(model, tmp_path / "other.onnx")
+    with pytest.raises(InputError, match=r"other\.onnx is not of this network"):
+        exported_weights(tmp_path / "other.onnx")
+    (tmp_path / "none.onnx").write_bytes(b"no model")
+    with pytest.raises(InputError, match=r"none\.onnx is no"):
+        exported_weights(tmp_path / "none.onnx")

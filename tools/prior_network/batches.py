@@ -32,6 +32,12 @@ class Batch(NamedTuple):
     truth: Truth
 
 
+def moved(batch: Batch, device: torch.device) -> Batch:
+    """The batch on a device."""
+    there = [tensor.to(device, non_blocking=True) for tensor in (batch.image, batch.intrinsics, *batch.truth)]
+    return Batch(there[0], there[1], Truth(*there[2:]))
+
+
 def training_batch(shards: Shards, size: tuple[int, int], places: range, seed: int) -> Batch:
     """Samples at these places of the endless row of shuffled passes over the data, each augmented anew."""
     made = []

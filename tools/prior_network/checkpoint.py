@@ -17,8 +17,8 @@ from room2dgs.train.tensor_file import read_tensors, write_tensors
 KIND = "prior-network"
 NAME = "checkpoint.safetensors"
 PARTS = ("weights", "average", "moment", "moment2")
-# settings that a resumed run may change: they change no weight
-FREE = ("validate_every", "validation_samples", "save_minutes")
+# settings that a resumed run may change: they change no weight, or its last bits alone
+FREE = ("validate_every", "validation_samples", "save_minutes", "device", "precision", "workers")
 
 
 @dataclass(frozen=True)
@@ -117,12 +117,13 @@ def as_json(options: TrainOptions) -> dict[str, Any]:
 def state_tensors(
     network: PriorNetwork, average: dict[str, Tensor], optimiser: torch.optim.Optimizer
 ) -> dict[str, dict[str, Tensor]]:
-    """Copies of all that a checkpoint keeps."""
+    """Copies in main memory of all that a checkpoint keeps."""
     parts: dict[str, dict[str, Tensor]] = {name: {} for name in PARTS}
     for name, parameter in network.named_parameters():
         moments = optimiser.state.get(parameter, {})
-        parts["weights"][name] = parameter.detach().clone()
-        parts["average"][name] = average[name].clone()
+        kept = {"weights": parameter.detach(), "average": average[name]}
         for part, key in (("moment", "exp_avg"), ("moment2", "exp_avg_sq")):
-            parts[part][name] = moments[key].clone() if key in moments else torch.zeros_like(parameter)
+            kept[part] = moments[key] if key in moments else torch.zeros_like(parameter)
+        for part, values in kept.items():
+            parts[part][name] = values.to("cpu", copy=True)
     return parts

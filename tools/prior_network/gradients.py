@@ -1,4 +1,4 @@
-"""Gradients of a step, by one process or two.
+"""Gradients of a step, by one process or two, or by a GPU.
 
 A batch is cut into PARTS whose gradients are added in a fixed order, so the bits do not depend on how many processes
 compute them. Processes meet once a step; threads of one process would meet at every layer, and wait for each other
@@ -11,6 +11,7 @@ import multiprocessing
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import lru_cache, partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -18,14 +19,16 @@ import cv2
 import torch
 from torch import Tensor
 
-from room2dgs.tools.prior_network.batches import Batch, read_ahead, training_batch
+from room2dgs.tools.prior_network.batches import Batch, moved, read_ahead, training_batch
 from room2dgs.tools.prior_network.losses import losses
 from room2dgs.tools.prior_network.memory import keep_freed_memory
 from room2dgs.tools.prior_network.network import PriorNetwork
 from room2dgs.tools.prior_network.options import TrainOptions
-from room2dgs.tools.prior_network.shards import open_shards
+from room2dgs.tools.prior_network.processes import made_by_processes
+from room2dgs.tools.prior_network.shards import Shards, open_shards
 
 PARTS = 2
+PRECISIONS = {"float32": torch.float32, "bf16": torch.bfloat16}
 
 
 @dataclass(frozen=True)
@@ -56,11 +59,11 @@ def gradient_maker(network: PriorNetwork, work: Work, threads: int) -> Iterator[
     Args:
         network: its parameters are moved to shared memory if there are two processes.
         work: what to train on.
-        threads: 1: this process alone; from 2 on, two processes with half of them each.
+        threads: 1, or a GPU: this process alone; from 2 on, two processes with half of them each.
     """
     parameters: list[torch.Tensor] = list(network.parameters())
     with ExitStack() as stack:
-        if threads < 2:
+        if threads < 2 or parameters[0].is_cuda:
             batches = stack.enter_context(_part_batches(work, range(PARTS)))
             helper = None
         else:
@@ -73,7 +76,8 @@ def gradient_maker(network: PriorNetwork, work: Work, threads: int) -> Iterator[
         def compute() -> dict[str, float]:
             if helper is not None:
                 helper.send(True)
-            found = [_part_gradients(network, next(batches)) for _ in range(PARTS if helper is None else 1)]
+            here = range(PARTS if helper is None else 1)
+            found = [part_gradients(network, next(batches), work.options.precision) for _ in here]
             if helper is not None:
                 found.append((_answer(helper), shared))
             weights = [len(_places(work.options, 0, part)) / work.options.batch for part in range(PARTS)]
@@ -90,12 +94,22 @@ def gradient_maker(network: PriorNetwork, work: Work, threads: int) -> Iterator[
         yield compute
 
 
-def _part_gradients(network: PriorNetwork, batch: Batch) -> tuple[dict[str, float], list[Tensor]]:
-    """The losses of a part of a batch and their gradients; zeros for a part of no samples."""
+def part_gradients(network: PriorNetwork, batch: Batch, precision: str) -> tuple[dict[str, float], list[Tensor]]:
+    """The losses of a part of a batch and their gradients; zeros for a part of no samples.
+
+    Args:
+        batch: anywhere; it is moved to where the network is.
+        precision: "float32", or "bf16": layers whose products bear it are computed so, the maps and losses are not.
+    """
     parameters = list(network.parameters())
-    terms = losses(network(batch.image, batch.intrinsics), batch.truth)
+    device = parameters[0].device
+    batch = moved(batch, device)
+    with torch.autocast(device.type, PRECISIONS[precision], enabled=precision != "float32"):
+        maps = network(batch.image, batch.intrinsics)
+    terms = losses(maps, batch.truth)
     gradients = torch.autograd.grad(terms["loss"], parameters)
-    return {name: float(value.detach()) for name, value in terms.items()}, list(gradients)
+    values = torch.stack(list(terms.values())).detach().tolist()
+    return dict(zip(terms, values, strict=True)), list(gradients)
 
 
 def _places(options: TrainOptions, step: int, part: int) -> range:
@@ -107,14 +121,22 @@ def _places(options: TrainOptions, step: int, part: int) -> range:
 @contextmanager
 def _part_batches(work: Work, parts: range) -> Iterator[Iterator[Batch]]:
     """These parts of one step after the other."""
-    shards, options = open_shards(work.data, work.shards), work.options
-
-    def make(number: int) -> Batch:
-        step, part = divmod(number, len(parts))
-        return training_batch(shards, options.size, _places(options, work.start + step, parts[part]), options.seed)
-
-    with read_ahead(make) as batches:
+    make = partial(_part_batch, work, parts)
+    ahead = made_by_processes(make, work.options.workers) if work.options.workers else read_ahead(make)
+    with ahead as batches:
         yield batches
+
+
+def _part_batch(work: Work, parts: range, number: int) -> Batch:
+    """The number-th of these parts of one step after the other."""
+    step, part = divmod(number, len(parts))
+    places = _places(work.options, work.start + step, parts[part])
+    return training_batch(_shards(work.data, tuple(work.shards)), work.options.size, places, work.options.seed)
+
+
+@lru_cache(maxsize=1)
+def _shards(data: Path, names: tuple[str, ...]) -> Shards:
+    return open_shards(data, list(names))
 
 
 @contextmanager
@@ -148,7 +170,7 @@ def _help(pipe: Connection, values: list[Tensor], gradients: list[Tensor], work:
         with _part_batches(work, range(PARTS - 1, PARTS)) as batches:
             while True:
                 pipe.recv()
-                terms, found = _part_gradients(network, next(batches))
+                terms, found = part_gradients(network, next(batches), work.options.precision)
                 torch._foreach_copy_(gradients, found)
                 pipe.send(terms)
     except (EOFError, BrokenPipeError, KeyboardInterrupt):

@@ -108,7 +108,8 @@ class PriorNetwork(nn.Module):
             x = rung(x, features[scale], slopes)
             if scale == 3:
                 x = _with_context(x, self.finer_context)
-        raw = self.heads(x)
+        with torch.autocast(x.device.type, enabled=False):  # what depth and angles are read off keeps its digits
+            raw = self.heads(x.float())
         normal, ln_distance = facing(raw[:, 2:5], slopes), raw[:, 6:7]
         ln_depth = torch.lerp(ln_depth_of_plane(normal, ln_distance, slopes), raw[:, 0:1], raw[:, 7:8].sigmoid())
         return Maps(

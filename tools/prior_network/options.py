@@ -29,6 +29,9 @@ class TrainOptions:
         validation_samples: at most so many.
         save_minutes: between checkpoints.
         seed: decides order and augmentation.
+        device: "cpu", "cuda", or "auto": a GPU where there is one.
+        precision: "float32", or "bf16" where a GPU, or a CPU with AMX or AVX-512, multiplies so.
+        workers: processes that make batches; 0: a thread, enough for a CPU.
     """
 
     size: tuple[int, int] = (256, 192)
@@ -46,6 +49,9 @@ class TrainOptions:
     validation_samples: int = 96
     save_minutes: float = 4.0
     seed: int = 0
+    device: str = "cpu"
+    precision: str = "float32"
+    workers: int = 0
 
 
 LIMITS = {
@@ -63,7 +69,9 @@ LIMITS = {
     "validation_samples": (1, 10**6),
     "save_minutes": (0.0, 10**5),
     "seed": (0, 2**63 - 1),
+    "workers": (0, 256),
 }
+CHOICES = {"device": ("cpu", "cuda", "auto"), "precision": ("float32", "bf16")}
 
 
 def check_options(options: TrainOptions) -> None:
@@ -72,6 +80,9 @@ def check_options(options: TrainOptions) -> None:
         value = getattr(options, name)
         if not low <= value <= high:
             raise InputError(f"--{name.replace('_', '-')} is {value}; give a value from {low} to {high}")
+    for name, allowed in CHOICES.items():
+        if getattr(options, name) not in allowed:
+            raise InputError(f"--{name} is {getattr(options, name)}; choose from {', '.join(allowed)}")
     if any(side < STRIDE or side % STRIDE for side in options.size):
         width, height = options.size
         raise InputError(f"--size is {width}x{height}; give multiples of {STRIDE}, such as 256x192")

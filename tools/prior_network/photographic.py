@@ -7,12 +7,15 @@ from functools import cache
 import cv2
 import numpy as np
 
+from room2dgs.tools.phone_camera.photo import phone_photo
+
 # coding of radiance on disk: 255 * (L / CODED_MAX)^(1 / CODED_GAMMA)
 CODED_MAX, CODED_GAMMA = 4.0, 2.2
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 TONE_STEPS = 4096
 # brightest linear value that the tone curves tell from white
 TONE_MAX = 4.0
+PHONES = 0.5  # share of the photos that a phone takes
 NOISE_TILE = 512
 
 
@@ -29,6 +32,9 @@ def linear_radiance(coded: np.ndarray) -> np.ndarray:
 def photo(coded: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """A photo of the radiance, with random exposure, colours, blur, noise, tone and compression.
 
+    A share is as phones take them (`phone_camera.photo`), with local tone mapping, smeared noise and halos; the others
+    vary more than any camera does.
+
     Args:
         coded: (H, W, 3) uint8 radiance as on disk.
         rng: decides everything.
@@ -39,6 +45,8 @@ def photo(coded: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     light = linear_radiance(coded)
     light = _blurred(light, rng)
     light = cv2.transform(light, _colour_matrix(light, rng))
+    if rng.random() < PHONES:
+        return phone_photo(light, int(rng.integers(2**63)))
     if rng.random() < 0.5:
         light *= _vignette(light.shape[:2], float(rng.uniform(0.1, 0.6)))[..., None]
     light = _with_noise(light, rng)

@@ -54,7 +54,7 @@ class Shards:
         self._ends = np.cumsum([len(shard) for shard in shards])
 
     def __len__(self) -> int:
-        return int(self._ends[-1])
+        return int(self._ends[-1]) if self.shards else 0
 
     def __getitem__(self, index: int) -> Sample:
         number = int(np.searchsorted(self._ends, index, side="right"))

@@ -23,6 +23,7 @@ from room2dgs.tools.prior_network.checkpoint import (
     state_tensors,
 )
 from room2dgs.tools.prior_network.encoder import imagenet_file, load_imagenet
+from room2dgs.tools.prior_network.from_onnx import exported_weights
 from room2dgs.tools.prior_network.gradients import NextGradients, Work, gradient_maker
 from room2dgs.tools.prior_network.network import PriorNetwork
 from room2dgs.tools.prior_network.options import TrainOptions, check_options, learning_rate_factor, progress
@@ -61,13 +62,15 @@ def train(
 ) -> Path:
     """Train, or go on with the run in `out`; returns the checkpoint's path.
 
-    The same options and shards give the same bits, however often the run was broken off, on one thread or two.
+    On the CPU the same options and shards give the same bits, however often the run was broken off, on one thread or
+    two. A run may go on on another device.
 
     Args:
         data: folder of shards.
         out: folder of the run: checkpoint.safetensors and tensorboard/.
         options: how to train.
-        start_from: a checkpoint, or its run's folder, whose weights and moments to start with.
+        start_from: a checkpoint, or its run's folder, whose weights and moments to start with; or an .onnx file that
+            `export_prior` wrote, whose weights to start with.
         threads: to compute with; see gradients.py.
         log: takes progress lines.
 
@@ -153,6 +156,10 @@ def _begun(data: Path, options: TrainOptions, start_from: Path | None) -> Run:
     if start_from is None:
         load_imagenet(network.encoder, imagenet_file())
         run = _run(network, options)
+    elif start_from.suffix == ".onnx":
+        network.load_state_dict(exported_weights(start_from))
+        run = _run(network, options)
+        run.history = [{"start": start_from.name}]
     else:
         state = load_checkpoint(start_from, grow=True)
         run = _with_state(network, state, options)
@@ -191,8 +198,20 @@ def channels_last(network: PriorNetwork) -> PriorNetwork:
     return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
 
 
+def device_of(options: TrainOptions) -> torch.device:
+    """Where the network is trained.
+
+    Raises:
+        InputError: there is no GPU.
+    """
+    there = torch.cuda.is_available()
+    if options.device == "cuda" and not there:
+        raise InputError("--device is cuda, but torch finds no GPU here; give --device cpu, or install torch for CUDA")
+    return torch.device("cuda" if there and options.device != "cpu" else "cpu")
+
+
 def _run(network: PriorNetwork, options: TrainOptions) -> Run:
-    network = channels_last(network).train()
+    network = channels_last(network).train().to(device_of(options))
     encoder = list(network.encoder.parameters())
     others = [parameter for name, parameter in network.named_parameters() if not name.startswith("encoder.")]
     groups = [{"params": others}, {"params": encoder}]
@@ -216,7 +235,7 @@ def _save(path: Path, run: Run, options: TrainOptions) -> None:
 
 
 def _validate(run: Run, held_out: Shards, options: TrainOptions, scalars: Scalars, log) -> None:
-    network = channels_last(PriorNetwork())
+    network = channels_last(PriorNetwork()).to(device_of(options))
     network.load_state_dict(run.average)
     result = validate(network.eval(), held_out, options.size, options.validation_samples, options.batch, options.seed)
     scalars.add({f"validation/{name}": value for name, value in result.scores.items()}, run.step)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from room2dgs.tools.prior_network.angular import expected_angle
-from room2dgs.tools.prior_network.batches import Batch, validation_batch
+from room2dgs.tools.prior_network.batches import Batch, moved, validation_batch
 from room2dgs.tools.prior_network.losses import median_offset
 from room2dgs.tools.prior_network.network import Maps, PriorNetwork
 from room2dgs.tools.prior_network.shards import Shards
@@ -40,7 +40,8 @@ def validate(
     for start in range(0, len(chosen), batch):
         made = validation_batch(shards, size, chosen[start : start + batch], seed)
         with torch.inference_mode():
-            maps = network(made.image, made.intrinsics)
+            there = moved(made, next(network.parameters()).device)
+            maps = Maps(*(part.cpu() for part in network(there.image, there.intrinsics)))
         for index in range(len(made.image)):
             rows.append(photo_scores(maps, made, index))
             if len(drawn) < pictures:
