@@ -41,15 +41,18 @@ def refine_poses(scene: Scene, config: Config, run: RunFolder, *, with_priors: b
     cache = Path(config.points.cache or run.path / POINTS)
     prior = replace(config.prior, cache=config.prior.cache or str(run.path / PRIOR_MAPS))
     ahead = maps_ahead(scene.keyframes, prior, run.log) if with_priors else nullcontext(lambda: None)
+    in_cm = scene.metric or config.scene.given_unit is not None
     # poses that are there took their time when they were found
     with nullcontext() if known else run.timed("poses"), ahead as begin:
-        found, report = refined_poses(scene, config.sfm, config.points, cache, run.log, extracted=begin)
+        found, report = refined_poses(scene, config.sfm, config.points, cache, run.log, begin, in_cm)
     unit = estimated_unit(found, config, run, with_priors=with_priors)
     if unit is not None:
         given, scene, found = scene, in_metres(scene, unit), in_metres(found, unit)
         _record_origin(given, found, run)
         if report.get("moved_m") is not None:
             report = {**report, "moved_m": unit.metres * report["moved_m"]}
+            if report["refined"]:
+                run.log(f"poses: by this unit the cameras moved {100 * report['moved_m']:.1f} cm (median)")
     write_poses(run.path / POSES, scene, found, report, unit)
     run.record({"poses": report})
     return found

@@ -70,6 +70,22 @@ def _camera(
     return camera
 
 
+def set_focal(path: Path, photos: Sequence[ChosenPhoto], share: float) -> None:
+    """Cameras start with this share of their longer side; those whose EXIF tells it start with that.
+
+    Pairs are not verified anew, so this leaves what is matched as it is.
+    """
+    known = {index: photo.focal_px for index, photo in enumerate(photos, 1)}
+    with pycolmap.Database.open(path) as database:
+        exif = {image.camera_id: known.get(image.image_id) for image in database.read_all_images()}
+        for camera in database.read_all_cameras():
+            focal = exif.get(camera.camera_id) or share * max(camera.width, camera.height)
+            params = np.array(camera.params)
+            params[list(camera.focal_length_idxs())] = focal
+            camera.params = params.tolist()
+            database.update_camera(camera)
+
+
 def extracted(path: Path, images: Path, photos: Sequence[ChosenPhoto], config: PrepareConfig, log: Log) -> list[int]:
     """Features of all photos; those that are there already stay.
 

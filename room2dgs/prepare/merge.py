@@ -17,13 +17,14 @@ LEAST_INLIERS = 0.3
 
 
 def merged(
-    models: list[pycolmap.Reconstruction], database: Path, images: Path, work: Path, log: Log
+    models: list[pycolmap.Reconstruction], database: Path, images: Path, work: Path, known_camera: bool, log: Log
 ) -> tuple[pycolmap.Reconstruction, list[pycolmap.Reconstruction]]:
     """The largest model merged with those that share points with it, adjusted as one; and the others.
 
     Args:
         models: largest first.
         work: a folder for pycolmap's files.
+        known_camera: the intrinsics stay as they are.
     """
     base, *left = models
     while True:
@@ -37,7 +38,7 @@ def merged(
                 left.append(other)
                 continue
             log(f"two models share {how}: {len(new)} photos join the larger one")
-            base = _united(base, other, base_from_other, database, images, work)
+            base = _united(base, other, base_from_other, database, images, work, known_camera)
         if len(left) == len(others) or not left:
             return base, left
 
@@ -62,6 +63,7 @@ def _united(
     database: Path,
     images: Path,
     work: Path,
+    known_camera: bool,
 ) -> pycolmap.Reconstruction:
     """All poses in the base's frame, points triangulated anew, and one bundle adjustment of everything."""
     moved = pycolmap.Reconstruction(other)
@@ -84,6 +86,7 @@ def _united(
     with quiet(), whole_folder(work / "merged") as partial:
         union = pycolmap.triangulate_points(union, database, images, partial, options=options)
         adjustment = pycolmap.BundleAdjustmentOptions()
+        adjustment.refine_focal_length = adjustment.refine_extra_params = not known_camera
         adjustment.ceres.min_num_residuals_for_cpu_multi_threading = ONE_THREAD
         pycolmap.bundle_adjustment(union, adjustment)
         union.update_point_3d_errors()

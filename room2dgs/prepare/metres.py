@@ -20,6 +20,8 @@ from room2dgs.prepare.progress import Progress
 
 LEAST_POINTS = 20  # of a photo
 MOST_PHOTOS = 60
+SCALE_QUANTILES = 0.05, 0.95
+LEAST_SCALES = 5  # photos: fewer say nothing of their spread
 # What our network is off by in a room as a whole, however well its photos agree (see its
 # README).
 NETWORK_SIGMA = 0.3
@@ -42,6 +44,7 @@ class Scale:
         sigma: relative; None: unknown.
         photos: number of photos that it was measured in.
         words: a sentence for the verdict.
+        ratio: 95th over 5th percentile of what single photos tell; None: too few do.
     """
 
     metres: float
@@ -49,6 +52,7 @@ class Scale:
     sigma: float | None
     photos: int
     words: str
+    ratio: float | None = None
 
     def as_dict(self) -> dict:
         return asdict(self)
@@ -86,6 +90,7 @@ def scale_by_maps(
         sigma,
         len(logs),
         f"{len(logs)} photos compared, which spread by {spread:.0%}",
+        float(np.exp(np.ptp(np.quantile(logs, SCALE_QUANTILES)))) if len(logs) >= LEAST_SCALES else None,
     )
 
 

@@ -52,6 +52,11 @@ def why_small_angles(source: str, angle_deg: float, cameras_walked: bool) -> str
     )
 
 
+def hardly_walked() -> str:
+    """The warning for a reconstruction whose cameras stand in one place beside the distance of what they see."""
+    return f"all photos were taken from nearly one place, so depth is little more than a guess; {WALK}"
+
+
 def why_no_parallax(source: str, pairs: Pairs) -> str | None:
     """The sentence for photos that gave no reconstruction and whose pairs homographies explain; None: they do not."""
     if without_parallax(pairs, {TURNED}):

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from PIL import Image, ImageOps
 
-from room2dgs.captures.exif import EXIF_BLOCK, FILM_DIAGONAL_MM, FOCAL_35MM
+from room2dgs.captures.exif import EXIF_BLOCK, exif_focal_px
 from room2dgs.captures.image_files import color_size, read_photo
 from room2dgs.captures.left_out import some
 from room2dgs.captures.listing import PHOTO_SUFFIXES, photos_in, unread_photos
@@ -257,25 +257,24 @@ def _from_folder(path: Path, config: PrepareConfig, folder: Path, log: Log) -> l
     source: dict[str, str] = {}
     with whole_folder(folder) as partial:
         for index in chosen:
-            name, focal = _copied(path / names[index], partial)
+            name, exif = _copied(path / names[index], partial)
             if name in source:
                 raise InputError(f"{path / source[name]} and {names[index]} would both be {name}; rename one of them")
             source[name] = names[index]
             size = color_size(partial / name)
-            focal_px = None if focal is None else focal / FILM_DIAGONAL_MM * math.hypot(*size)
-            photos.append(ChosenPhoto(name, size, focal_px, None, int(index), float(sharp[index])))
+            photos.append(ChosenPhoto(name, size, exif_focal_px(exif, size), None, int(index), float(sharp[index])))
             progress.at(len(photos))
     return photos
 
 
-def _copied(path: Path, folder: Path) -> tuple[str, float | None]:
-    """Name and focal length for 35 mm film of a photo's copy: upright, 8 bits, otherwise the same file."""
+def _copied(path: Path, folder: Path) -> tuple[str, Image.Exif]:
+    """Name of a photo's copy, upright, 8 bits, otherwise the same file; and the photo's EXIF."""
     upright = None
     with opened_image(path) as image:
         exif = image.getexif()
         turned = exif.get(ORIENTATION, 1) not in (0, 1)
         plain = image.mode in ("RGB", "L") and image.format in ("JPEG", "PNG")
-        focal = float(exif.get_ifd(EXIF_BLOCK).get(FOCAL_35MM, 0) or 0)
+        exif.get_ifd(EXIF_BLOCK)  # read while the file is open
         if turned and plain:
             upright = ImageOps.exif_transpose(image)
     if upright is not None:
@@ -289,7 +288,7 @@ def _copied(path: Path, folder: Path) -> tuple[str, float | None]:
             photo = Image.fromarray(read_photo(path, None))
             photo.getexif()[ORIENTATION] = exif.get(ORIENTATION, 1)
             ImageOps.exif_transpose(photo).save(folder / name)
-    return name, focal if 5 <= focal <= 1000 else None
+    return name, exif
 
 
 def _check_sizes(path: Path, names: list[str]) -> None:

@@ -25,9 +25,8 @@ from room2dgs.json_files import plain
 from room2dgs.logs import Log
 from room2dgs.prepare.contradictions import contradictions
 from room2dgs.prepare.features import descriptors, extracted, matched, new_database, verified_pairs
-from room2dgs.prepare.loose import loose_photos, remove_photos
+from room2dgs.prepare.focal import Focal, focal_doubt, focal_from_dict, turn_deg
 from room2dgs.prepare.mapping import mapped, names_of, triangulation_angles
-from room2dgs.prepare.merge import merged
 from room2dgs.prepare.metres import (
     NETWORK_SIGMA,
     SENSOR_SIGMA,
@@ -36,7 +35,7 @@ from room2dgs.prepare.metres import (
     scale_by_length,
     scale_by_maps,
 )
-from room2dgs.prepare.one_place import MIN_MATCHES, walked, why_no_parallax, why_small_angles
+from room2dgs.prepare.one_place import MIN_MATCHES, hardly_walked, walked, why_no_parallax, why_small_angles
 from room2dgs.prepare.pairs import all_pairs, loop_pairs, sequential_pairs
 from room2dgs.prepare.photos import ChosenPhoto, choose_photos
 from room2dgs.prepare.picture import draw_path
@@ -44,8 +43,17 @@ from room2dgs.prepare.progress import Progress
 from room2dgs.prepare.similar import similarity
 from room2dgs.prepare.sources import depth_files, network_depths, sensor_depths
 from room2dgs.prepare.stage_cache import StageCache, key_of
+from room2dgs.prepare.starts import best_start
 from room2dgs.prepare.vanishing_points import RoomFrame, room_frame
-from room2dgs.prepare.verdict import FEW_POINTS, doubts, scale_dict, upright_line, verdict_lines, weak_stretches
+from room2dgs.prepare.verdict import (
+    FEW_POINTS,
+    doubts,
+    scale_dict,
+    scale_doubt,
+    upright_line,
+    verdict_lines,
+    weak_stretches,
+)
 
 VERDICT, PICTURE, WORK = "prepare.json", "camera_path.png", "work"
 IMAGES, SPARSE, DEPTH = "images", "sparse", "depth"
@@ -118,22 +126,25 @@ def _model(
     settings, work = config.prepare, stages.folder
     pairs = _pairs(photos, key, settings, stages, database, log)
     matched(database, photos, pairs, work, settings, log)
-    models = mapped(database, images, len(photos), settings, config.scene.intrinsics is not None, work, log)
-    if not models:
+    known = config.scene.intrinsics is not None
+    best = best_start(
+        lambda: mapped(database, images, len(photos), settings, known, work, log),
+        photos, database, images, work, known, log,
+    )  # fmt: skip
+    if best is None:
         raise InputError(_why_none(photos, database, settings))
-    model, others = merged(models, database, images, work, log)
-    loose = loose_photos(model)
-    if loose:
-        log(f"{len(loose)} photos hang on hardly any point of the others: they are left out")
-        remove_photos(model, loose)
+    model = best.model
+    if best.loose:
+        log(f"{best.loose} photos hang on hardly any point of the others: they are left out")
     angle = float(np.median(triangulation_angles(model))) if model.num_points3D() else 0.0
     if angle < MIN_ANGLE_DEG:
         raise InputError(why_small_angles(_source(settings), angle, walked(model)))
     with whole_folder(work / "model") as partial:
         model.write(partial)
-    other = [sorted(names_of(one) - names_of(model)) for one in others]
+    other = [sorted(names_of(one) - names_of(model)) for one in best.others]
     doubt = contradictions(model, database)._asdict()
-    return stages.finished("model", key, {"other_models": other, "angle_deg": angle, "contradictions": doubt})
+    result = {"other_models": other, "angle_deg": angle, "contradictions": doubt, "focal": best.focal.as_dict()}
+    return stages.finished("model", key, result)
 
 
 def _pairs(
@@ -259,7 +270,7 @@ def _written(
     log: Log,
 ) -> dict[str, Any]:
     """The capture, upright and in metres, with the verdict last."""
-    metres = 1.0 if scale is None else scale.metres
+    metres, focal = 1.0 if scale is None else scale.metres, focal_from_dict(found["focal"])
     model.transform(_room_from_model(model, room.room_from_world, metres))
     with whole_folder(out / SPARSE) as partial:
         (partial / "0").mkdir()
@@ -287,9 +298,10 @@ def _written(
         "track_length": model.compute_mean_track_length(),
         "reprojection_px": model.compute_mean_reprojection_error(),
         "angle_deg": found["angle_deg"],
-        "contradictions": found.get("contradictions"),
-        "warnings": doubts(found.get("contradictions")),
-        "focal_px": float(np.median([camera.mean_focal_length() for camera in model.cameras.values()])),
+        "contradictions": found["contradictions"],
+        "warnings": [*doubts(found["contradictions"]), *_lens_and_way(model, focal, scale)],
+        "focal_px": focal.px,
+        "focal": focal.as_dict(),
         "metric": scale is not None,
         "scale": scale_dict(scale),
         "height_m": None if scale is None else height_over_floor(xyz, centres),
@@ -302,6 +314,18 @@ def _written(
     for line in ["", *lines, f"capture: {out}", f"the cameras' path: {out / PICTURE}"]:
         log(line)
     return verdict
+
+
+def _lens_and_way(model: pycolmap.Reconstruction, focal: Focal, scale: Scale | None) -> list[str]:
+    """Warnings of what the photos do not determine."""
+    cameras = list(model.cameras.values())
+    size = max(((camera.width, camera.height) for camera in cameras), key=lambda size: size[0])
+    found = [
+        focal_doubt(focal, size, turn_deg(model)),
+        None if walked(model) else hardly_walked(),
+        scale_doubt(scale),
+    ]
+    return [one for one in found if one is not None]
 
 
 def _room_from_model(model: pycolmap.Reconstruction, rotation: np.ndarray, metres: float) -> pycolmap.Sim3d:

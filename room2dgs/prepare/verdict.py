@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 
 from room2dgs.prepare.contradictions import DOUBTFUL
+from room2dgs.prepare.focal import focal_from_dict, focal_line
 from room2dgs.prepare.metres import Scale
 from room2dgs.prepare.photos import ChosenPhoto
 from room2dgs.prepare.vanishing_points import RoomFrame
 
 FEW_POINTS = 60  # of a photo
 FEW_FEATURES = 500
+# 95th over 5th percentile of the photos' scales; networks contradict themselves by up to 2 in a right model
+CONTRADICTING_SCALES = 2.5
 MUCH_BLURRED = 0.75  # of the median sharpness
 SHORT_GAP = 2  # photos between two weak ones belong to one stretch
 # A stretch that has to be filmed again lacks so many photos, or has so many that hang on little: single ones between
@@ -76,7 +79,8 @@ def verdict_lines(verdict: dict[str, Any]) -> list[str]:
     placed, count = verdict["placed"], verdict["photos"]
     lines = [
         f"placed: {placed} of {count} photos, {verdict['points']:,} points, each seen by {verdict['track_length']:.1f} "
-        f"photos; reprojection error {verdict['reprojection_px']:.2f} px; focal length {verdict['focal_px']:.0f} px"
+        f"photos; reprojection error {verdict['reprojection_px']:.2f} px; "
+        f"{focal_line(focal_from_dict(verdict['focal']))}"
     ]
     scale = verdict["scale"]
     if scale is None:
@@ -114,6 +118,17 @@ def doubts(found: dict[str, Any] | None) -> list[str]:
         f"{found['share']:.0%} of the pairs of photos that match contradict the poses ({pairs}): parts of the "
         "room may lie wrongly to each other; film what lies between them, or prepare the parts alone"
     ]
+
+
+def scale_doubt(scale: Scale | None) -> str | None:
+    """A warning if photos contradict each other on the room's size, as they do in a bent reconstruction."""
+    if scale is None or scale.ratio is None or scale.ratio < CONTRADICTING_SCALES:
+        return None
+    return (
+        f"photos contradict each other on the size of the room by {scale.ratio:.1f} times ({WORDS[scale.source]} "
+        "beside the points): parts may have different scales; give scene.intrinsics if the focal length may be wrong, "
+        "or film what lies between the parts"
+    )
 
 
 WORDS = {"sensor": "the sensor's depth", "length": "prepare.length", "network": "the depth network"}

@@ -84,6 +84,7 @@ def refined_poses(
     cache: Path,
     log: Log = print,
     extracted: Callable[[], None] = lambda: None,
+    metres: bool = True,
 ) -> tuple[Scene, dict[str, Any]]:
     """The scene with poses that fit its photos, in the frame and scale of the given poses.
 
@@ -98,6 +99,7 @@ def refined_poses(
             views see the same surfaces.
         log: takes one line at a time.
         extracted: called once the features are extracted; from then on a core is free (see `match`).
+        metres: whether the scene's lengths are known to be metres; else the log has them in the capture's unit.
 
     Returns:
         The scene, and `PoseReport` as plain values.
@@ -116,13 +118,13 @@ def refined_poses(
         except InputError:  # damaged: made again
             path.unlink()
         else:
-            for line in _lines(PoseReport(**report)):
+            for line in _lines(PoseReport(**report), metres):
                 log(f"{line} ({path.name})")
             return known, report
     remove_leftovers(cache)
     with scratch_folder(cache, "sfm") as work:
         refined, found = _refined(scene, config, points, work, cache, log, extracted)
-    for line in _lines(found):
+    for line in _lines(found, metres):
         log(line)
     if found.left_out:
         words = "views left out, whose photos do not tell their poses (sfm.leave_out=false keeps them)"
@@ -310,8 +312,8 @@ def _held_out_pairs(given: Sequence[Camera], others: Sequence[Camera], overlap: 
     return [(int(i), count + j) for j in range(len(others)) for i in sorted(best[j]) if score[j, i] > 0]
 
 
-def _lines(found: PoseReport) -> list[str]:
-    """For the log."""
+def _lines(found: PoseReport, metres: bool = True) -> list[str]:
+    """For the log; lengths in cm, or in the capture's unit."""
     lines = []
     if found.lens:
         focal = " and ".join(f"{value:.4f}" for value in found.lens["focal"])
@@ -325,10 +327,11 @@ def _lines(found: PoseReport) -> list[str]:
     if not found.refined:
         return [*lines, f"poses kept: reprojection error {found.before_px:.2f} px, {found.after_px:.2f} px if refined"]
     assert found.moved_m is not None
+    moved = f"{100 * found.moved_m:.1f} cm" if metres else f"{found.moved_m:.2g} of the capture's unit"
     lines.append(
         f"poses refined: reprojection error {found.before_px:.2f} -> {found.after_px:.2f} px, "
         f"{found.agree_before:.0%} -> {found.agree_after:.0%} of the matches agree, cameras moved "
-        f"{100 * found.moved_m:.1f} cm, {found.turned_deg:.2f} deg (median)"
+        f"{moved}, {found.turned_deg:.2f} deg (median)"
     )
     if found.scale_change is not None and abs(found.scale_change) >= SAID_SCALE:
         lines.append(

@@ -128,7 +128,7 @@ def test_two_models_that_share_photos_or_matches_become_one(prepared, tmp_path, 
     second.transform(pycolmap.Sim3d(np.c_[3.0 * turned, [5.0, -2, 1]]))
     database, images = prepared[1] / "work/database.db", prepared[1] / "images"
     said: list[str] = []
-    model, left = merged([first, second], database, images, tmp_path, said.append)
+    model, left = merged([first, second], database, images, tmp_path, False, said.append)
     assert not left and model.num_reg_images() == len(ids)
     assert f"{len(ids) - first.num_reg_images()} photos join the larger one" in said[0]
     centre = {i: whole.image(i).projection_center() for i in ids}
@@ -142,7 +142,7 @@ def test_two_models_that_share_photos_or_matches_become_one(prepared, tmp_path, 
         shutil.copy(database, silent)
         with pycolmap.Database.open(silent) as opened:
             opened.clear_two_view_geometries()
-        assert merged([first, second], silent, images, tmp_path, said.append)[1] == [second]
+        assert merged([first, second], silent, images, tmp_path, False, said.append)[1] == [second]
 
 
 @pytest.mark.slow

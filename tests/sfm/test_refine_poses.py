@@ -167,6 +167,12 @@ def test_a_scale_that_is_held_is_said():
     assert len(_lines(replace(report, scale_change=0.004))) == 1
 
 
+def test_a_move_is_in_centimetres_only_where_lengths_are_metres():
+    report = PoseReport(True, "", 1.0, 0.5, 0.5, 0.9, 0.0123, 0.2)
+    assert "cameras moved 1.2 cm" in _lines(report)[0]
+    assert "cameras moved 0.012 of the capture's unit" in _lines(report, metres=False)[0]
+
+
 def test_along_a_wall_a_wrong_rotation_is_not_kept_at_the_cost_of_the_centre():
     true = along_a_wall()
     tracks = seen(true, 900, box=((-2, -1.5, 2.9), (6, 1.5, 3.1)))  # 20 cm of depth: a turn is almost a shift
