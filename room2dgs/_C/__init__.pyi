@@ -130,6 +130,21 @@ def touched_blocks(depth: Annotated[NDArray, dict(writable=False)], normal: Anno
 def fuse_depth(block: Annotated[NDArray, dict(writable=False)], row: Annotated[NDArray, dict(writable=False)], distance: NDArray, weight: NDArray, views: NDArray, color: NDArray, depth: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)], trust: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], pixel_from_voxel: Annotated[NDArray, dict(writable=False)], voxel: float, truncation: float) -> None:
     """Takes one depth map into the blocks of a signed distance volume."""
 
+def draw_faces(vertices: Annotated[NDArray, dict(writable=False)], faces: Annotated[NDArray, dict(writable=False)], fx: float, fy: float, cx: float, cy: float, near: float, depth: NDArray, face: NDArray) -> None:
+    """
+    Writes the depth (h, w) and the index of the nearest face, 0 and -1 where there is none; vertices (v, 3) are float32 in the camera's frame, faces (f, 3) int32.
+    """
+
+def look_up(points: Annotated[NDArray, dict(writable=False)], normals: Annotated[NDArray, dict(writable=False)], spacing: Annotated[NDArray, dict(writable=False)], depth: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], soft: Annotated[NDArray, dict(writable=False)], usable: Annotated[NDArray, dict(writable=False)] | None, fx: float, fy: float, cx: float, cy: float, cam_from_world: Annotated[NDArray, dict(writable=False)], gain: Annotated[NDArray, dict(writable=False)], sharpness: float, softness: float, quality: NDArray, sharp: NDArray, low: NDArray) -> None:
+    """
+    Takes one photo into the best views (n, 5) of points: quality, falling, and levels of photo and blurred photo.
+    """
+
+def blend_views(quality: Annotated[NDArray, dict(writable=False)], sharp: Annotated[NDArray, dict(writable=False)], low: Annotated[NDArray, dict(writable=False)], color: NDArray, best: NDArray) -> None:
+    """
+    Writes the colours (n, 3) 0..255 that the best views of `look_up` give, and the quality of the best, 0 = none.
+    """
+
 def pack_normals(normals: Annotated[NDArray, dict(writable=False)], codes: NDArray) -> None:
     """Writes the codes (2, pixels), int16, of normals (3, pixels), float32."""
 

@@ -15,6 +15,7 @@ void bind_splat(nb::module_& m);
 void bind_losses(nb::module_& m);
 void bind_bench(nb::module_ m);
 void bind_mesh(nb::module_& m);
+void bind_coloring(nb::module_& m);
 void bind_stereo(nb::module_& m);
 void bind_joint(nb::module_& m);
 void bind_completion(nb::module_& m);

@@ -26,6 +26,7 @@ NB_MODULE(_C, m) {
   room2dgs::bind_joint(m);
   room2dgs::bind_completion(m);
   room2dgs::bind_mesh(m);
+  room2dgs::bind_coloring(m);
   room2dgs::bind_captures(m);
   nanobind::module_ device = m.def_submodule("device", "The CUDA kernels as plain C++ on the CPU: for tests, and multi-view terms.");
   isa_blocks::bind_device(device);

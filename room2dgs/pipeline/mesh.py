@@ -29,6 +29,7 @@ def make_mesh(scene: Scene, surfels: Splats | None, config: Config, run: RunFold
     Raises:
         InputError: no surface, or as the mesher.
     """
+    from room2dgs.mesh.coloring.vertices import photo_colored
     from room2dgs.mesh.voxel import with_voxel
     from room2dgs.mesh.world import write_in_world
     from room2dgs.runs.kept_mesh import keep_mesh, mesh_is_kept, mesh_key
@@ -44,6 +45,7 @@ def make_mesh(scene: Scene, surfels: Splats | None, config: Config, run: RunFold
     with run.timed("mesh"):
         with unit_in_no_surface(scene, config, run.path):
             mesh = make(settings)
+        mesh, seen = photo_colored(mesh, scene.train)
         write_in_world(run.path / MESH, mesh, scene.origin_m)
     # Scores and the verdict of a mesh that is no longer there must not stand beside this one.
     scores = cleared(run.path, MESH_SCORES)
@@ -58,5 +60,6 @@ def make_mesh(scene: Scene, surfels: Splats | None, config: Config, run: RunFold
     )
     if key:
         keep_mesh(run.path, key)
+    run.log(f"mesh: colours of {len(scene.train)} photos, which see {100 * seen:.0f}% of its vertices")
     made_of = f", of {mesher.facts['made_of']} alone: nothing was trained" if surfels is None else ""
     run.log(f"mesh: {run.path / MESH}{made_of}")

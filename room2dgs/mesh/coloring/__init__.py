@@ -1,0 +1,1 @@
+"""Colours of a surface, from the photos that see it best."""
