@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from trimesh.visual.material import PBRMaterial
 
+from room2dgs import __version__
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.export.local_files import write_file
 from room2dgs.export.source import Source
@@ -19,6 +20,7 @@ from room2dgs.mesh.vertex_colors import vertex_colors
 NO_OFFSET = np.zeros(3)
 ARRAY, ELEMENTS = 34962, 34963  # what a glTF buffer holds
 SRGB_KNEE = 0.04045
+UNLIT = "KHR_materials_unlit"
 COLOR = "_COLOR"  # trimesh's name of an attribute that it does not know; glTF's is COLOR_0
 
 
@@ -52,7 +54,9 @@ def glb(mesh: trimesh.Trimesh, rotation: np.ndarray, offset_m: np.ndarray = NO_O
 
 
 def gltf_bytes(mesh: trimesh.Trimesh, offset_m: np.ndarray = NO_OFFSET) -> bytes:
-    """The mesh as a GLB with its normals, colours of attribute `COLOR` named as glTF wants it.
+    """The mesh as a GLB with its normals, colours of attribute `COLOR` named as glTF wants it; metres, as all glTF.
+
+    Colours are shown as they are (KHR_materials_unlit): photos have their light in them.
 
     Args:
         offset_m: (3,) translation of the mesh's node.
@@ -60,12 +64,16 @@ def gltf_bytes(mesh: trimesh.Trimesh, offset_m: np.ndarray = NO_OFFSET) -> bytes
 
     def finished(tree: dict[str, Any]) -> None:
         _named(tree)
+        _unlit(tree)
+        tree["asset"] |= {"generator": f"room2dgs {__version__}", "extras": {"unit": "metre"}}
         if offset_m.any():
             node = next(one for one in tree["nodes"] if "mesh" in one)
             node["translation"] = offset_m.tolist()
             node["extras"] = {"offset_m": offset_m.tolist()}
 
-    return trimesh.Scene(mesh).export(file_type="glb", include_normals=True, tree_postprocessor=finished)
+    scene = trimesh.Scene()
+    scene.add_geometry(mesh, node_name="room", geom_name="room")
+    return scene.export(file_type="glb", include_normals=True, tree_postprocessor=finished)
 
 
 def dull_material(picture: Any = None) -> PBRMaterial:
@@ -129,6 +137,12 @@ def linear(colors: np.ndarray) -> np.ndarray:
     table = np.where(share <= SRGB_KNEE, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     levels = np.round(table * 65535).astype(np.uint16)[colors]
     return np.column_stack([levels, np.full(len(levels), 65535, np.uint16)])
+
+
+def _unlit(tree: dict[str, Any]) -> None:
+    for material in tree["materials"]:
+        material["extensions"] = {UNLIT: {}}
+    tree["extensionsUsed"] = [*tree.get("extensionsUsed", []), UNLIT]
 
 
 def _named(tree: dict[str, Any]) -> None:

@@ -12,7 +12,18 @@ from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.pipeline.settings import overrides_of
-from room2dgs.runs.folder import CONFIG, MESH, METRICS, POSES, REPORT, SURFELS, earlier_run, required, saved_settings
+from room2dgs.runs.folder import (
+    CONFIG,
+    MESH,
+    METRICS,
+    POSES,
+    REPORT,
+    SURFELS,
+    TEXTURED,
+    earlier_run,
+    required,
+    saved_settings,
+)
 from room2dgs.runs.metrics import IMAGE_SCORES, MESH_SCORES, read_metrics
 from room2dgs.runs.verdict import Verdict, noted_verdict
 
@@ -27,6 +38,7 @@ PathLike = str | os.PathLike[str]
 FILES = {
     "config": CONFIG,
     "mesh": MESH,
+    "textured": TEXTURED,
     "surfels": SURFELS,
     "poses": POSES,
     "metrics": METRICS,

@@ -82,11 +82,9 @@ EXPORTERS.register(
     f"{_AT}.texture.write:write_textured_glb",
     "Few faces and a picture, for the web.",
     place="textured.glb",
-    needs=("mesh", "xatlas"),
+    **_MESH,
 )
-EXPORTERS.register(
-    "textured_obj", f"{_AT}.texture.write:write_textured_obj", "The same as OBJ, MTL, PNG.", needs=("mesh", "xatlas")
-)
+EXPORTERS.register("textured_obj", f"{_AT}.texture.write:write_textured_obj", "The same as OBJ, MTL, PNG.", **_MESH)
 EXPORTERS.register(
     "points",
     f"{_AT}.point_cloud:write_points",

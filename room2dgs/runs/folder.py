@@ -23,6 +23,7 @@ from room2dgs.logs import LOG_FILE
 from room2dgs.owner import LOCK, FolderGone, owned, refuse_if_owned
 
 CONFIG, MESH, METRICS = "config.yaml", "mesh.ply", "metrics.json"
+TEXTURED = "mesh.glb"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
 PRIORS, PRIOR_MAPS, CACHE, POSES = "priors.csv", "priors", "cache", "poses.json"
 REPORT, TRUST, EXPORTS = "report.html", "trust.npz", "export"
@@ -36,7 +37,7 @@ MADE = {
 }
 
 # Where a file of these names, or a folder, cannot be written
-FILES = (CONFIG, MESH, METRICS, SURFELS, PRIORS, POSES, REPORT, TRUST, LOG_FILE, "dense.ply", "coverage.json")
+FILES = (CONFIG, MESH, TEXTURED, METRICS, SURFELS, PRIORS, POSES, REPORT, TRUST, LOG_FILE, "dense.ply", "coverage.json")
 FOLDERS = (KEPT, CHECKPOINTS, POINTS, RENDERS, PRIOR_MAPS, CACHE, EXPORTS, CAPTURE, EVAL, "tensorboard")
 
 

@@ -18,7 +18,7 @@ FINE, FINEST = "f_score_2cm", "f_score_1cm"
 WHOLE = ("tears_per_m", "coverage_known", "roughness_2cm_deg", "roughness_10cm_deg", "in_free_space")
 FAR_OFF = "far_off"
 NEAR_DEPTH = "depth_within_5cm"
-SCORING = ("export", "render", "eval", "report")  # stages that make no mesh
+SCORING = ("texture", "export", "render", "eval", "report")  # stages that make no mesh
 
 
 @dataclass(frozen=True)

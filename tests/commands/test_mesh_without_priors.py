@@ -54,6 +54,9 @@ def test_the_mesh_lies_on_the_wall(finished):
     facing = np.average(mesh.face_normals[:, 2], weights=mesh.area_faces)
     assert facing < -0.9  # towards the cameras, which look along z
     assert np.ptp(mesh.vertices[:, 0]) > 2 and np.ptp(mesh.vertices[:, 1]) > 1
+    textured = trimesh.load(finished[1] / "mesh.glb", force="mesh", process=False)
+    assert textured.area == pytest.approx(mesh.area, rel=0.05)
+    assert np.asarray(textured.visual.material.baseColorTexture).std() > 20  # the wall's pattern
 
 
 def test_it_is_scored_timed_and_said_what_it_was_made_of(finished):
@@ -67,6 +70,7 @@ def test_it_is_scored_timed_and_said_what_it_was_made_of(finished):
         "poses",
         "points",
         "mesh",
+        "texture",
         "eval",
         "report",
         "verdict",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ import pytest
 import trimesh
 from PIL import Image
 
+from room2dgs import _C
 from room2dgs.captures.read import read_scene
 from room2dgs.config import load_config
 from room2dgs.export.axes import y_up_from
@@ -19,7 +21,6 @@ from room2dgs.export.texture.bake import baked, spread
 from room2dgs.export.texture.charts import charts, texels
 from room2dgs.export.texture.write import Textured, glb_of, write_textured_obj
 
-pytest.importorskip("xatlas")
 WALL_Z, SIDE = 2.0, 256
 PLATE = (0.3, 0.7, -0.3, 0.3, 1.2)  # x, y, z: between cameras and wall, magenta
 GAINS = np.array([0.8, 1.1, 0.9, 1.2, 1.0, 0.85, 1.15, 1.0])
@@ -48,6 +49,11 @@ def frames(wall, tmp_path_factory):
     return changed
 
 
+def plate_mesh() -> trimesh.Trimesh:
+    x0, x1, y0, y1, z = PLATE
+    return trimesh.Trimesh([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)], [(0, 2, 1), (0, 3, 2)], process=False)
+
+
 @pytest.fixture(scope="module")
 def picture(wall, frames):
     wall_mesh = trimesh.load(wall / "gt_mesh.ply", process=False)
@@ -58,11 +64,9 @@ def picture(wall, frames):
         vertex_colors=np.full((len(wall_mesh.vertices), 3), 50, np.uint8),
         process=False,
     )
-    x0, x1, y0, y1, z = PLATE
-    plate = trimesh.Trimesh([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)], [(0, 2, 1), (0, 3, 2)], process=False)
     found = charts(wall_mesh, SIDE)
     shown = texels(found, SIDE)
-    whole = trimesh.util.concatenate([wall_mesh, plate])
+    whole = trimesh.util.concatenate([wall_mesh, plate_mesh()])
     return wall_mesh, found, shown, *baked(wall_mesh, whole, found, shown, frames, SIDE)
 
 
@@ -122,6 +126,31 @@ def test_the_glb_shows_the_picture_where_the_surface_is(picture):
     assert isinstance(again.visual.material.baseColorTexture, Image.Image)
     jpeg = Image.open(io.BytesIO(glb[glb.index(b"\xff\xd8\xff") :]))
     assert max(jpeg.quantization[0]) < 30  # of quality 90; trimesh's own 75 has 60 and more
+
+
+def test_the_glb_says_what_it_is_and_is_shown_as_bright_as_its_photos(picture):
+    """glTF's tree, as any reader has it: no lamp shades what has its light in it."""
+    mesh, found, _, baked_picture, _ = picture
+    glb = glb_of(mesh, found, baked_picture, np.eye(3))
+    length = int.from_bytes(glb[12:16], "little")
+    tree = json.loads(glb[20 : 20 + length])
+    assert tree["extensionsUsed"] == ["KHR_materials_unlit"]
+    assert [one["extensions"] for one in tree["materials"]] == [{"KHR_materials_unlit": {}}]
+    assert tree["asset"]["generator"].startswith("room2dgs ") and tree["asset"]["extras"] == {"unit": "metre"}
+    assert {node["name"] for node in tree["nodes"] if "mesh" in node} == {"room"} == {m["name"] for m in tree["meshes"]}
+
+
+def test_the_picture_has_the_same_bits_on_one_and_two_threads(picture, frames):
+    mesh, found, shown, baked_picture, _ = picture
+    before = _C.threads()
+    try:
+        for count in (1, 2):
+            _C.set_threads(count)
+            assert np.array_equal(texels(found, SIDE).weights, shown.weights)
+            whole = trimesh.util.concatenate([mesh, plate_mesh()])
+            assert np.array_equal(baked(mesh, whole, found, shown, frames, SIDE)[0], baked_picture)
+    finally:
+        _C.set_threads(before)
 
 
 def test_spreading_takes_the_nearest():

@@ -15,7 +15,7 @@ from room2dgs import _C
 from room2dgs.captures.photos import PhotoFile
 from room2dgs.captures.scene import Frame
 from room2dgs.geometry.camera import Camera
-from room2dgs.mesh.coloring.best import SOFT_PX, Levels, Points, Views, best_colors, softened
+from room2dgs.mesh.coloring.best import Levels, Points, Views, best_colors, softened
 from room2dgs.mesh.coloring.drawn import Surface, drawn
 from room2dgs.mesh.coloring.levels import view_offsets
 from room2dgs.mesh.coloring.spread import spread_colors
@@ -255,7 +255,7 @@ def test_what_cannot_be_looked_up_is_refused(name):
         "photo": np.zeros((6, 8, 3), np.uint8), "soft": np.zeros((2, 2, 3), np.uint8),
         "usable": np.zeros((6, 8), np.uint8), "fx": 5.0, "fy": 5.0, "cx": 2.0, "cy": 2.0,
         "cam_from_world": np.eye(4)[:3].copy(), "gain": np.ones(3, np.float32), "sharpness": 1.0,
-        "softness": float(SOFT_PX), "quality": np.zeros((2, 5), np.float32), "sharp": np.zeros((2, 5, 3), np.uint8),
+        "softness": 2.0, "quality": np.zeros((2, 5), np.float32), "sharp": np.zeros((2, 5, 3), np.uint8),
         "low": np.zeros((2, 5, 3), np.uint8),
     }  # fmt: skip
     _C.look_up(**arguments)

@@ -31,6 +31,9 @@ class ExportConfig:
     max_error_m: Float | None = expert(
         None, "Largest distance in metres of 99.9 % of a simplified mesh from the full one (null: any).", gt=0
     )
+    textured: bool = expert(
+        True, "Whether a run writes mesh.glb beside mesh.ply: few faces with a picture of the photos on them."
+    )
     texture_px: Int = expert(2048, "Side of the texture of a textured mesh, in pixels.", ge=256, le=8192)
     texture_faces: Int = expert(
         20_000, "Number of faces of a textured mesh where export.faces is not given.", ge=100, le=200_000

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 
-from room2dgs.mesh.open3d import o3c, o3d
+from room2dgs.mesh.coloring.drawn import drawn
 
 PADDING_PX = 4  # between charts; twice that is seen by a viewer's first two smaller versions of the picture
 BENT = 8.0  # cost at which a chart ends: 2, xatlas's own, cuts a rough surface into shreds
-ABOVE = 1.0  # where rays that look for texels start
 
 
 class Charts(NamedTuple):
@@ -48,7 +47,7 @@ class Texels(NamedTuple):
 
 
 def charts(mesh: trimesh.Trimesh, side_px: int) -> Charts:
-    """Cut and packed for a picture of this side; needs xatlas."""
+    """Cut and packed for a picture of this side."""
     import xatlas
 
     atlas = xatlas.Atlas()
@@ -70,17 +69,16 @@ def charts(mesh: trimesh.Trimesh, side_px: int) -> Charts:
 
 
 def texels(found: Charts, side_px: int) -> Texels:
-    """By rays through the flat charts at the texels' middles."""
-    flat = np.column_stack([found.uv, np.zeros(len(found.uv))]).astype(np.float32)
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(o3c.Tensor(flat), o3c.Tensor(found.faces.astype(np.uint32)))  # type: ignore[call-overload]
-    middle = (np.arange(side_px) + 0.5) / side_px
-    u, v = np.meshgrid(middle, 1 - middle)
-    rays = np.zeros((side_px, side_px, 6), np.float32)
-    rays[..., 0], rays[..., 1], rays[..., 2], rays[..., 5] = u, v, ABOVE, -1
-    answer = scene.cast_rays(o3c.Tensor(rays))  # type: ignore[call-overload]
-    texel = np.argwhere(np.isfinite(answer["t_hit"].numpy()))
-    rows, columns = texel.T
-    second = answer["primitive_uvs"].numpy()[rows, columns].astype(np.float64)
-    weights = np.column_stack([1 - second.sum(axis=1), second])
-    return Texels(texel, answer["primitive_ids"].numpy()[rows, columns].astype(np.int64), weights)
+    """Those whose middles lie in a flat chart."""
+    across = found.uv * (1, -1) + (0, 1)
+    flat = np.column_stack([across, np.ones(len(across))]).astype(np.float32)
+    K = np.diag([side_px, side_px, 1.0])
+    face_at = drawn(flat, found.faces.astype(np.int32), K, (side_px, side_px)).face
+    texel = np.argwhere(face_at >= 0)
+    face = face_at[face_at >= 0].astype(np.int64)
+    x, y = (texel[:, ::-1].T + 0.5) / side_px
+    (ax, ay), (bx, by), (cx, cy) = (flat[found.faces[:, k], :2].T.astype(np.float64)[:, face] for k in range(3))
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    second = ((x - ax) * (cy - ay) - (y - ay) * (cx - ax)) / area
+    third = ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / area
+    return Texels(texel, face, np.column_stack([1 - second - third, second, third]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -18,8 +19,11 @@ from room2dgs.export.text_rows import text_rows
 from room2dgs.export.texture.bake import baked
 from room2dgs.export.texture.charts import Charts, charts, texels
 from room2dgs.files import whole_file
+from room2dgs.logs import Log
+from room2dgs.mesh.coloring.best import Progress
 
 JPEG_QUALITY = 90
+QUIET_S = 10.0
 MATERIAL = """# dull, as a photographed surface that brings its light along
 newmtl room
 Ka 0 0 0
@@ -48,15 +52,17 @@ def textured(source: Source) -> Textured:
     """Simplified, cut into charts, baked from the training photos."""
     from room2dgs.mesh.simplify import simplified
 
-    settings = source.config.export
+    settings, frames = source.config.export, source.scene.train
     mesh = source.hand_over
     if settings.faces is None and settings.max_error_m is None:
         result = simplified(source.mesh, settings.texture_faces)
         mesh = result.mesh
         source.log(f"textured mesh: {len(source.mesh.faces):,} faces to {len(mesh.faces):,}, {result.sentence}")
     found = charts(mesh, settings.texture_px)
+    source.log(f"textured mesh: laid flat, {len(frames)} photos to look at")
     shown = texels(found, settings.texture_px)
-    picture, share = baked(mesh, source.mesh, found, shown, source.scene.train, settings.texture_px)
+    progress = now_and_then(source.log)
+    picture, share = baked(mesh, source.mesh, found, shown, frames, settings.texture_px, progress)
     used = len(shown.face) / settings.texture_px**2
     side_mm = 1000 * np.sqrt(mesh.area / max(len(shown.face), 1))
     source.log(
@@ -64,6 +70,19 @@ def textured(source: Source) -> Textured:
         f"{100 * used:.0f}% of the picture used"
     )
     return Textured(mesh, found, picture)
+
+
+def now_and_then(log: Log) -> Progress:
+    """Logs how many photos are done, every `QUIET_S` seconds."""
+    said = time.monotonic()
+
+    def progress(done: int, count: int) -> None:
+        nonlocal said
+        if time.monotonic() - said > QUIET_S:
+            log(f"textured mesh: {done} of {count} photos")
+            said = time.monotonic()
+
+    return progress
 
 
 def write_textured_glb(source: Source, path: Path) -> list[Path]:

@@ -13,7 +13,7 @@ from room2dgs.captures.scene import Frame
 from room2dgs.mesh.coloring.drawn import Surface
 
 DRAWN_PX = 400  # width of the depth maps that tell what is hidden
-SOFT_PX = 6  # pixels of a photo that its blurred copy averages
+SOFT_SHARE = 0.01  # of a photo's width, that its blurred copy averages
 
 Progress = Callable[[int, int], None]  # photos done, of how many
 
@@ -81,7 +81,7 @@ class Views:
         focal = camera.K[0, 0], camera.K[1, 1], camera.K[0, 2], camera.K[1, 2]
         mask = None if usable is None else np.ascontiguousarray(usable, np.uint8)
         images = depth, np.ascontiguousarray(photo), np.ascontiguousarray(soft), mask
-        about = pose, np.ascontiguousarray(gain, np.float32), float(sharpness), float(SOFT_PX)
+        about = pose, np.ascontiguousarray(gain, np.float32), float(sharpness), soft_px(camera.width)
         _C.look_up(*self.points, *images, *focal, *about, self.quality, self.sharp, self.low)
 
     def blended(self) -> tuple[np.ndarray, np.ndarray]:
@@ -117,9 +117,14 @@ def best_colors(
 
 
 def softened(photo: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8: a photo averaged over about `SOFT_PX` pixels."""
+    """(h, w, 3) uint8: a photo averaged over about `soft_px` pixels."""
     height, width = photo.shape[:2]
-    small = cv2.resize(
-        photo, (max(1, width * 2 // SOFT_PX), max(1, height * 2 // SOFT_PX)), interpolation=cv2.INTER_AREA
-    )
+    less = 2 / soft_px(width)
+    size = max(1, round(width * less)), max(1, round(height * less))
+    small = cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
     return cv2.GaussianBlur(small, (0, 0), 1.0, borderType=cv2.BORDER_REPLICATE)
+
+
+def soft_px(width: int) -> float:
+    """Pixels of a photo that its blurred copy averages."""
+    return max(2.0, SOFT_SHARE * width)
