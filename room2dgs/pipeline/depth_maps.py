@@ -86,6 +86,7 @@ def write_depth_maps(scene: Scene, config: Config, run: RunFolder, fill: bool = 
 
 def _write_mesh(views: Iterable[FusedView], scene: Scene, config: Config, run: RunFolder) -> None:
     """mesh.ply; a warning where the depth is too little for a surface, which maps, cloud and report still show."""
+    from room2dgs.mesh.coloring.vertices import photo_colored
     from room2dgs.mesh.fuse import NoSurface, fuse
     from room2dgs.mesh.voxel import with_voxel
     from room2dgs.mesh.world import write_in_world
@@ -98,6 +99,7 @@ def _write_mesh(views: Iterable[FusedView], scene: Scene, config: Config, run: R
     except NoSurface as error:
         run.log(f"WARNING: no mesh: {error}")
         return
+    mesh, _ = photo_colored(mesh, scene.train)
     write_in_world(run.path / MESH, mesh, scene.origin_m)
     run.log(f"mesh: {run.path / MESH}")
 
