@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
+import os
 import shlex
+import signal
 import sys
 import tempfile
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from room2dgs import __version__
@@ -16,11 +21,12 @@ from room2dgs.commands.examples import examples
 from room2dgs.commands.verbs import VERBS
 from room2dgs.errors import InputError, RunFailed
 from room2dgs.freed_memory import one_arena
-from room2dgs.interrupts import Terminated, reader_is_gone, signals_raise, unread
+from room2dgs.interrupts import Terminated, ends_soon, reader_is_gone, signals_raise, unread
 from room2dgs.texts import shown
 from room2dgs.thread_limit import check_threads
 
 DONE, OUR_FAULT, BAD_INPUT = 0, 1, 2
+UTF8_MODE = "PYTHONUTF8"
 RESUMABLE = ("run", "train", "depth")
 INTERRUPTED, UNREAD, TERMINATED = 130, 141, 143  # 128 + SIGINT, SIGPIPE, SIGTERM, as shells have it
 NO_HOME = "Could not determine home directory"  # what pathlib says of ~name
@@ -35,15 +41,34 @@ def main(argv: list[str] | None = None) -> int:
         Ctrl-C, 143 by SIGTERM, 141 when nobody reads the output any more; of a study or a sweep with failed runs, that
         of the first one's cause.
     """
+    if argv is None:
+        _with_any_names()
     one_arena()
-    with signals_raise():
+    words = sys.argv[1:] if argv is None else list(argv)
+    with signals_raise(), ends_soon(partial(_end, words)):
         try:
-            code = _run_command(sys.argv[1:] if argv is None else list(argv))
+            code = _run_command(words)
         except BrokenPipeError:
             if not reader_is_gone():
                 raise
             return UNREAD
+    if argv is None and code in (INTERRUPTED, TERMINATED):
+        _leave(code)  # without waiting for what works in other threads
     return UNREAD if unread() else code
+
+
+def _end(words: list[str], signum: int) -> None:
+    """What a stopped command says and returns where it does not hear of the stop itself."""
+    verb, *rest = words or [""]
+    _say_interrupted(verb, rest)
+    _leave(TERMINATED if signum == signal.SIGTERM else INTERRUPTED)
+
+
+def _leave(code: int) -> None:
+    with suppress(OSError, ValueError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(code)
 
 
 def _run_command(argv: list[str]) -> int:
@@ -56,17 +81,43 @@ def _run_command(argv: list[str]) -> int:
     return _run_verb(argv[0], argv[1:])
 
 
+def _with_any_names() -> None:
+    """Starts again in Python's UTF-8 mode where the locale knows ASCII alone: files may be called anything."""
+    if sys.getfilesystemencoding() == "ascii" and os.environ.get(UTF8_MODE) != "1" and sys.orig_argv:
+        os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], {**os.environ, UTF8_MODE: "1"})
+
+
+def _check_names(words: list[str]) -> None:
+    """Raises InputError for what is no text: settings and reports, which are UTF-8, could not name it."""
+    for word in words:
+        try:
+            word.encode("utf-8")
+        except UnicodeEncodeError:
+            raise InputError(f"{word} is not written in UTF-8; give the file or folder another name") from None
+
+
+def _no_command(verb: str) -> str:
+    near = difflib.get_close_matches(verb, VERBS, n=1)
+    if near:
+        return f"{verb!r} is no command; did you mean {near[0]}?"
+    if Path(verb).is_dir():
+        return f"{verb!r} is a folder and no command; of a capture type: room2dgs run {shlex.quote(verb)} out=DIR"
+    return f"{verb!r} is no command; choose from {', '.join(VERBS)}"
+
+
 def _run_verb(verb: str, rest: list[str]) -> int:
     try:
+        _check_names([verb, *rest])
         if verb not in VERBS:
-            raise InputError(f"{verb!r} is no command; choose from {', '.join(VERBS)}")
+            raise InputError(_no_command(verb))
         check_threads()
+        from room2dgs.commands.first_word import with_first_word
+
+        rest = rest if {"-h", "--help"} & set(rest) else with_first_word(verb, rest)
         command = importlib.import_module(f"room2dgs.commands.{verb}").main
         return _with_examples(command, verb, rest) if {"-h", "--help"} & set(rest) else command(rest)
     except KeyboardInterrupt as stop:
-        again = _command_to_go_on(verb, rest)
-        on = f", go on with: {again}" if again else ""
-        print(f"\nroom2dgs: interrupted; what was finished is kept{on}", file=sys.stderr)
+        _say_interrupted(verb, rest)
         return TERMINATED if isinstance(stop, Terminated) else INTERRUPTED
     except Exception as error:
         if isinstance(error, BrokenPipeError) and reader_is_gone():
@@ -74,6 +125,11 @@ def _run_verb(verb: str, rest: list[str]) -> int:
         sentence, code = _sentence(error, _command_to_go_on(verb, rest))
         print(sentence, file=sys.stderr)
         return code
+
+
+def _say_interrupted(verb: str, rest: list[str]) -> None:
+    again = _command_to_go_on(verb, rest) or shlex.join(["room2dgs", verb, *rest])
+    print(f"\nroom2dgs: interrupted; what was finished is kept, go on with: {shown(again)}", file=sys.stderr)
 
 
 def _with_examples(command: Callable[[list[str]], int], verb: str, rest: list[str]) -> int:

@@ -8,8 +8,9 @@ import select
 import signal
 import sys
 import threading
+import time
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
@@ -23,6 +24,7 @@ class Terminated(KeyboardInterrupt):
 _DEAF = ("__dlpack__", "__dlpack_device__", "__del__")
 _DEAF_CODE = weakref.finalize.__call__.__code__
 _LATER_S = 0.005
+GRACE_S = 1.5  # for the cleaning up after a stop; libraries that do not hear of it may take minutes
 
 
 @contextmanager
@@ -41,6 +43,42 @@ def signals_raise() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0)
         for signum, handler in before.items():
             signal.signal(signum, handler)
+
+
+@contextmanager
+def ends_soon(end: Callable[[int], None]) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the block, or `end` is called `GRACE_S` later, from a thread: a library's function that
+    is at work lets no exception through before it returns.
+
+    Args:
+        end: takes the signal, and ends the process.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    heard, told = os.pipe()
+    os.set_blocking(told, False)
+    before = signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+    watch = threading.Thread(target=_watch, args=(heard, end), name="interrupts", daemon=True)
+    watch.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(told)
+        watch.join()
+        os.close(heard)
+
+
+def _watch(heard: int, end: Callable[[int], None]) -> None:
+    """Reads the numbers of signals, which Python writes as they arrive; nothing once the block has ended."""
+    while signum := os.read(heard, 1):
+        if signum[0] in (signal.SIGINT, signal.SIGTERM):
+            latest = time.monotonic() + GRACE_S
+            while (left := latest - time.monotonic()) > 0:
+                if select.select([heard], [], [], left)[0] and not os.read(heard, 1):
+                    return
+            end(signum[0])
 
 
 @contextmanager

@@ -148,3 +148,46 @@ def test_a_run_whose_log_nobody_reads_ends_quietly(wall: Path, tmp_path: Path):
         said = run.stderr.read()
         assert (run.wait(120), said) == (cli.UNREAD, "")
     assert (out / "log.txt").read_text()
+
+
+DEAF = """
+import sys, time, room2dgs.commands.doctor
+from room2dgs import cli
+def deaf(_):
+    print("at work", flush=True)
+    while True:
+        try:
+            time.sleep(600)
+        except KeyboardInterrupt:
+            pass  # as a library's function that looks at no signals
+room2dgs.commands.doctor.main = deaf
+sys.argv[1:] = ["doctor", "a b"]
+sys.exit(cli.main())
+"""
+
+
+@pytest.mark.parametrize(("signum", "code"), [(signal.SIGINT, cli.INTERRUPTED), (signal.SIGTERM, cli.TERMINATED)])
+def test_a_command_that_hears_of_no_signal_ends_all_the_same_and_says_how_to_go_on(signum, code):
+    with subprocess.Popen(
+        [sys.executable, "-c", DEAF], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout and process.stdout.readline() == "at work\n"
+        process.send_signal(signum)
+        said = process.communicate(timeout=120)[1]
+    assert process.returncode == code
+    assert said == "\nroom2dgs: interrupted; what was finished is kept, go on with: room2dgs doctor 'a b'\n"
+
+
+def test_threads_at_work_do_not_hold_up_the_end():
+    code = DEAF.replace(
+        "def deaf(_):",
+        "def deaf(_):\n    import threading\n    threading.Thread(target=time.sleep, args=(600,)).start()",
+    )
+    code = code.replace("pass  #", "raise  #")
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as one:
+        assert one.stdout and one.stdout.readline() == "at work\n"
+        one.send_signal(signal.SIGINT)
+        assert "interrupted" in one.communicate(timeout=120)[1]
+    assert one.returncode == cli.INTERRUPTED

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -77,8 +78,8 @@ def fitted(
     Headers are read alone. Depth maps that are the photo's camera's have the photo's shape, and so have masks.
 
     Raises:
-        InputError: too many photos or masks that cannot be read, no intrinsics, sizes that contradict the intrinsics, a
-            map of another shape than its photo.
+        InputError: too many photos or masks that cannot be read, that have no intrinsics or a size that contradicts
+            them, or a map of another shape than the photo.
     """
     headers = list(parallel_map(_headers, (entry.shot for entry in entries)))
     bad = {
@@ -86,17 +87,35 @@ def fitted(
         for entry, found in zip(entries, headers, strict=True)
         if isinstance(found, InputError)
     }
-    message = left_out(bad, len(entries), "photos that cannot be read")
+    told = [left_out(bad, len(entries), "photos that cannot be read")]
     messages = _Messages()
-    first: dict[int, tuple[Shot, tuple[int, int]]] = {}
-    good = [
-        _fitted(capture, entry, found, config, first, messages)
-        for entry, found in zip(entries, headers, strict=True)
-        if not isinstance(found, InputError)
+    readable = [
+        (entry, found) for entry, found in zip(entries, headers, strict=True) if not isinstance(found, InputError)
     ]
-    _check_depths(good, {*messages.stored, *messages.unsure})
-    dropped = [Dropped(file_name(name), why) for name, why in bad.items()]
-    return good, dropped, messages.notes(), [*([message] if message else []), *messages.warnings()]
+    usual = _usual_sizes(readable)
+    good, odd = [], {}
+    for entry, found in readable:
+        try:
+            good.append(_fitted(capture, entry, found, config, usual, messages))
+        except InputError as error:
+            odd[entry.shot.name] = str(error)
+    other_depth = _other_depths(good, {*messages.stored, *messages.unsure})
+    good = [entry for entry in good if entry.shot.name not in other_depth]
+    told.append(left_out(odd | other_depth, len(entries), "photos that do not fit their intrinsics, masks or depth"))
+    dropped = [Dropped(file_name(name), why) for name, why in (bad | odd | other_depth).items()]
+    return good, dropped, messages.notes(), [*(one for one in told if one), *messages.warnings()]
+
+
+def _usual_sizes(entries: Sequence[tuple[Entry, _Headers]]) -> dict[int, tuple[str, tuple[int, int]]]:
+    """`id` of each lens that knows no size -> the size of most of its photos, and the first one that has it."""
+    seen: dict[int, list[tuple[tuple[int, int], str]]] = {}
+    for entry, found in entries:
+        if entry.shot.lens is not None and entry.shot.lens.size is None:
+            seen.setdefault(id(entry.shot.lens), []).append((found.photo.size, entry.shot.path.name))
+    usual = {lens: Counter(size for size, _ in sizes).most_common(1)[0][0] for lens, sizes in seen.items()}
+    return {
+        lens: (next(name for one, name in sizes if one == usual[lens]), usual[lens]) for lens, sizes in seen.items()
+    }
 
 
 def _headers(shot: Shot) -> _Headers | InputError:
@@ -111,13 +130,13 @@ def _fitted(
     entry: Entry,
     headers: _Headers,
     config: SceneConfig,
-    first: dict[int, tuple[Shot, tuple[int, int]]],
+    usual: dict[int, tuple[str, tuple[int, int]]],
     messages: _Messages,
 ) -> Entry:
     """One entry.
 
     Args:
-        first: the first photo of each lens that knows no size, and its size; it grows.
+        usual: what `_usual_sizes` gives.
     """
     shot, header = entry.shot, headers.photo
     given = config.intrinsics
@@ -137,10 +156,10 @@ def _fitted(
     sure = given is not None or lens.size == size
     try:
         if lens.size is None:
-            other, known = first.setdefault(id(shot.lens), (shot, size))
+            other, known = usual.get(id(shot.lens), (shot.path.name, size))
             if size != known:
                 raise InputError(
-                    f"{shot.path} has {size[0]}x{size[1]} pixels and {other.path.name} has "
+                    f"{shot.path} has {size[0]}x{size[1]} pixels and {other} has "
                     f"{known[0]}x{known[1]}, but they share intrinsics; give all photos one size"
                 )
             lens = replace(lens, size=size)
@@ -203,14 +222,16 @@ def _mask(mask: Photo, header: PhotoHeader, size: tuple[int, int]) -> Photo:
     return mask
 
 
-def _check_depths(entries: Sequence[Entry], not_turned: set[str]) -> None:
-    """Depth of the photos' own camera has the photos' shape; whoever reads a map that is not whole tells.
+def _other_depths(entries: Sequence[Entry], not_turned: set[str]) -> dict[str, str]:
+    """Name -> sentence of photos whose depth is their own camera's and has another shape than they; whoever reads a
+    map that is not whole tells.
 
     Args:
         not_turned: names of photos with an EXIF orientation that is not applied.
     """
     present = [(entry, entry.shot.depth) for entry in entries if entry.shot.depth is not None]
     sizes = list(parallel_map(_depth_size, (depth for _, depth in present)))
+    found = {}
     for (entry, depth), size in zip(present, sizes, strict=True):
         if size is not None:
             label = depth if isinstance(depth, Path) else depth.label
@@ -218,9 +239,9 @@ def _check_depths(entries: Sequence[Entry], not_turned: set[str]) -> None:
             try:
                 check_shape(label, "depth maps", size, entry.size, mend)
             except InputError as error:
-                if entry.shot.path.name not in not_turned:
-                    raise
-                raise InputError(f"{error} {NOT_TURNED}") from error
+                said = str(error)
+                found[entry.shot.name] = f"{said} {NOT_TURNED}" if entry.shot.path.name in not_turned else said
+    return found
 
 
 def _depth_size(depth: DepthMap | Path) -> tuple[int, int] | None:

@@ -9,7 +9,7 @@ from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.pipeline.depth_maps import depth_of_capture
 from room2dgs.runs.folder import new_run
 
-USAGE = "room2dgs depth scene.path=DIR out=DIR [fill=true] [stereo.KEY=VALUE ...] [mesh.KEY=VALUE ...]"
+USAGE = "room2dgs depth DIR out=DIR [fill=true] [stereo.KEY=VALUE ...] [mesh.KEY=VALUE ...]"
 
 
 def main(argv: list[str]) -> int:

@@ -8,8 +8,9 @@ from room2dgs.pipeline.loaded_run import loaded_surfels
 from room2dgs.pipeline.mesh import make_mesh
 from room2dgs.pipeline.verdict import judge_run
 from room2dgs.runs.folder import earlier_run, keep_settings
+from room2dgs.runs.outdated import outdated
 
-USAGE = "room2dgs mesh out=DIR [mesh.KEY=VALUE ...]"
+USAGE = "room2dgs mesh RUN [mesh.KEY=VALUE ...]"
 
 
 def main(argv: list[str]) -> int:
@@ -24,7 +25,7 @@ def main(argv: list[str]) -> int:
         make_mesh(scene, surfels, config, run)
         verdict = judge_run(scene, config, run)
         keep_settings(run.path, config, "mesh")
-        for line in verdict.lines():
+        for line in (*verdict.lines(), *outdated(run.path, "mesh")):
             run.log(line)
         run.log(f"next: room2dgs eval out={run.path}")
     return 0

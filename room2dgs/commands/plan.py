@@ -11,7 +11,7 @@ from room2dgs.errors import InputError
 from room2dgs.pipeline.plan import write_plan
 from room2dgs.runs.folder import earlier_run, last_value
 
-USAGE = "room2dgs plan run=DIR [out=DIR] [up=auto|x|y|z|-x|-y|-z]"
+USAGE = "room2dgs plan RUN [out=DIR] [up=auto|x|y|z|-x|-y|-z]"
 
 
 def main(argv: list[str]) -> int:

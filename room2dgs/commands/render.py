@@ -12,8 +12,8 @@ from room2dgs.pipeline.loaded_run import loaded_surfels
 from room2dgs.pipeline.render import VIEWS, write_renders
 from room2dgs.runs.folder import earlier_run
 
-USAGE = """room2dgs render run=DIR [views=test|train|all]
-room2dgs render run=DIR path=smooth|FILE [to=DIR] [save=color,depth,depth_npy,normals,video]
+USAGE = """room2dgs render RUN [views=test|train|all]
+room2dgs render RUN path=smooth|FILE [to=DIR] [save=color,depth,depth_npy,normals,video]
                         [frames=N] [through=N] [fps=N] [width=N]"""
 OWN = ("views", "path", "to", "save", "frames", "fps", "width", "through")  # arguments that are no settings
 

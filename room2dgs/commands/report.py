@@ -7,7 +7,7 @@ from room2dgs.pipeline.loaded_run import loaded_run
 from room2dgs.pipeline.report import write_run_report
 from room2dgs.runs.folder import earlier_run
 
-USAGE = "room2dgs report run=DIR [report.KEY=VALUE ...]"
+USAGE = "room2dgs report RUN [report.KEY=VALUE ...]"
 
 
 def main(argv: list[str]) -> int:

@@ -12,7 +12,7 @@ from room2dgs.runs.folder import CONFIG, last_value, saved_settings
 from room2dgs.texts import shown
 
 USAGE = (
-    "room2dgs run scene.path=DIR out=DIR [resume=true] [KEY=VALUE ...]\n"
+    "room2dgs run DIR out=DIR [resume=true] [KEY=VALUE ...]\n"
     "room2dgs run video=FILE|images=DIR out=DIR [resume=true] [KEY=VALUE ...]\n"
     "room2dgs run -m scene.path=DIR,DIR out=DIR [hydra/launcher=joblib] [KEY=VALUE,VALUE ...]"
 )

@@ -8,7 +8,7 @@ from room2dgs.commands.settings_help import asked_for_help
 from room2dgs.errors import InputError
 from room2dgs.runs.folder import last_value
 
-USAGE = "room2dgs table RUN... [out=table] [meshes=DIR] [protocol=NAME] [name=room2dgs]"
+USAGE = "room2dgs table RUN... [out=table] [meshes=DIR] [protocol=NAME] [name=NAME]"
 OWN = ("out", "meshes", "protocol", "name")
 
 
@@ -18,7 +18,8 @@ def main(argv: list[str]) -> int:
     RUN is the folder of a run, or a folder of such (of a suite or a multirun). meshes=DIR has the meshes of other
     methods as DIR/METHOD/SCENE.ply, where SCENE is the name of a run's capture: they are scored as that run was, by its
     cameras against its truth. What was scored is kept in out/scores and not scored again; what fails is named, and
-    the rest goes on. protocol= is the runs' first unless given.
+    the rest goes on. protocol= is the runs' first unless given. Runs of one capture that differ by their seed alone
+    count as one, by their mean; others are rows of their own, called by their folders unless name= is given.
     """
     if asked_for_help(argv):
         print(f"{USAGE}\n\n{main.__doc__}")
@@ -33,7 +34,7 @@ def main(argv: list[str]) -> int:
         [text for text in argv if text.partition("=")[0] not in OWN],
         Path(last_value(argv, "out") or "table").expanduser().absolute(),
         protocol=last_value(argv, "protocol"),
-        name=last_value(argv, "name") or "room2dgs",
+        name=last_value(argv, "name"),
         meshes=Path(meshes).expanduser() if meshes else None,
     )
     return 2 if any(score.failed for score in scores) else 0

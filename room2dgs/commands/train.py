@@ -5,8 +5,9 @@ from __future__ import annotations
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.pipeline.reconstruct import start_training
 from room2dgs.runs.metrics import peak_memory_mb
+from room2dgs.runs.outdated import outdated
 
-USAGE = "room2dgs train scene.path=DIR out=DIR [resume=true] [KEY=VALUE ...]"
+USAGE = "room2dgs train DIR out=DIR [resume=true] [KEY=VALUE ...]"
 
 
 def main(argv: list[str]) -> int:
@@ -15,5 +16,7 @@ def main(argv: list[str]) -> int:
         return show(argv, USAGE, main.__doc__)
     run = start_training(argv)
     run.log(f"peak memory {peak_memory_mb() / 1000:.2f} GB")
+    for line in outdated(run.path, "surfels"):
+        run.log(line)
     run.log(f"next: room2dgs mesh out={run.path}")
     return 0

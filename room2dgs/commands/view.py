@@ -8,7 +8,7 @@ from room2dgs.commands.own_arguments import own_arguments, whole_number
 from room2dgs.commands.settings_help import asked_for_help, show
 from room2dgs.runs.folder import earlier_run
 
-USAGE = "room2dgs view run=DIR [host=127.0.0.1[,NAME,...]] [port=8080] [fps=15]"
+USAGE = "room2dgs view RUN [host=127.0.0.1[,NAME,...]] [port=8080] [fps=15]"
 OWN = ("host", "port", "fps")
 
 
@@ -25,12 +25,16 @@ def main(argv: list[str]) -> int:
     if asked_for_help(argv):
         return show(argv, USAGE, main.__doc__, ("render",))
     from room2dgs.pipeline.view import viewer_of
+    from room2dgs.viewer.door import names_of
+    from room2dgs.viewer.guarded_server import free_port
     from room2dgs.viewer.server import LOOPBACK, warn_of_host
 
     own, overrides = own_arguments(argv, OWN)
     config = earlier_run(overrides)
     host = own.get("host") or LOOPBACK
     fps, port = whole_number(own, "fps", 15, 1, 60), whole_number(own, "port", 8080, 1, 65535)
+    free_port(names_of(host)[0], port)  # reported now if it cannot be, not after the run is read
+    print(f"reading {config.out}", flush=True)
     viewer = viewer_of(config, host, port, fps)
     try:
         viewer.start()

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 SAVED = ("color", "depth", "depth_npy", "normals", "video")
 SMOOTH, VIDEO = "smooth", "video.mp4"
+# What OpenCV may be able to write, the best first: VP9 and H.264 play in browsers, MPEG-4 in players of videos alone.
+CODECS = ("vp09", "avc1", "mp4v")
 
 
 class PathOptions(NamedTuple):
@@ -136,7 +138,7 @@ def _video(path: Path, size: tuple[int, int], options: PathOptions) -> Iterator:
         return
     even = size[0] // 2 * 2, size[1] // 2 * 2  # the colours of a video are half as fine
     temporary = path.with_name(f".{os.getpid()}.{path.name}")  # OpenCV tells the format by the name's end
-    writer = cv2.VideoWriter(str(temporary), cv2.VideoWriter.fourcc(*"mp4v"), options.fps, even)
+    writer = _opened_writer(temporary, options.fps, even)
     try:
         if not writer.isOpened():
             raise InputError(f"{path} cannot be written as MP4 by this OpenCV; leave video out of save=")
@@ -146,3 +148,12 @@ def _video(path: Path, size: tuple[int, int], options: PathOptions) -> Iterator:
     finally:
         writer.release()
         temporary.unlink(missing_ok=True)
+
+
+def _opened_writer(path: Path, fps: int, size: tuple[int, int]) -> cv2.VideoWriter:
+    """With the first of `CODECS` that this OpenCV has; not opened if it has none."""
+    writer = cv2.VideoWriter()
+    for codec in CODECS:
+        if writer.open(str(path), cv2.VideoWriter.fourcc(*codec), fps, size):
+            break
+    return writer

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from room2dgs.captures.left_out import some
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.captures.selection import evenly_spaced
 from room2dgs.config import Config
@@ -37,7 +39,7 @@ def judge_run(scene: Scene, config: Config, run: RunFolder) -> Verdict:
         InputError: no mesh, a damaged file, or a photo that cannot be read.
     """
     with run.timed("verdict"):
-        verdict = verdict_of(measures_of(scene, config, run.path))
+        verdict = replace(verdict_of(measures_of(scene, config, run.path)), notes=notes_on(scene))
     run.record({VERDICT: verdict.as_dict()})
     return verdict
 
@@ -77,6 +79,17 @@ def measures_of(scene: Scene, config: Config, out: Path) -> Measures:
         unit=_positive(config.scene.unit),
         points_alone=not (made_of["reads_priors"] or made_of["needs_stereo"]),
     )
+
+
+def notes_on(scene: Scene) -> tuple[str, ...]:
+    """Photos that were left out, by name, however few."""
+    if not scene.dropped:
+        return ()
+    first, count = scene.dropped[0], len(scene.dropped)
+    of = count + len(scene.frames) + scene.not_chosen
+    whose = "of the first: " if count > 1 else ""
+    names = some([one.name for one in scene.dropped])
+    return (f"{count} of {of} photos left out: {names} ({whose}{first.reason})",)
 
 
 def left_out_share(scene: Scene) -> float:

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import io
 
-import numpy as np
-
 from room2dgs.plan.floor_plan import FloorPlan
+from room2dgs.plan.label import room_label
+from room2dgs.plan.outline import Side
 
 LAYERS = {"WALLS": 7, "OPEN": 8, "DIMENSIONS": 5, "TEXT": 3}
 TEXT_M = 0.12
 DIMENSION_M = 0.35  # between a wall and its dimension
 SHORTEST_M = 0.15
+FLAT = 1e-3  # slope of what is level or upright
 METRES = 6
 
 
 def dxf(plan: FloorPlan) -> str:
     """The whole file; needs ezdxf."""
     import ezdxf
+    from ezdxf.enums import TextEntityAlignment
 
     document = ezdxf.new("R2010", setup=True)
     document.header["$INSUNITS"] = METRES
@@ -40,20 +42,28 @@ def dxf(plan: FloorPlan) -> str:
                 layer = "OPEN" if side.wall is None else "WALLS"
                 space.add_line(tuple(side.start), tuple(side.end), dxfattribs={"layer": layer})
                 if side.length_m >= SHORTEST_M:
+                    start, end, off = _readable(side)
                     dimension = space.add_aligned_dim(
-                        tuple(side.start),
-                        tuple(side.end),
-                        distance=-DIMENSION_M,
-                        override=style,
-                        dxfattribs={"layer": "DIMENSIONS"},
+                        start, end, distance=off, override=style, dxfattribs={"layer": "DIMENSIONS"}
                     )
                     dimension.render()
-        ends = np.array([side.start for side in room.sides])
-        height = "" if plan.height_m is None else f", height {plan.height_m:.3f} m"
-        text = space.add_text(
-            f"room {number}: {room.area_m2:.2f} m2{height}", height=TEXT_M, dxfattribs={"layer": "TEXT"}
-        )
-        text.set_placement(tuple((ends.min(axis=0) + ends.max(axis=0)) / 2))
+        lines = [f"room {number}: {room.area_m2:.2f} m2"]
+        lines += [] if plan.height_m is None else [f"height {plan.height_m:.3f} m"]
+        place = room_label(room, lines, TEXT_M)
+        for line, at in zip(lines, place.lines, strict=True):
+            text = space.add_text(line, height=place.size_m, dxfattribs={"layer": "TEXT"})
+            text.set_placement(tuple(at), align=TextEntityAlignment.MIDDLE_CENTER)
     stream = io.StringIO()
     document.write(stream)
     return stream.getvalue()
+
+
+def _readable(side: Side) -> tuple[tuple[float, ...], tuple[float, ...], float]:
+    """Ends of a dimension, from left to right or upwards so that its text is upright, and how far to its left the
+    dimension stands: outside the room, which lies to the left of the side.
+    """
+    dx, dy = side.end - side.start
+    flat = abs(dy) <= FLAT * abs(dx)
+    if dx > 0 if flat or abs(dx) > FLAT * abs(dy) else dy > 0:
+        return tuple(side.start), tuple(side.end), -DIMENSION_M
+    return tuple(side.end), tuple(side.start), DIMENSION_M

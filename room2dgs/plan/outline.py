@@ -113,14 +113,14 @@ def _area(cell, rows: np.ndarray) -> float:
 def _edge(corner: np.ndarray, walls: Sequence[Plane], sign: float) -> np.ndarray:
     """(2,) lowest (sign 1) or highest (-1) corner of the box in which rooms are sought.
 
-    It lies just beyond a wall that is near: floor and ceiling are not always seen up to it.
+    It lies on a wall that is near: floor and ceiling are not always seen up to it, and rough ones reach beyond it.
     """
     moved = corner.copy()
     for axis in (0, 1):
         places = [wall.normal[axis] * wall.offset_m for wall in walls if sign * wall.normal[axis] > NEAR_AXIS]
         near = [place for place in places if abs(place - corner[axis]) < NEAR_EDGE_M]
         if near:
-            moved[axis] = min(near) - ON_WALL_M if sign > 0 else max(near) + ON_WALL_M
+            moved[axis] = min(near) if sign > 0 else max(near)
     return moved
 
 

@@ -15,6 +15,8 @@ PEAK_SHARE = 0.3  # of the largest level surface's area: what a floor or ceiling
 BAND_M = 0.04  # faces that close to a plane are its own
 LOWEST_ROOM_M = 1.5
 TALL = 0.8  # of the room's height: what a wall reaches, and furniture mostly does not
+BEFORE_WALL_M = 0.4  # in front of a larger wall stand curtains and wardrobes
+TALLER = 0.9  # of the room's height: what a pillar or a chimney reaches there, and they mostly do not
 MIN_WALL_M2 = 0.5
 ANGLE_BINS = 180
 ANGLE_DEG = 10.0
@@ -89,7 +91,7 @@ def wall_planes(surface: LevelSurface, floor: Plane, ceiling: Plane | None, snap
         if high >= tall:
             spread = float(np.sqrt(np.average((place[on, :2] @ direction - offset) ** 2, weights=area[on])))
             found.append(Plane("", np.append(direction, 0.0), offset, float(area[on].sum()), spread, low, high))
-    return _distinct(found)
+    return _without_hangings(_distinct(found), floor.offset_m + TALLER * (top - floor.offset_m))
 
 
 def _level(surface: LevelSurface, which: np.ndarray, name: str, lowest: bool) -> Plane | None:
@@ -183,6 +185,20 @@ def _distinct(planes: list[Plane]) -> list[Plane]:
         ):
             kept.append(one)
     return kept
+
+
+def _without_hangings(planes: list[Plane], tall: float) -> list[Plane]:
+    """Without what hangs or stands close before a larger wall and ends below `tall`."""
+
+    def is_wall(one: Plane) -> bool:
+        return one.high_m >= tall or not any(
+            other.area_m2 > one.area_m2
+            and one.normal @ other.normal > np.cos(np.radians(SNAP_DEG))
+            and 0 < one.offset_m - other.offset_m < BEFORE_WALL_M
+            for other in planes
+        )
+
+    return [one for one in planes if is_wall(one)]
 
 
 def _quantile(values: np.ndarray, weight: np.ndarray, share: float) -> float:

@@ -7,6 +7,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from room2dgs.plan.floor_plan import FloorPlan
+from room2dgs.plan.label import room_label
 from room2dgs.plan.outline import Side
 from room2dgs.texts import shown
 
@@ -60,12 +61,11 @@ def svg(plan: FloorPlan, title: str) -> str:
                 line.set("stroke-dasharray", "10 8")
             if side.length_m >= SHORTEST_M:
                 write(*_label(side), TEXT_M, _turn(side))
-        ends = np.array([side.start for side in room.sides])
-        below = np.array([0, 0.12])
-        middle = (ends.min(axis=0) + ends.max(axis=0)) / 2
-        write(middle + below, f"room {number}: {room.area_m2:.2f} m²", TEXT_M)
-        if plan.height_m is not None:
-            write(middle - below, f"height {plan.height_m:.2f} m", SMALL_M)
+        lines = [f"room {number}: {room.area_m2:.2f} m²"]
+        lines += [] if plan.height_m is None else [f"height {plan.height_m:.2f} m"]
+        label = room_label(room, lines, TEXT_M)
+        for line, at in zip(lines, label.lines, strict=True):
+            write(at, line, label.size_m)
     _scale(root, height)
     return ET.tostring(root, encoding="unicode") + "\n"
 

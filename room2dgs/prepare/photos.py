@@ -16,7 +16,7 @@ from PIL import Image, ImageOps
 
 from room2dgs.captures.exif import EXIF_BLOCK, exif_focal_px
 from room2dgs.captures.image_files import color_size, read_photo
-from room2dgs.captures.left_out import some
+from room2dgs.captures.left_out import left_out, some
 from room2dgs.captures.listing import PHOTO_SUFFIXES, photos_in, unread_photos
 from room2dgs.captures.mask_files import mask_folders
 from room2dgs.captures.opened_images import opened_image
@@ -34,6 +34,7 @@ from room2dgs.prepare.stage_cache import StageCache, key_of
 from room2dgs.regular_files import check_regular
 
 LEAST_PHOTOS = 5
+UNREAD = "photos that cannot be read"
 LEAST_WAY = 0.15  # of the picture, in its widths
 BLURRED = 0.22  # sharpness that half of the photos stay below; with 11 pixels of motion in 640 they do (sharp: 0.35)
 MOST_SIZES = 4  # of photos in one folder; upright and lying ones count as one
@@ -92,7 +93,7 @@ def choose_photos(config: PrepareConfig, folder: Path, stages: StageCache, log: 
         names, lines = _photos_and_maps(path)
         for line in lines:
             log(f"NOTE: {line}")
-        state = [(name, check_regular(path / name, "delete it"), (path / name).stat().st_mtime_ns) for name in names]
+        state = [(name, size, (path / name).stat().st_mtime_ns) for name, size in _regular(path, names)[0].items()]
         key = key_of("images", str(path), state, *chosen_by[:1])
     known = stages.found("photos", key)
     if known is None or any(not (folder / photo["name"]).is_file() for photo in known["photos"]):
@@ -238,29 +239,49 @@ def _photos_and_maps(path: Path) -> tuple[list[str], list[str]]:
     return [name for name in names if name not in set(maps)], notes
 
 
+def _regular(path: Path, names: list[str]) -> tuple[dict[str, int], dict[str, str]]:
+    """Photos that are files, with their sizes in bytes, and those that are none, with the sentences that say so."""
+    good: dict[str, int] = {}
+    bad: dict[str, str] = {}
+    for name in names:
+        try:
+            good[name] = check_regular(path / name, "delete it")
+        except InputError as error:
+            bad[name] = str(error)
+    return good, bad
+
+
 def _from_folder(path: Path, config: PrepareConfig, folder: Path, log: Log) -> list[ChosenPhoto]:
-    names, _ = _photos_and_maps(path)
+    all_names, _ = _photos_and_maps(path)
+    names, bad = _regular(path, all_names)
+    left_out(bad, len(all_names), UNREAD)  # too many of them are worse news than too few others
     if len(names) < LEAST_PHOTOS:
         raise InputError(f"{path} has {len(names)} photos, at least {LEAST_PHOTOS} are needed; take more of the room")
-    _check_sizes(path, names)
     progress = Progress(log, "looking at photos", len(names), "photos")
-    values: list[float] = []
-    for name in names:
-        values.append(sharpness(cv2.cvtColor(read_photo(path / name, None), cv2.COLOR_RGB2GRAY)))
-        progress.at(len(values))
-    sharp = np.array(values)
-    chosen = chosen_frames(sharp, np.ones(len(names)), 1.0, config.max_photos)
+    found: dict[str, float] = {}
+    for number, name in enumerate(names, start=1):
+        try:
+            found[name] = sharpness(cv2.cvtColor(read_photo(path / name, None), cv2.COLOR_RGB2GRAY))
+        except InputError as error:
+            bad[name] = str(error)
+        progress.at(number)
+    if told := left_out(bad, len(all_names), UNREAD):
+        log(f"WARNING: {told} ({next(iter(bad.values()))})")
+    taken = list(found)
+    _check_sizes(path, taken)
+    sharp = np.array(list(found.values()))
+    chosen = chosen_frames(sharp, np.ones(len(taken)), 1.0, config.max_photos)
     _check_blur(path, sharp[chosen])
-    log(f"photos: {len(chosen)} of {len(names)} (sharpness {np.median(sharp[chosen]):.2f})")
+    log(f"photos: {len(chosen)} of {len(taken)} (sharpness {np.median(sharp[chosen]):.2f})")
     progress = Progress(log, "copying photos", len(chosen), "photos")
     photos: list[ChosenPhoto] = []
     source: dict[str, str] = {}
     with whole_folder(folder) as partial:
         for index in chosen:
-            name, exif = _copied(path / names[index], partial)
+            name, exif = _copied(path / taken[index], partial)
             if name in source:
-                raise InputError(f"{path / source[name]} and {names[index]} would both be {name}; rename one of them")
-            source[name] = names[index]
+                raise InputError(f"{path / source[name]} and {taken[index]} would both be {name}; rename one of them")
+            source[name] = taken[index]
             size = color_size(partial / name)
             photos.append(ChosenPhoto(name, size, exif_focal_px(exif, size), None, int(index), float(sharp[index])))
             progress.at(len(photos))

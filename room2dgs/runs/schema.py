@@ -106,7 +106,7 @@ def _is_quality(value: Any) -> bool:
 def _is_verdict(value: Any) -> bool:
     if not isinstance(value, dict) or not _is_text(value.get("word")):
         return False
-    lists = (value.get("reasons"), value.get("advice"))
+    lists = (value.get("reasons"), value.get("advice"), value.get("notes", []))
     texts = all(isinstance(one, list) and all(map(_is_text, one)) for one in lists)
     return texts and _each(_or_none(_is_measure))(value.get("measures", {}))
 

@@ -89,12 +89,14 @@ class Verdict:
         reasons: why it is not good, the worst first; none if it is.
         advice: what to do, a sentence each.
         measures: the figures that decided, by their names in `Measures`.
+        notes: what a person should know whatever the word, such as photos that were left out.
     """
 
     word: str
     reasons: tuple[str, ...] = ()
     advice: tuple[str, ...] = ()
     measures: Mapping[str, float | bool | None] | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def failed(self) -> bool:
@@ -107,6 +109,7 @@ class Verdict:
             f"verdict: {self.word}",
             *(f"  because {reason}" for reason in self.reasons),
             *(f"  to do: {advice}" for advice in self.advice),
+            *(f"  note: {note}" for note in self.notes),
         ]
 
     def as_dict(self) -> dict[str, Any]:
@@ -116,6 +119,7 @@ class Verdict:
             "reasons": list(self.reasons),
             "advice": list(self.advice),
             "measures": dict(self.measures or {}),
+            "notes": list(self.notes),
         }
 
 
@@ -134,7 +138,8 @@ def noted_verdict(metrics: Mapping[str, Any]) -> Verdict | None:
     noted = metrics.get(VERDICT)
     if noted is None:
         return None
-    return Verdict(noted["word"], tuple(noted["reasons"]), tuple(noted["advice"]), noted.get("measures"))
+    reasons, advice, notes = (tuple(noted.get(name, ())) for name in ("reasons", "advice", "notes"))
+    return Verdict(noted["word"], reasons, advice, noted.get("measures"), notes)
 
 
 def covered(measures: Measures) -> Reason | None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from room2dgs.config import Config
@@ -22,7 +24,9 @@ from room2dgs.runs.schema import is_number
 from room2dgs.study.score_table import FIGURES, Score, as_csv, as_html, as_latex, as_markdown, values_of
 
 MESHES = (".ply", ".obj", ".off", ".stl", ".glb")
-SCORES = "scores"
+NO_METHOD = ("out", "resume", "strict", "memory", "report", "export")  # settings that make no other mesh
+NO_METHOD_OF_TRAINING = ("seed", "viewer", "tensorboard", "log_every", "checkpoint_every")
+SCORES, OURS = "scores", "room2dgs"
 
 
 def write_score_table(
@@ -30,7 +34,7 @@ def write_score_table(
     out: Path,
     *,
     protocol: str | None = None,
-    name: str = "room2dgs",
+    name: str | None = None,
     meshes: Path | None = None,
     log: Log = to_terminal,
 ) -> list[Score]:
@@ -39,7 +43,8 @@ def write_score_table(
     Args:
         folders: of runs, or folders that hold some.
         protocol: whose scores; None: the first one of the first run.
-        name: of the method that the runs are of.
+        name: of the method that the runs are of; None: "room2dgs", or the names of the runs' folders where runs of one
+            capture differ by more than their seed.
         meshes: folder with METHOD/SCENE.ply; they are scored by the cameras of the run of that scene, once.
         log: takes one line at a time.
 
@@ -54,7 +59,11 @@ def write_score_table(
     if not against(MESH_TRUTH, [protocol]):
         raise InputError(f"protocol {protocol} compares with no ground truth; the table is of protocols that do")
     scenes = _scene_names(configs)
-    scores = [_score_of_run(config, name, scene, protocol) for config, scene in zip(configs, scenes, strict=True)]
+    methods = [name] * len(configs) if name else _methods(configs, scenes)
+    scores = [
+        _score_of_run(config, method, scene, protocol)
+        for config, method, scene in zip(configs, methods, scenes, strict=True)
+    ]
     if meshes is not None:
         first = {scene: config for scene, config in zip(scenes[::-1], configs[::-1], strict=True)}
         scores += _scores_of_meshes(meshes, first, protocol, out, log)
@@ -94,6 +103,30 @@ def _scene_names(configs: list[Config]) -> list[str]:
     return [called[path] for path in paths]
 
 
+def _methods(configs: Sequence[Config], scenes: Sequence[str]) -> list[str]:
+    """What each run's method is called: all alike, unless two runs of one capture have other settings than a seed."""
+    kinds: dict[str, set[str]] = {}
+    for config, scene in zip(configs, scenes, strict=True):
+        kinds.setdefault(scene, set()).add(_settings_of(config))
+    if all(len(one) == 1 for one in kinds.values()):
+        return [OURS] * len(configs)
+    folders = [Path(config.out) for config in configs]
+    common = Path(os.path.commonpath([folder.parent for folder in folders]))
+    # in the folders of two suites each run is called as its capture: the suites' names are the methods'
+    parts = [folder.relative_to(common).parts for folder in folders]
+    return [
+        "/".join(part[:-1] if len(part) > 1 and part[-1] == scene else part)
+        for part, scene in zip(parts, scenes, strict=True)
+    ]
+
+
+def _settings_of(config: Config) -> str:
+    """All that may make a run of the same capture another method."""
+    settings = {section: value for section, value in asdict(config).items() if section not in NO_METHOD}
+    training = {key: value for key, value in settings["train"].items() if key not in NO_METHOD_OF_TRAINING}
+    return repr({**settings, "train": training})
+
+
 def _score_of_run(config: Config, name: str, scene: str, protocol: str) -> Score:
     from room2dgs.eval.geometry_scores import threshold_name
 
@@ -103,7 +136,7 @@ def _score_of_run(config: Config, name: str, scene: str, protocol: str) -> Score
         return Score(name, scene, {}, str(error))
     values = values_of(metrics, protocol, threshold_name(config.eval.threshold_m))
     if values is not None:
-        return Score(name, scene, values)
+        return Score(name, scene, values, same_depth=metrics.get("truth_from_same_depth") is True)
     if metrics.get("protocols"):
         why = f"not scored by {protocol}; run `room2dgs eval out={config.out} eval.protocols=[{protocol}]`"
     elif (Path(config.out) / MESH).is_file():

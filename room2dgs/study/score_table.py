@@ -25,6 +25,8 @@ COLUMNS = {
     "F-score": ("f_score", True),
 }
 FIGURES = tuple(figure for figure, _ in COLUMNS.values())
+MARK = "†"
+SAME_DEPTH = "the truth was made from the depth that the run used: compare with no score of photos alone"
 SCANNET, SCANNETPP, OTHER = "ScanNet", "ScanNet++", "other scenes"
 
 
@@ -43,12 +45,14 @@ class Score:
     Attributes:
         values: figure -> number; empty if there are none.
         failed: why there are none, in a sentence.
+        same_depth: the truth was made from the depth that the run used (`truth_from_same_depth`).
     """
 
     method: str
     scene: str
     values: Mapping[str, float]
     failed: str = ""
+    same_depth: bool = False
 
 
 def dataset_of(scene: str) -> str:
@@ -102,6 +106,8 @@ def means(scores: Sequence[Score]) -> pd.DataFrame:
 def notes(scores: Sequence[Score]) -> list[str]:
     """What failed, and means that lack scenes which others have."""
     lines = [f"{score.method}, {score.scene}: {score.failed}" for score in scores if score.failed]
+    if any(score.same_depth for score in scores):
+        lines.append(f"{MARK} {SAME_DEPTH}")
     for dataset in dict.fromkeys(dataset_of(score.scene) for score in scores):
         scenes = {score.scene for score in scores if dataset_of(score.scene) == dataset}
         for method in dict.fromkeys(score.method for score in scores):
@@ -115,27 +121,29 @@ def notes(scores: Sequence[Score]) -> list[str]:
 def as_csv(scores: Sequence[Score]) -> str:
     """A line for each mesh."""
     rows = [
-        {"dataset": dataset_of(one.scene), "scene": one.scene, "method": one.method, **one.values, "failed": one.failed}
+        {
+            **{"dataset": dataset_of(one.scene), "scene": one.scene, "method": one.method},
+            **{**one.values, "truth_from_same_depth": one.same_depth, "failed": one.failed},
+        }
         for one in scores
     ]
-    return as_csv_text(pd.DataFrame(rows, columns=["dataset", "scene", "method", *FIGURES, "failed"]))
+    columns = ["dataset", "scene", "method", *FIGURES, "truth_from_same_depth", "failed"]
+    return as_csv_text(pd.DataFrame(rows, columns=columns))
 
 
 def as_markdown(scores: Sequence[Score], title: str) -> str:
     """Means, then every scene, then notes."""
     frame = means(scores)
-    best = _best(frame)
-    cells = [
-        [
-            method,
-            *(_cell(frame.iloc[row, column], best.iloc[row, column], "**{}**") for column in range(frame.shape[1])),
-        ]
-        for row, method in enumerate(frame.index)
-    ]
+    shown_cells = _cells(scores, frame, "**{}**")
+    cells = [[method, *row] for method, row in zip(frame.index, shown_cells, strict=True)]
     headings = ["Method", *(f"{dataset} {_arrowed(heading)}" for dataset, heading in frame.columns)]
     tables = [markdown(Table(title, pd.DataFrame(cells, columns=headings, dtype=str)))]
     each = [
-        [one.scene, one.method, *(_cell(one.values.get(figure), False, "{}") for figure, _ in COLUMNS.values())]
+        [
+            one.scene,
+            one.method,
+            *(_cell(one.values.get(figure), False, "{}", one.same_depth) for figure, _ in COLUMNS.values()),
+        ]
         for one in sorted(scores, key=lambda one: one.scene)
     ]
     tables.append(markdown(Table("", pd.DataFrame(each, columns=["scene", "Method", *COLUMNS], dtype=str))))
@@ -145,17 +153,12 @@ def as_markdown(scores: Sequence[Score], title: str) -> str:
 def as_html(scores: Sequence[Score], title: str) -> str:
     """The means as a page of its own."""
     frame = means(scores)
-    best = _best(frame)
     datasets = list(dict.fromkeys(dataset for dataset, _ in frame.columns))
     top = "".join(f'<th colspan="{len(COLUMNS)}">{html.escape(one)}</th>' for one in datasets)
     second = "".join(f"<th>{_arrowed(heading)}</th>" for _, heading in frame.columns)
     rows = "".join(
-        f"<tr><td>{html.escape(shown(method))}</td>"
-        + "".join(
-            f"<td>{_cell(frame.iloc[row, c], best.iloc[row, c], '<b>{}</b>')}</td>" for c in range(frame.shape[1])
-        )
-        + "</tr>\n"
-        for row, method in enumerate(frame.index)
+        f"<tr><td>{html.escape(shown(method))}</td>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>\n"
+        for method, cells in zip(frame.index, _cells(scores, frame, "<b>{}</b>"), strict=True)
     )
     said = "".join(f"<p>{html.escape(shown(line))}</p>\n" for line in notes(scores))
     said_title = html.escape(shown(title))
@@ -170,20 +173,13 @@ def as_html(scores: Sequence[Score], title: str) -> str:
 def as_latex(scores: Sequence[Score], title: str) -> str:
     """The means as a table of booktabs."""
     frame = means(scores)
-    best = _best(frame)
     datasets = list(dict.fromkeys(dataset for dataset, _ in frame.columns))
     top = " & ".join(f"\\multicolumn{{{len(COLUMNS)}}}{{c}}{{{_escaped(one)}}}" for one in datasets)
     arrows = {True: "$\\uparrow$", False: "$\\downarrow$"}
     second = " & ".join(f"{heading} {arrows[COLUMNS[heading][1]]}" for _, heading in frame.columns)
     rows = [
-        " & ".join(
-            [
-                _escaped(str(method)),
-                *(_cell(frame.iloc[row, c], best.iloc[row, c], "\\textbf{{{}}}") for c in range(frame.shape[1])),
-            ]
-        )
-        + " \\\\"
-        for row, method in enumerate(frame.index)
+        " & ".join([_escaped(str(method)), *cells]).replace(MARK, "$^\\dagger$") + " \\\\"
+        for method, cells in zip(frame.index, _cells(scores, frame, "\\textbf{{{}}}"), strict=True)
     ]
     return "\n".join(
         [
@@ -204,20 +200,34 @@ def as_latex(scores: Sequence[Score], title: str) -> str:
     )
 
 
-def _best(frame: pd.DataFrame) -> pd.DataFrame:
-    """Where the best value of each column stands, to the digits that are shown."""
-    shown = frame.round(3)
-    found = pd.DataFrame(False, index=frame.index, columns=frame.columns)
-    for column in frame.columns:
-        values = shown[column]
-        found[column] = values == (values.max() if COLUMNS[column[1]][1] else values.min())
-    return found
+def _cells(scores: Sequence[Score], frame: pd.DataFrame, bold: str) -> list[list[str]]:
+    """Rows of `means` as text: the best of each column, to the digits that are shown, is bold if there are several
+    methods; what was scored against a truth of the same depth is marked and never the best.
+    """
+    marked = frame.copy().astype(object)
+    for method in frame.index:
+        for dataset, heading in frame.columns:
+            marked.loc[method, (dataset, heading)] = any(
+                one.same_depth for one in scores if one.method == method and dataset_of(one.scene) == dataset
+            )
+    rounded = frame.round(3).where(~marked.astype(bool))
+    rows = []
+    for row in range(len(frame)):
+        cells = []
+        for column, (_, heading) in enumerate(frame.columns):
+            values = rounded.iloc[:, column]
+            best = values.max() if COLUMNS[heading][1] else values.min()
+            is_best = len(frame) > 1 and values.iloc[row] == best
+            cells.append(_cell(frame.iloc[row, column], is_best, bold, marked.iloc[row, column]))
+        rows.append(cells)
+    return rows
 
 
-def _cell(value: float | None, best: bool, bold: str) -> str:
+def _cell(value: float | None, best: bool, bold: str, same_depth: bool = False) -> str:
     if value is None or math.isnan(value):
         return NOTHING
-    return bold.format(f"{value:.3f}") if best else f"{value:.3f}"
+    mark = MARK if same_depth else ""
+    return (bold.format(f"{value:.3f}") if best else f"{value:.3f}") + mark
 
 
 def _arrowed(heading: str) -> str:

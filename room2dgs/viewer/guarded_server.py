@@ -136,6 +136,7 @@ def _why_not(addresses: list, port: int) -> OSError | None:
                 if family == socket.AF_INET6:
                     one.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
                 one.bind((address[0], port, *address[2:]))
+                one.listen(1)  # some systems refuse a foreign address, or a port that is taken, only here
         except OSError as error:
             return error
     return None

@@ -140,9 +140,17 @@ def test_a_truncated_png_photo(scene_config, capture, corner_views):
     assert "15.png cannot be decoded" in dropped(scene_config)["000015"]
 
 
-def test_a_photo_of_another_size(refused, capture):
+def test_one_photo_of_another_size_is_left_out_by_name(scene_config, capture):
     cv2.imwrite(str(capture / "color" / "25.jpg"), np.zeros((200, 320, 3), np.uint8))
-    refused("25.jpg", "320x200", "320x240")
+    why = dropped(scene_config)
+    assert list(why) == ["000025"]
+    assert "25.jpg has 320x200 pixels" in why["000025"] and "320x240" in why["000025"]
+
+
+def test_photos_of_another_size(refused, capture):
+    for number in (20, 25):
+        cv2.imwrite(str(capture / "color" / f"{number}.jpg"), np.zeros((200, 320, 3), np.uint8))
+    refused("20.jpg", "320x200", "320x240", "the first of 2 photos")
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0, 1.5])
@@ -160,9 +168,12 @@ def test_intrinsics_of_the_turned_photo(refused, capture):
     refused("intrinsic_color.txt", "320x240")
 
 
-def test_depth_of_another_shape(refused, capture):
+def test_depth_of_another_shape_costs_its_photo(scene_config, refused, capture):
     cv2.imwrite(str(capture / "depth" / "5.png"), np.zeros((240, 240), np.uint16))
-    refused("5.png", "240x240")
+    why = dropped(scene_config)
+    assert list(why) == ["000005"] and "5.png has 240x240 pixels" in why["000005"]
+    cv2.imwrite(str(capture / "depth" / "10.png"), np.zeros((240, 240), np.uint16))
+    refused("5.png", "240x240", "the first of 2 photos")
 
 
 def test_depth_of_eight_bits(refused, capture):

@@ -51,6 +51,8 @@ def test_a_smooth_path_is_written_whole_and_the_same_again(run, tmp_path):
     names = {f"{index:05d}{ending}" for index in range(7) for ending in endings}
     assert {path.name for path in folder.iterdir()} == names | {"video.mp4"}
     video = cv2.VideoCapture(str(folder / "video.mp4"))
+    codec = int(video.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little").decode().lower()
+    assert codec in ("vp09", "vp90", "avc1", "h264")  # what browsers play
     pictures = []
     while (one := video.read())[0]:
         pictures.append(one[1][..., ::-1])

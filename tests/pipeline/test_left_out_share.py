@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
 from room2dgs.captures.read import read_scene
 from room2dgs.config import load_config
-from room2dgs.pipeline.verdict import left_out_share
+from room2dgs.pipeline.verdict import left_out_share, notes_on
 
 
 @pytest.mark.parametrize("frames", ["null", "4"])
@@ -28,3 +29,11 @@ def test_photos_that_are_not_asked_for_are_not_left_out(tmp_path, frames):
     scene = read_scene(config.scene)
     assert len(scene.dropped) == 2
     assert left_out_share(scene) == pytest.approx(0.2)
+    (note,) = notes_on(scene)
+    assert (
+        note.startswith("2 of 10 photos left out: images_08, images_09 (of the first: ") and "08.png is missing" in note
+    )
+
+
+def test_nothing_left_out_is_no_note(tmp_path):
+    assert notes_on(SimpleNamespace(dropped=())) == ()

@@ -13,6 +13,8 @@ import trimesh
 from room2dgs.errors import InputError
 from room2dgs.plan.dxf import dxf
 from room2dgs.plan.floor_plan import as_json, floor_plan, sentences
+from room2dgs.plan.label import LETTER, room_label
+from room2dgs.plan.outline import Outline, Side
 from room2dgs.plan.surface import level_surface
 from room2dgs.plan.svg import svg
 
@@ -91,6 +93,22 @@ def test_a_room_with_a_corner_cut_out():
     assert all(side.wall is not None for side in room.sides)
 
 
+def test_a_curtain_is_no_wall_and_floor_that_reaches_under_the_walls_no_notch():
+    """Curtains 10 cm before a wall, up to 2.2 of 2.6 m; the floor reaches 3 cm beyond the walls, as in a rough mesh."""
+    empty = room_of([(0, 0), (4.5, 0), (4.5, 3.5), (0, 3.5)], 2.6, [(-0.03, -0.03, 4.53, 3.53)])
+    curtains = [surface([(4.4, y, 0), (4.4, y + 0.5, 0), (4.4, y, 2.2)], (0, y, 0)) for y in (0.7, 2.2)]
+    (room,) = floor_plan(trimesh.util.concatenate([empty, *curtains]), Z_UP).rooms
+    assert sorted(side.length_m for side in room.sides) == pytest.approx([3.5, 3.5, 4.5, 4.5], abs=0.003)
+    assert all(side.wall is not None for side in room.sides)
+
+
+def test_a_chimney_before_a_wall_stays():
+    outline = [(0, 0), (4.5, 0), (4.5, 1), (4.2, 1), (4.2, 2.4), (4.5, 2.4), (4.5, 3.5), (0, 3.5)]
+    tiles = [(0, 0, 4.2, 3.5), (4.2, 0, 4.5, 1), (4.2, 2.4, 4.5, 3.5)]
+    (room,) = floor_plan(room_of(outline, 2.6, tiles), Z_UP).rooms
+    assert len(room.sides) == 8 and room.area_m2 == pytest.approx(4.5 * 3.5 - 0.3 * 1.4, abs=1e-3)
+
+
 def test_a_slanted_wall_is_no_right_angle():
     mesh = room_of([(0, 0), (4, 0), (4, 2), (2.5, 3.5), (0, 3.5)], 2.6, [(0, 0, 4, 2), (0, 2, 2.5, 3.5)])
     mesh = trimesh.util.concatenate([mesh, *_half_tile()])
@@ -145,6 +163,44 @@ def test_dxf_is_read_back_in_metres(furnished):
     assert lengths == pytest.approx([3.1, 3.1, 4.2, 4.2], abs=0.003)
     measured = sorted(one.get_measurement() for one in document.modelspace().query("DIMENSION"))
     assert measured == pytest.approx(lengths, abs=1e-6)
+
+
+def test_dxf_dimensions_stand_outside_and_are_read_from_below_or_from_the_right(furnished):
+    ezdxf = pytest.importorskip("ezdxf")
+    plan = floor_plan(furnished, Z_UP)
+    document = ezdxf.read(io.StringIO(dxf(plan)))
+    corners = np.array([side.start for side in plan.rooms[0].sides])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    texts = [
+        text
+        for one in document.modelspace().query("DIMENSION")
+        for text in document.blocks.get(one.dxf.geometry).query("MTEXT")
+    ]
+    assert sorted(text.get_rotation() % 360 for text in texts) == pytest.approx([0, 0, 90, 90], abs=0.1)
+    for text in texts:
+        place = np.array(text.dxf.insert)[:2]
+        assert (place < low).any() or (place > high).any()
+
+
+@pytest.mark.parametrize("sides", [(0.8, 6.0), (3.0, 3.0), (0.5, 0.5)])
+def test_a_rooms_text_stays_within_its_walls(sides):
+    width, length = sides
+    corners = np.array([(0, 0), (width, 0), (width, length), (0, length)], float)
+    walls = [Side(one, other, 0) for one, other in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    lines = ["room 1: 12.34 m2", "height 2.550 m"]
+    label = room_label(Outline(tuple(walls), (), width * length), lines, 0.14)
+    half = LETTER * max(map(len, lines)) * label.size_m / 2
+    for at in label.lines:
+        assert half <= at[0] <= width - half and label.size_m / 2 <= at[1] <= length - label.size_m / 2
+    assert label.lines[0][1] > label.lines[1][1]
+    assert (label.size_m == 0.14) == (width == 3.0)
+
+
+def test_a_text_is_not_put_where_an_angular_room_has_no_floor():
+    corners = np.array([(0, 0), (4, 0), (4, 4), (3, 4), (3, 1), (0, 1)], float)
+    walls = [Side(one, other, 0) for one, other in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    x, y = room_label(Outline(tuple(walls), (), 7.0), ["room 1"], 0.14).lines[0]
+    assert x > 3 or y < 1
 
 
 def test_a_rough_wall_is_seen_whole():

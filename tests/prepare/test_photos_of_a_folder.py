@@ -79,11 +79,17 @@ def test_heic_is_taken_and_written_as_png(folder, tmp_path):
         (lambda path: path.write_bytes(b"%!PS-Adobe-3.0\n"), "it is not an image"),
     ],
 )
-def test_a_photo_that_is_none_is_one_sentence(folder, tmp_path, spoil, told):
+def test_a_photo_that_is_none_is_left_out_by_name_and_several_are_one_sentence(folder, tmp_path, spoil, told):
     (folder / "IMG_3.jpg").unlink()
     spoil(folder / "IMG_3.jpg")
-    with pytest.raises(InputError, match=told):
-        taken(folder, tmp_path)
+    names, lines = taken(folder, tmp_path)
+    (said,) = [line for line in lines if line.startswith("WARNING")]
+    assert "(1 of 6): IMG_3.jpg" in said and told in said
+    assert names == [f"IMG_{seed}.jpg" for seed in range(6) if seed != 3]
+    (folder / "IMG_4.jpg").unlink()
+    spoil(folder / "IMG_4.jpg")
+    with pytest.raises(InputError, match=rf"{told}.*the first of 2 photos"):
+        taken(folder, tmp_path / "more")
 
 
 @pytest.mark.parametrize("name", ["{}_mask.png", "mask_{}.png", "{}.jpg.mask.png", "{}_depth.png", "{}-depth.png"])

@@ -39,6 +39,30 @@ WIPE = """
   wiper.dispatchEvent(new Event("input"));
   return [...clips, left.style.clipPath];
 })()"""
+# Pictures drawn in half a second by nobody's wish, and how far the page went by the wheel over the viewer
+PICTURES = "Number(document.getElementById('viewer').dataset.pictures)"
+IDLE = f"""
+(async () => {{
+  const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+  await wait(300);
+  const before = {PICTURES};
+  await wait(500);
+  return {PICTURES} - before;
+}})()"""
+WHEEL_MOVES_PAGE = """
+(() => {
+  const canvas = document.querySelector("#viewer canvas");
+  const wheel = () => canvas.dispatchEvent(new WheelEvent("wheel", {deltaY: 100, bubbles: true, cancelable: true}));
+  const press = (type) => canvas.dispatchEvent(
+    new PointerEvent(type, {bubbles: true, pointerId: 1, pointerType: "mouse", clientX: 5, clientY: 5}));
+  canvas.setPointerCapture = canvas.releasePointerCapture = () => {}; // of a pointer that is none
+  const found = [wheel()];
+  press("pointerdown");
+  press("pointerup");
+  found.push(wheel());
+  press("pointerleave");
+  return [...found, wheel()];
+})()"""
 CHOOSE = """
 (async () => {
   const chosen = document.getElementById("compare-view"), right = document.getElementById("compare-right");
@@ -65,6 +89,8 @@ def test_the_page_works_in_a_browser(reported, tmp_path):
             seen[layer] = frozenset(tab.run(COLORS))
             assert len(seen[layer]) > 1, f"layer {layer} is blank"
         assert len(set(seen.values())) == len(seen)  # each shows something else
+        assert tab.run(IDLE) == 0
+        assert tab.run(WHEEL_MOVES_PAGE) == [True, False, True]
         assert tab.run(WIPE) == ["inset(0px 50% 0px 0px)", "inset(0px 90% 0px 0px)"]
         assert tab.run(CHOOSE).endswith("(training)")
         assert tab.said == []

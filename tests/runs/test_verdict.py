@@ -86,7 +86,8 @@ def test_the_unit_that_was_given_is_corrected_by_what_the_network_finds():
 
 
 def test_a_verdict_is_read_as_it_was_noted():
-    verdict = verdict_of(replace(SOUND, coverage=0.16))
+    verdict = replace(verdict_of(replace(SOUND, coverage=0.16)), notes=("1 of 400 photos left out: 7",))
+    assert verdict.lines()[-1] == "  note: 1 of 400 photos left out: 7"
     assert noted_verdict({"verdict": verdict.as_dict()}) == verdict
     assert noted_verdict({}) is None and noted_verdict({"verdict": None}) is None
     assert verdict.measures["coverage"] == 0.16

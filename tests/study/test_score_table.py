@@ -117,6 +117,58 @@ def test_meshes_of_others_are_scored_beside_a_run_once_and_failures_do_not_stop(
         assert "scored /" in capsys.readouterr().out and json.loads(kept.read_text()) == known
 
 
+def run_of(folder: Path, capture: Path, f_score: float, *settings: str, same_depth: bool = False) -> str:
+    folder.mkdir(parents=True)
+    write_config(folder, load_config([f"scene.path={capture}", f"out={folder}", *settings]))
+    at = {f"{figure}_5cm": f_score for figure in ("precision", "recall", "f_score")}
+    scores = {"protocols": {"area": {"accuracy_m": 0.01, "completion_m": 0.02, **at}}}
+    update_json(folder / "metrics.json", {**scores, "truth_from_same_depth": same_depth})
+    return str(folder)
+
+
+def rows_of(out: Path) -> list[list[str]]:
+    lines = (out / "table.md").read_text().splitlines()
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
+
+
+def test_two_runs_of_a_capture_with_other_settings_are_rows_of_their_own(wall, tmp_path):
+    runs = [run_of(tmp_path / "fine", wall, 0.8), run_of(tmp_path / "coarse", wall, 0.6, "mesh.voxel_m=0.1")]
+    assert cli.main(["table", *runs, f"out={tmp_path / 'table'}"]) == 0
+    rows = {row[0]: row[-1] for row in rows_of(tmp_path / "table")[2:4]}
+    assert rows == {"fine": "**0.800**", "coarse": "0.600"}
+    assert cli.main(["table", *runs, f"out={tmp_path / 'named'}", "name=mine"]) == 0
+    assert rows_of(tmp_path / "named")[2][0::5] == ["mine", "0.700"]  # and nothing to be better than
+
+
+def test_runs_that_differ_by_their_seed_are_one_row(wall, tmp_path):
+    runs = [run_of(tmp_path / f"{seed}", wall, 0.5 + seed / 10, f"train.seed={seed}") for seed in (1, 2)]
+    assert cli.main(["table", *runs, f"out={tmp_path / 'table'}"]) == 0
+    assert rows_of(tmp_path / "table")[2][0::5] == ["room2dgs", "0.650"]
+
+
+def test_the_methods_of_two_suites_are_called_by_their_folders(wall, tmp_path):
+    for suite, voxel in (("a", 0.02), ("b", 0.05)):
+        run_of(tmp_path / suite / wall.name, wall, 0.5, f"mesh.voxel_m={voxel}")
+    assert cli.main(["table", str(tmp_path / "a"), str(tmp_path / "b"), f"out={tmp_path / 'table'}"]) == 0
+    assert [row[0] for row in rows_of(tmp_path / "table")[2:4]] == ["a", "b"]
+
+
+def test_a_score_against_a_truth_of_the_same_depth_is_marked_and_never_the_best(wall, tmp_path):
+    runs = [
+        run_of(tmp_path / "sensor", wall, 0.9, same_depth=True),
+        run_of(tmp_path / "photos", wall, 0.6, "mesh.voxel_m=0.1"),
+    ]
+    out = tmp_path / "table"
+    assert cli.main(["table", *runs, f"out={out}"]) == 0
+    rows = {row[0]: row[-1] for row in rows_of(out)[2:4]}
+    assert rows == {"sensor": "0.900†", "photos": "**0.600**"}
+    assert "0.900†" in rows_of(out)[-2][-1] + rows_of(out)[-1][-1]  # of the list of all scores, too
+    assert "† the truth was made from the depth that the run used" in (out / "table.md").read_text()
+    assert "$^\\dagger$" in (out / "table.tex").read_text()
+    made = list(csv.DictReader(io.StringIO((out / "table.csv").read_text())))
+    assert [row["truth_from_same_depth"] for row in made] == ["True", "False"]
+
+
 def test_a_run_with_strange_figures_is_named_and_the_rest_goes_on(tmp_path, capsys):
     for run, scores in (("good", {"accuracy_m": 0.01}), ("strange", "high")):
         (tmp_path / run).mkdir()

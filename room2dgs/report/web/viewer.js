@@ -47,7 +47,9 @@
   controls.autoRotate = true;
   controls.autoRotateSpeed = 1.2;
   controls.addEventListener("start", () => turn(false));
+  controls.addEventListener("change", () => draw());
 
+  let asked = false, inView = true; // of pictures, see `draw`
   const scene = new THREE.Scene();
   scene.add(new THREE.AmbientLight(0xffffff, 1.7));
   const lamp = new THREE.DirectionalLight(0xffffff, 1.7); // at the eye
@@ -217,6 +219,7 @@
       mesh.material = new Material({ vertexColors: true, side: THREE.FrontSide });
     }
     frame.dataset.shown = layer;
+    draw();
   }
   for (const button of buttons) button.addEventListener("click", () => show(button.dataset.layer));
 
@@ -224,22 +227,50 @@
   function turn(on) {
     controls.autoRotate = on;
     turning.setAttribute("aria-pressed", String(on));
+    draw();
   }
   turning.addEventListener("click", () => turn(!controls.autoRotate));
+
+  // The wheel and one finger move the page until somebody presses inside: then they are the viewer's, till one leaves.
+  const canvas = renderer.domElement;
+  function take(on) {
+    controls.enableZoom = on;
+    canvas.style.touchAction = on ? "none" : "pan-y pinch-zoom";
+    frame.classList.toggle("taken", on);
+  }
+  take(false);
+  canvas.addEventListener("pointerdown", () => take(true));
+  canvas.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && !event.buttons && take(false));
+  document.addEventListener("pointerdown", (event) => frame.contains(event.target) || take(false));
 
   function fit() {
     const width = frame.clientWidth || 800, height = Math.min(620, Math.max(280, width * 0.62));
     renderer.setSize(width, height);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
+    draw();
+  }
+
+  // A picture is drawn when something has changed, and while the room turns where somebody can see it.
+  function draw() {
+    if (asked) return;
+    asked = true;
+    requestAnimationFrame(() => {
+      asked = false;
+      controls.update(); // moves the camera while it turns or slows down, and then asks for the next picture
+      if (discs && discs.visible) sortDiscs();
+      renderer.render(scene, camera);
+      frame.dataset.drawn = "true";
+      frame.dataset.pictures = Number(frame.dataset.pictures || 0) + 1;
+      if (controls.autoRotate && inView) draw();
+    });
   }
   new ResizeObserver(fit).observe(frame);
+  new IntersectionObserver((entries) => {
+    inView = entries.at(-1).isIntersecting;
+    if (inView) draw();
+  }).observe(frame);
   fit();
+  if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) turn(false);
   await show("color");
-  renderer.setAnimationLoop(() => {
-    controls.update();
-    if (discs && discs.visible) sortDiscs();
-    renderer.render(scene, camera);
-    frame.dataset.drawn = "true";
-  });
 })();
