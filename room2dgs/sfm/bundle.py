@@ -14,6 +14,7 @@ from room2dgs.colmap import pycolmap
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.poses import pose_at
 from room2dgs.sfm.matching import pinhole, quiet
+from room2dgs.sfm.motion_scale import common_scale
 
 ITERATIONS = 50
 FAR_M = 1e4
@@ -219,10 +220,10 @@ class Aligned(NamedTuple):
 def aligned(cameras: Sequence[Camera], given: Sequence[Camera], which: np.ndarray) -> Aligned:
     """The cameras in the frame of the given ones: turned, shifted and scaled as a whole.
 
-    Centres and rotations are used together, each weighed by its own scatter; outliers do not count. The scale is the
-    regression of the given centres on the found ones. Where the cameras reach less than ten times the scatter, it is
-    the inverse of the regression of the found on the given ones: photos tell centres of a camera that turns on the spot
-    badly, and the other regression would make the room smaller by their scatter.
+    Centres and rotations are used together, each weighed by its own scatter; outliers do not count. The scale is that
+    of the centres and of the ways between them (`common_scale`). Where the cameras reach less than ten times the
+    scatter, it is the inverse of the regression of the found on the given ones: photos tell centres of a camera that
+    turns on the spot badly, and the other regression would make the room smaller by their scatter.
 
     Args:
         which: (V,) bool, the cameras that are aligned as one group; the others are returned as they are.
@@ -249,11 +250,20 @@ def aligned(cameras: Sequence[Camera], given: Sequence[Camera], which: np.ndarra
         elif given_spread > MIN_REACH**2 * weight.sum() * sigma_m**2 and common > 0:
             scale = float(given_spread / common)
         shift = mean_to - scale * rotation @ mean_found
+    if spread > 100 * weight.sum() * sigma_m**2:
+        kept = [i for i, near in zip(index, weight, strict=True) if near]
+        scale = common_scale([_turned(cameras[i], rotation) for i in kept], [given[i] for i in kept])
+        shift = mean_to - scale * rotation @ mean_found
     found = list(cameras)
     for i in index:
         centre = scale * rotation @ cameras[i].centre + shift
         found[i] = replace(cameras[i], cam_from_world=pose_at(cameras[i].rotation @ rotation.T, centre))
     return Aligned(found, scale)
+
+
+def _turned(camera: Camera, rotation: np.ndarray) -> Camera:
+    """The camera in a world that is turned about its origin."""
+    return replace(camera, cam_from_world=pose_at(camera.rotation @ rotation.T, rotation @ camera.centre))
 
 
 def moves(cameras: Sequence[Camera], given: Sequence[Camera]) -> tuple[np.ndarray, np.ndarray]:

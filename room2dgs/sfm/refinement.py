@@ -34,7 +34,7 @@ from room2dgs.sfm.structure import track_errors
 from room2dgs.sfm.triangulation import MAX_EPIPOLAR_PX, triangulate_matches
 
 # Raised when the same input gives other poses.
-RECIPE = 6
+RECIPE = 7
 LEAST_TRACKS = 100
 # "auto" takes poses that lower the held-out error to this share of it and by this much
 SHARE, LEAST_PX = 0.8, 0.05
