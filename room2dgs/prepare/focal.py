@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from room2dgs.colmap import ONE_THREAD, pycolmap
 from room2dgs.prepare.features import FOCAL
-from room2dgs.prepare.focal_uncertainty import LensEstimate, lens_estimate
+from room2dgs.prepare.focal_by_edges import focal_by_edges
+from room2dgs.prepare.focal_uncertainty import lens_estimate
 from room2dgs.prepare.photos import ChosenPhoto
 from room2dgs.sfm.matching import quiet
 
@@ -20,6 +22,7 @@ OPTIMISM = 4.0
 WEAK = 0.05  # relative standard deviation from which on a focal length is not determined by the photos
 # What is known before: of any lens, of one that the EXIF tells, of distortion that a phone has mended itself.
 LENS_SIGMA, EXIF_SIGMA, DISTORTION_SIGMA = 0.3, 0.1, 0.03
+IGNORANT = 1e6
 LONGEST_STEP = 0.15  # of a focal length's logarithm at once: after a longer one points may end behind cameras
 MAX_FOCAL, MIN_FOCAL = 1.7, 0.35  # of the longer side: others are zoomed, fisheyes, or mistakes
 TURNS_DEG = 5.0  # cameras that all look the same way, within that, tell no focal length
@@ -34,6 +37,7 @@ class Focal:
         sigma: relative standard deviation; None: it was given.
         by_photos: that of what the photos alone determine; None: it was given.
         exif: as the EXIF has it, pixels; None: it has none.
+        edges: as straight edges in the photos tell it, pixels; None: they were not asked, or tell nothing.
         starts: focal lengths in pixels that adjustments from other starts ended with and that are as good.
     """
 
@@ -41,6 +45,7 @@ class Focal:
     sigma: float | None = None
     by_photos: float | None = None
     exif: float | None = None
+    edges: float | None = None
     starts: tuple[float, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
@@ -73,14 +78,17 @@ def is_determined(focal: Focal, model: pycolmap.Reconstruction) -> bool:
     return focal.by_photos <= WEAK and (focal.exif is not None or MIN_FOCAL <= focal.px / side <= MAX_FOCAL)
 
 
-def weighed(model: pycolmap.Reconstruction, focal: Focal, others: Sequence[float] = ()) -> Focal:
-    """Moves the lens to where what the photos tell and what is known of lenses agree, and adjusts the rest to it.
+def weighed(
+    model: pycolmap.Reconstruction, focal: Focal, images: Path | None = None, others: Sequence[float] = ()
+) -> Focal:
+    """Moves the lens to where photos, edges and what is known of lenses agree, and adjusts poses and points to it.
 
-    Photos that determine the lens keep theirs, since theirs has all the weight; it is one step of a Kalman filter.
+    Each has a normal distribution, and the answer that of their product: photos that determine the lens keep theirs.
 
     Args:
         model: is changed.
         focal: as measured in it.
+        images: folder of the photos, whose edges are asked; None: they are not.
         others: focal lengths of models that are as good, pixels.
     """
     found = lens_estimate(model)
@@ -90,29 +98,46 @@ def weighed(model: pycolmap.Reconstruction, focal: Focal, others: Sequence[float
     likely = focal.exif or FOCAL * max(camera.width, camera.height)
     before = np.r_[np.log(likely), np.zeros(len(found.values) - 1)]
     spread = np.r_[LENS_SIGMA if focal.exif is None else EXIF_SIGMA, [DISTORTION_SIGMA] * (len(before) - 1)]
-    values, covariance = _product(found, before, spread)
-    apart = [abs(np.log(one / focal.px)) for one in others]
-    sigma = max(float(np.sqrt(covariance[0, 0])), min(LENS_SIGMA, max(apart, default=0.0) / 2))
-    _hold(model, found, values)
-    return replace(focal, px=float(np.exp(values[0])), sigma=sigma, starts=tuple(others))
-
-
-def _product(found: LensEstimate, before: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and covariance of two normal distributions' product."""
     own = OPTIMISM**2 * found.covariance
-    gain = own @ np.linalg.inv(own + np.diag(spread**2))
-    return found.values + gain @ (before - found.values), own - gain @ own
+    own[0, 0] = max([own[0, 0], *((np.log(one / focal.px) / 2) ** 2 for one in others)])
+    values, covariance = _product(found.values, own, before, np.diag(spread**2))
+    _hold(model, found.camera_id, values)
+    edges = None if images is None else focal_by_edges(model, images)
+    if edges is not None:
+        told = values.copy()
+        told[0] += edges.log_ratio
+        loose = np.diag(np.r_[edges.sigma**2, [IGNORANT] * (len(values) - 1)])  # of distortion edges say nothing
+        values, covariance = _product(values, covariance, told, loose)
+        _hold(model, found.camera_id, values)
+    return replace(
+        focal,
+        px=float(np.exp(values[0])),
+        sigma=float(np.sqrt(covariance[0, 0])),
+        edges=None if edges is None else float(np.exp(told[0])),
+        starts=tuple(others),
+    )
 
 
-def _hold(model: pycolmap.Reconstruction, found: LensEstimate, values: np.ndarray) -> None:
-    """All focal lengths change as that of the main camera does, in small steps; the rest is adjusted to them."""
-    steps = max(1, int(np.ceil(abs(values[0] - found.values[0]) / LONGEST_STEP)))
+def _product(
+    one: np.ndarray, covariance: np.ndarray, other: np.ndarray, other_covariance: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of the product of two normal distributions."""
+    gain = covariance @ np.linalg.inv(covariance + other_covariance)
+    return one + gain @ (other - one), covariance - gain @ covariance
+
+
+def _hold(model: pycolmap.Reconstruction, main: int, values: np.ndarray) -> None:
+    """All focal lengths change as the main camera's does, in small steps; the rest is adjusted to them."""
+    camera = model.camera(main)
+    by_log = values[0] - np.log(camera.mean_focal_length())
+    by_extra = values[1:] - np.array(camera.params)[list(camera.extra_params_idxs())]
+    steps = max(1, int(np.ceil(abs(by_log) / LONGEST_STEP)))
     for _ in range(steps):
         for camera_id, camera in model.cameras.items():
             params = np.array(camera.params)
-            params[list(camera.focal_length_idxs())] *= np.exp((values[0] - found.values[0]) / steps)
-            if camera_id == found.camera_id:
-                params[list(camera.extra_params_idxs())] += (values[1:] - found.values[1:]) / steps
+            params[list(camera.focal_length_idxs())] *= np.exp(by_log / steps)
+            if camera_id == main:
+                params[list(camera.extra_params_idxs())] += by_extra / steps
             camera.params = params.tolist()
         _adjust(model)
 
@@ -166,6 +191,8 @@ def focal_doubt(focal: Focal, size: tuple[int, int], turned_deg: float) -> str |
     assert focal.sigma is not None
     why = "the camera always looks the same way" if turned_deg < TURNS_DEG else "too little is seen from too few sides"
     ends = [*focal.starts, focal.px]
+    if focal.edges is not None:
+        why += f", though edges in them tell {focal.edges:.0f} px"
     equal = f"; from {min(ends):.0f} to {max(ends):.0f} px fit the photos alike" if focal.starts else ""
     return (
         f"the photos do not determine the focal length ({focal.px:.0f} px +-{focal.sigma:.0%}{equal}), because {why}: "

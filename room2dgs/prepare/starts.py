@@ -77,7 +77,7 @@ def best_start(
     if not found:
         return None
     best, alike = chosen(found)
-    return best._replace(focal=weighed(best.model, best.focal, [one.focal.px for one in alike]))
+    return best._replace(focal=weighed(best.model, best.focal, images, [one.focal.px for one in alike]))
 
 
 def chosen(found: Sequence[Start]) -> tuple[Start, list[Start]]:

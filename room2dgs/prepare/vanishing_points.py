@@ -47,7 +47,11 @@ def room_frame(cameras: Sequence[Camera], pictures: Iterable[np.ndarray]) -> Roo
         cameras: of undistorted photos.
         pictures: (H, W, 3) uint8 RGB each, of the camera's size.
     """
-    normals, weights = edge_planes(cameras, pictures)
+    return axes_of_edges(*edge_planes(cameras, pictures), cameras)
+
+
+def axes_of_edges(normals: np.ndarray, weights: np.ndarray, cameras: Sequence[Camera]) -> RoomFrame:
+    """As `room_frame`, from what `edge_planes` gives."""
     from_cameras = up = up_axis(cameras, np.zeros((0, 3)), prior=LEVEL_PRIOR)
     vertical = 0
     for angle in NARROWING_DEG:
@@ -74,23 +78,31 @@ def _edges_cluster(normals: np.ndarray, weights: np.ndarray, up: np.ndarray) -> 
 
 def edge_planes(cameras: Sequence[Camera], pictures: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """(N, 3) unit normals, world frame, of the planes through straight edges, and (N,) their lengths in the photo."""
-    detector = cv2.createLineSegmentDetector()
     normals, weights = [np.zeros((0, 3))], [np.zeros(0)]
     for camera, picture in zip(cameras, pictures, strict=True):
-        small = camera.resized_to_width(min(WIDTH, camera.width))
-        grey = cv2.cvtColor(cv2.resize(picture, small.size, interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2GRAY)
-        found = detector.detect(grey)[0]
-        if found is None:
-            continue
-        ends = found.reshape(-1, 2, 2).astype(np.float64) + 0.5
-        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / small.width
-        ends, length = ends[length > SHORTEST], length[length > SHORTEST]
-        rays = [np.c_[(ends[:, end] - small.K[:2, 2]) / small.K[(0, 1), (0, 1)], np.ones(len(ends))] for end in (0, 1)]
+        ends, length = straight_edges(picture)
+        rays = [
+            np.c_[(ends[:, end] - camera.K[:2, 2]) / camera.K[(0, 1), (0, 1)], np.ones(len(ends))] for end in (0, 1)
+        ]
         plane = np.cross(rays[0], rays[1])
         plane /= np.maximum(np.linalg.norm(plane, axis=1, keepdims=True), 1e-12)
-        normals.append(small.turned_to_world(plane))
+        normals.append(camera.turned_to_world(plane))
         weights.append(length)
     return np.concatenate(normals), np.concatenate(weights)
+
+
+def straight_edges(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 2, 2) both ends of the edges in a photo (H, W, 3) RGB, in its pixels, and (N,) lengths over its width."""
+    height, width = picture.shape[:2]
+    scale = min(1.0, WIDTH / width)
+    size = round(width * scale), round(height * scale)
+    grey = cv2.cvtColor(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2GRAY)
+    found = cv2.createLineSegmentDetector().detect(grey)[0]
+    if found is None:
+        return np.zeros((0, 2, 2)), np.zeros(0)
+    ends = (found.reshape(-1, 2, 2).astype(np.float64) + 0.5) * [width / size[0], height / size[1]]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / width
+    return ends[length > SHORTEST], length[length > SHORTEST]
 
 
 def _heading(normals: np.ndarray, weights: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -25,6 +25,7 @@ from room2dgs.prepare.focal import (
     turn_deg,
     weighed,
 )
+from room2dgs.prepare.focal_by_edges import focal_by_edges
 from room2dgs.prepare.focal_uncertainty import lens_estimate
 from room2dgs.prepare.metres import Scale
 from room2dgs.prepare.photos import ChosenPhoto
@@ -139,14 +140,16 @@ def test_starts_that_fit_alike_make_it_less_sure_and_the_likeliest_is_taken():
     starts = [Start(model, [], 0, replace(focal, px=px)) for px in (1400.0, 560.0, 200.0)]
     best, alike = chosen([*starts, Start(few, [], 0, replace(focal, px=0.85 * SIZE[0]))])
     assert best is starts[1] and alike == [starts[0], starts[2]]  # the one with less support does not count
-    after = weighed(model, best.focal, [one.focal.px for one in alike])
-    assert after.sigma == pytest.approx(LENS_SIGMA) and after.starts == (1400.0, 200.0)
+    after = weighed(model, best.focal, None, [one.focal.px for one in alike])
+    assert 0.2 < after.sigma < LENS_SIGMA and after.starts == (1400.0, 200.0)
     assert "from 200 to 1400 px fit the photos alike" in focal_doubt(after, SIZE, 30.0)
 
 
 def test_other_starts_are_tried_only_where_the_first_does_not_determine_it(tmp_path):
     (tmp_path / "work").mkdir()
     database = tmp_path / "a.db"
+    for photo in photos():
+        cv2.imwrite(str(tmp_path / photo.name), np.full((480, 640), 99, np.uint8))
 
     def tried(*models: pycolmap.Reconstruction | None) -> tuple[list[float], Start | None]:
         from room2dgs.config import load_config
@@ -184,7 +187,7 @@ def test_starts_leave_what_the_exif_tells(tmp_path):
 
 
 def test_the_verdict_says_how_sure_the_focal_length_is():
-    weak = Focal(1035.0, 0.27, 0.5, None, (240.0,))
+    weak = Focal(1035.0, 0.27, 0.5, None, None, (240.0,))
     assert focal_line(Focal(615.0, 0.012, 0.012)) == "focal length 615 px +-1.2%"
     assert focal_line(Focal(615.0)) == "focal length 615 px, as given"
     said = focal_doubt(weak, SIZE, 2.0)
@@ -193,6 +196,43 @@ def test_the_verdict_says_how_sure_the_focal_length_is():
     assert focal_doubt(Focal(615.0, 0.012, 0.012), SIZE, 2.0) is None
     assert focal_doubt(Focal(615.0), SIZE, 2.0) is None
     assert focal_from_dict(json.loads(json.dumps(weak.as_dict()))) == weak
+
+
+def in_a_room(eye: np.ndarray, turn: np.ndarray, f: float, random: np.random.Generator, square: bool) -> np.ndarray:
+    """A photo of the edges of boxes; of sticks in any direction if not `square`."""
+    picture = np.full((480, 640, 3), 200, np.uint8)
+    for _ in range(12):
+        low, size = random.uniform([-1.5, -1.0, 2.2], [1.0, 0.6, 3.5]), random.uniform(0.3, 1.0, 3)
+        sides = np.diag(size) if square else random.normal(0, 0.4, (3, 3))
+        for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            for i in (0, 1):
+                start = low + i * sides[b] + random.integers(2) * sides[c]
+                ends = (np.stack([start, start + sides[a]]) - eye) @ turn.T
+                if ends[:, 2].min() > 0.5:
+                    pixel = ends[:, :2] / ends[:, 2:] * f + [320, 240] - 0.5
+                    one, other = np.round(16 * pixel).astype(int)
+                    cv2.line(picture, tuple(one.tolist()), tuple(other.tolist()), (30, 30, 30), 2, cv2.LINE_AA, 4)
+    return picture
+
+
+@pytest.mark.parametrize("square", [True, False])
+def test_edges_of_a_room_tell_the_focal_length_of_cameras_that_never_turn(tmp_path, square):
+    model = reconstruction(False)
+    turn = cv2.Rodrigues(np.array([0.25, 0.5, 0.1]))[0]  # so that no edge is parallel to the picture
+    for index in range(8):
+        pose = model.image(index + 1).cam_from_world()
+        eye = -pose.rotation.matrix().T @ pose.translation + [0.0, 0.0, 1.0]
+        photo = in_a_room(turn.T @ eye, turn, TRUE_F, np.random.default_rng(3), square)
+        cv2.imwrite(str(tmp_path / f"{index}.jpg"), photo)
+    camera = model.camera(1)
+    camera.params = [450.0, 320, 240, 0.0]
+    found = focal_by_edges(model, tmp_path)
+    if square:
+        assert 450 * np.exp(found.log_ratio) == pytest.approx(TRUE_F, rel=0.05) and found.sigma < 0.1
+        after = weighed(model, replace(measured_focal(model, photos()), px=450.0), tmp_path)
+        assert after.px == pytest.approx(TRUE_F, rel=0.06) and after.edges == pytest.approx(TRUE_F, rel=0.05)
+    else:
+        assert found is None or found.sigma > 0.15
 
 
 def test_photos_that_contradict_each_other_on_the_scale_are_doubted():
