@@ -110,7 +110,7 @@ def best_colors(
     for number, frame in enumerate(frames):
         photo = frame.color()
         depth = surface.seen_by(frame.camera.resized_to_width(min(DRAWN_PX, frame.camera.width))).depth
-        views.look(frame, depth, photo, softened(photo), levels.gain[number], levels.sharpness[number])
+        views.look(frame, depth, photo, softened(photo), levels.gain[number], float(levels.sharpness[number]))
         if progress is not None:
             progress(number + 1, len(frames))
     return views.blended()

@@ -31,7 +31,7 @@ def levels_of(points: Points, surface: Surface, frames: Sequence[Frame]) -> Leve
     """
     count = len(points.places)
     some = np.sort(np.random.default_rng(0).permutation(count)[:SAMPLE])
-    sample = Points(*(part[some] for part in points[:2]), np.zeros(len(some), np.float32))
+    sample = Points(points.places[some], points.normals[some], np.zeros(len(some), np.float32))
     parts = [_observed(sample, surface, frame) for frame in frames]
     view = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
     point = np.concatenate([part[0] for part in parts]) if parts else np.zeros(0, int)
