@@ -86,7 +86,8 @@ def measure(mesh: trimesh.Trimesh, views: Sequence[KnownView], truth: trimesh.Tr
         - `coverage`, `coverage_known`: share of the pixels of the views, and of those with known depth;
         - `roughness_2cm_deg`, `roughness_10cm_deg`: as `roughness`, on flat parts of the truth, or of the mesh itself;
         - `crease_error_m`, `crease_missing`: as `crease_error`; None without a truth;
-        - `in_free_space_m2`, `in_free_space`: area of the mesh that views see through, and its share;
+        - `in_free_space_m2`, `in_free_space`: area of the mesh that views see through, and its share; None where no
+          depth is known;
         - `views`, `known`: number of views, and share of their pixels whose depth is known; `quality_seconds`.
     """
     start = time.perf_counter()
@@ -101,6 +102,7 @@ def measure(mesh: trimesh.Trimesh, views: Sequence[KnownView], truth: trimesh.Tr
     said = tally(samples.points, seeing, careful=True)
     through = said.empty & (said.free >= THROUGH)
     area = _areas(mesh)
+    known = float(np.mean([_share(view.depth[view.usable] > 0) for view in seeing])) if seeing else 0.0
     seen_m2 = float(area.sum() * _share(said.seen))
     figures: dict[str, Any] = {
         "tears_per_m": torn.torn_m / seen_m2 if seen_m2 > 0 else None,
@@ -111,10 +113,10 @@ def measure(mesh: trimesh.Trimesh, views: Sequence[KnownView], truth: trimesh.Tr
         **_pieces(pieces(surface.faces, edges), area),
         **coverage(seeing),
         **_against_truth(surface, truth, true_surface, seeing, samples, said),
-        "in_free_space_m2": float(area.sum() * _share(through)),
-        "in_free_space": _share(through),
+        "in_free_space_m2": float(area.sum() * _share(through)) if known > 0 else None,
+        "in_free_space": _share(through) if known > 0 else None,
         "views": len(seeing),
-        "known": float(np.mean([_share(view.depth[view.usable] > 0) for view in seeing])) if seeing else 0.0,
+        "known": known,
     }
     figures["quality_seconds"] = time.perf_counter() - start
     return MeshQuality(figures, mesh, surface, seeing, torn, samples.points[through])

@@ -50,8 +50,8 @@ def tears(boundary: Boundary, views: Sequence[Sightlines]) -> Tears:
 def _holes(boundary: Boundary, torn: np.ndarray) -> dict[str, int]:
     length, loops = boundary.length, int(boundary.loop.max(initial=-1)) + 1
     around = np.bincount(boundary.loop, length, loops)
-    middle = np.stack([np.bincount(boundary.loop, length * x, loops) for x in boundary.middle.T], axis=1)
-    middle = middle / np.maximum(around, 1e-12)[:, None]
+    moments = np.stack([np.bincount(boundary.loop, length * x, loops) for x in boundary.middle.T], axis=1)
+    middle = moments / np.maximum(around, 1e-12)[:, None]
     # Of a hole's rim outward is inward: the outer rim of a piece is no hole.
     to_middle = np.einsum("nc,nc->n", boundary.outward, middle[boundary.loop] - boundary.middle)
     inward = np.bincount(boundary.loop, length * to_middle, loops) > 0
