@@ -46,6 +46,7 @@ FLOW = (
         "config",
         "geometry",
         "captures",
+        "exposure",
         "sfm",
         "stereo",
         "depth",

@@ -15,6 +15,7 @@ from room2dgs.captures.capture import C2W_OPENCV, Poses
 from room2dgs.captures.depth_maps import DepthMap, depth_file
 from room2dgs.captures.image_files import resized, whole_at
 from room2dgs.captures.lens import Lens, pinhole_of
+from room2dgs.captures.levelled import RGBGains, levelled
 from room2dgs.captures.mask_images import OPAQUE, MaskRule, Masks, alpha_of, facts_of, mask_image, rule_of
 from room2dgs.captures.photos import Photo, PhotoFile
 from room2dgs.captures.point_cloud import PointCloud
@@ -44,6 +45,8 @@ class Frame:
         poses: what the pose on disk was read as (`scene.poses`).
         shares_stem: another photo of the capture has the same file name in another folder, or with another ending, so
             that a file called by it could be of either.
+        gains: how many times as bright the photo's levels of red, green and blue are as they would be at the capture's
+            mean exposure and white balance (`exposure`); None: unknown, or the same.
     """
 
     name: str
@@ -61,6 +64,7 @@ class Frame:
     masks: Masks | None = field(default=None, repr=False, compare=False)
     transparent: bool = False
     shares_stem: bool = False
+    gains: RGBGains | None = None
 
     @property
     def source(self) -> Photo:
@@ -86,6 +90,14 @@ class Frame:
         if self.cache is None:
             return self._color()
         return self.cache.get_or(("photo", self.place, self.camera.size), lambda: (self._color(),))[0]
+
+    def levelled_color(self) -> np.ndarray:
+        """`color`, as it would be at the capture's mean exposure and white balance."""
+        return self.color() if self.gains is None else levelled(self.color(), self.gains)
+
+    def exposed(self, color: np.ndarray) -> np.ndarray:
+        """(H, W, 3) float colours 0..1 at the capture's mean exposure, as they are in this photo."""
+        return color if self.gains is None else np.clip(color * np.array(self.gains, color.dtype), 0, 1)
 
     def mask(self) -> np.ndarray | None:
         """(H, W) bool: pixels that may be used, those of which every part may; None: all may.

@@ -35,6 +35,10 @@ GONE = {
         ("prior.depth.max_misfit", "prior.depth.max_outlier_ratio", "prior.depth.max_residual"),
         "depth is trusted pixel by pixel now, by prior.depth.completion",
     ),
+    **dict.fromkeys(
+        ("train.exposure", "train.rates.exposure"),
+        "scene.exposure finds exposures before the training, from all photos",
+    ),
     "prior.depth.relief": "planes do not bend, which no capture showed to help",
     "mesh.min_confidence": "mesh.max_expected_m says in metres what is left out",
     "prior.depth.onnx": "the card beside the model says it, or prior.depth.card=FILE",

@@ -15,6 +15,7 @@ from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.files import whole_file
 from room2dgs.pipeline.depth import fill_depth
+from room2dgs.pipeline.exposure import with_even_exposure
 from room2dgs.pipeline.meshers.depth import views_with_depth
 from room2dgs.pipeline.points import find_points, gives_metres
 from room2dgs.pipeline.poses import refine_poses
@@ -71,6 +72,8 @@ def write_depth_maps(scene: Scene, config: Config, run: RunFolder, fill: bool = 
     stereo, share = find_stereo(scene, points, config, run)
     priors = fill_depth(scene, points, stereo, config, run) if fill else None
     filled: Filled = priors.by_frame if priors else {}
+    own = {frame.name: ViewMaps(depth=view.depth) for frame, view in zip(scene.keyframes, stereo.views, strict=True)}
+    scene = with_even_exposure(scene, points, filled or own, config, run)
     with run.timed("write"):
         _write_maps(run.path, scene.keyframes, stereo, filled)
         count = _write_cloud(run.path, scene, stereo, config.stereo.cell_m)

@@ -13,6 +13,7 @@ from room2dgs.links_out import refuse_links_out
 from room2dgs.logs import Log, in_lines, to_terminal
 from room2dgs.owner import owned
 from room2dgs.pipeline.depth_scores import depth_figures
+from room2dgs.pipeline.exposure import with_noted_exposure
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.same_depth import same_depth_figures
 from room2dgs.pipeline.scene import read_capture
@@ -45,7 +46,7 @@ def evaluate_run(scene: Scene, surfels: Splats | None, config: Config, run: RunF
     figures: dict[str, Any] = {}
     with run.timed("eval"):
         if surfels is not None and config.eval.image_metrics:
-            figures = _image_scores(scene, surfels, config, run.log)
+            figures = _image_scores(with_noted_exposure(scene, run.path), surfels, config, run.log)
         mesh = Path(config.eval.pred) if config.eval.pred else run.path / MESH
         if by_depth or (by_mesh and gt is not None):
             figures |= cleared(run.path, MESH_SCORES)
@@ -209,11 +210,15 @@ def _in_truth_frame(
 
 def _image_scores(scene: Scene, surfels: Splats, config: Config, log: Log) -> dict[str, Any]:
     from room2dgs.eval import image_scores
+    from room2dgs.eval.image_metrics import SCORES
 
     if not scene.test:
         log("no view is held out (scene.test_every=0): no image scores")
         return {}
     views = render_frames(surfels, scene.test, config)
-    scores = image_scores((frame.name, view.color.numpy(), frame.color(), frame.mask()) for frame, view in views)
-    log(f"{len(scene.test)} held-out views: PSNR {scores['psnr_db']:.2f} dB, SSIM {scores['ssim']:.3f}")
-    return {"psnr_db": scores["psnr_db"], "ssim": scores["ssim"], "test_views": scores["views"]}
+    scores = image_scores(
+        (frame.name, frame.exposed(view.color.numpy()), frame.color(), frame.mask()) for frame, view in views
+    )
+    fitted = f"{scores['psnr_fitted_db']:.2f} dB after an affine colour fit of each photo"
+    log(f"{len(scene.test)} held-out views: PSNR {scores['psnr_db']:.2f} dB ({fitted}), SSIM {scores['ssim']:.3f}")
+    return {**{key: scores[key] for key in SCORES}, "test_views": scores["views"]}

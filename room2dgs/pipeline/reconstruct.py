@@ -14,6 +14,7 @@ from room2dgs.owner import owned
 from room2dgs.pipeline.depth import points_and_priors
 from room2dgs.pipeline.evaluate import evaluate_run, ground_truth
 from room2dgs.pipeline.export import export_after_run
+from room2dgs.pipeline.exposure import with_even_exposure
 from room2dgs.pipeline.mesh import make_mesh
 from room2dgs.pipeline.poses import refine_poses
 from room2dgs.pipeline.prepare import FOOTAGE, prepare_capture
@@ -90,6 +91,7 @@ def train_steps(scene: Scene, config: Config, run: RunFolder) -> Splats:
     """
     hooks = training_hooks(config)  # reported now if a library is missing, not after hours of work
     points, priors = points_and_priors(scene, config, run)
+    scene = with_even_exposure(scene, points, priors.by_frame, config, run)
     return train_surfels(scene, points, priors, config, run, hooks)
 
 

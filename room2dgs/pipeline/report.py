@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Scene
 from room2dgs.config import Config
+from room2dgs.pipeline.exposure import with_noted_exposure
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.surfels import render_frames, use_threads
 from room2dgs.runs.folder import MESH, required
@@ -34,6 +35,7 @@ def write_run_report(scene: Scene, surfels: Splats | None, config: Config, run: 
     from room2dgs.runs.page.write import write_report
 
     use_threads(config)
+    scene = with_noted_exposure(scene, run.path)
     with run.timed("report"):
         draw = (
             _renders_of_mesh(scene, config, run.path)

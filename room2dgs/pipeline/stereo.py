@@ -44,11 +44,11 @@ def find_stereo(scene: Scene, points: PointCloud, config: Config, run: RunFolder
 
 
 def resized_photos(frames: Sequence[Frame], cameras: Sequence[Camera]) -> Iterator[np.ndarray]:
-    """(H, W, 3) uint8 photos at the cameras' sizes, one at a time."""
+    """(H, W, 3) uint8 photos at the cameras' sizes and of one exposure, one at a time."""
     import cv2
 
     for frame, camera in zip(frames, cameras, strict=True):
-        yield cv2.resize(frame.color(), camera.size, interpolation=cv2.INTER_AREA)
+        yield cv2.resize(frame.levelled_color(), camera.size, interpolation=cv2.INTER_AREA)
 
 
 def fused_stereo(frames: Sequence[Frame], stereo: StereoViews) -> Iterator[FusedView]:

@@ -35,6 +35,7 @@ def key_of(scene: Scene, points: PointCloud, config: Config) -> str:
 
     settings = asdict(config.prior) | {"cache": None}
     capture = asdict(config.scene) | {"gt_mesh": None}
+    del capture["exposure"]  # it is found with the priors, and changes none
     others = [FORMAT, __version__, settings, asdict(config.stereo), capture, config.render.device]
     views = digest_of_views((*scene.keyframes, None, *scene.beside), config.points, [repr(others)])
     digest = hashlib.sha256(views.encode())

@@ -56,7 +56,7 @@ MESH_SCORES = (
 
 
 # and those of its held-out views
-IMAGE_SCORES = ("psnr_db", "ssim", "test_views")
+IMAGE_SCORES = ("psnr_db", "psnr_fitted_db", "ssim", "test_views")
 
 
 class StageTimes(dict[str, float]):

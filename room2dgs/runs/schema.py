@@ -58,6 +58,15 @@ def _is_scalar(value: Any) -> bool:
     return value is None or isinstance(value, str | bool) or is_number(value)
 
 
+def _is_exposure(value: Any) -> bool:
+    """Of the photos, as far as it is read again: three factors above 0 for each."""
+
+    def factors(one: Any) -> bool:
+        return isinstance(one, list) and len(one) == 3 and all(is_number(x) and 0 < x < math.inf for x in one)
+
+    return isinstance(value, dict) and _each(factors)(value.get("gains", {}))
+
+
 def _is_pose(value: Any) -> bool:
     rows = isinstance(value, list) and len(value) == 4
     return rows and all(isinstance(row, list) and len(row) == 4 and all(map(is_number, row)) for row in value)
@@ -120,7 +129,8 @@ NUMBERS, OBJECT = Kind("object of numbers", _each(is_number)), Kind("object", _i
 BY_BEGINNING = {"f_score_": NUMBER, "precision_": NUMBER, "recall_": NUMBER}
 BY_KEY = {
     **dict.fromkeys(("accuracy_m", "completion_m", "chamfer_m", "normal_consistency", "depth_to_truth_m"), NUMBER),
-    **dict.fromkeys(("psnr_db", "ssim", "primitives", "seeds", "iterations", "points", "stereo_coverage"), NUMBER),
+    **dict.fromkeys(("psnr_db", "psnr_fitted_db", "ssim"), NUMBER),
+    **dict.fromkeys(("primitives", "seeds", "iterations", "points", "stereo_coverage"), NUMBER),
     **dict.fromkeys(("mesh_faces", "mesh_vertices", "mesh_voxel_m", "peak_memory_mb", "report_mb"), NUMBER),
     "threshold_m": Kind("number above 0", lambda value: is_number(value) and value > 0 and math.isfinite(1 / value)),
     **dict.fromkeys(("protocol", "priors", "depth_source", "commit"), TEXT),
@@ -129,6 +139,7 @@ BY_KEY = {
     "versions": Kind("object of texts", _each(_is_text)),
     "machine": Kind("object of numbers and texts", _each(_is_scalar)),
     **dict.fromkeys(("capture", "poses", "unit"), OBJECT),
+    "exposure": Kind("object with gains of three numbers above 0 by photo", _is_exposure),
     "verdict": Kind("object of a word, reasons, advice and measures", _is_verdict),
     "test_views": Kind("object or list", lambda value: isinstance(value, dict | list)),
     "truth_from_same_depth": Kind("true or false", lambda value: isinstance(value, bool)),

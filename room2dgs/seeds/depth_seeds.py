@@ -121,7 +121,7 @@ def _unoccluded_pixels(
     camera = frame.camera
     xyz = camera.to_world(in_cam.numpy()[accepted])
     picked = (row.numpy()[accepted], column.numpy()[accepted])
-    return xyz, camera.turned_to_world(normal[picked]), frame.color()[grid][picked] / 255.0, weight[accepted]
+    return xyz, camera.turned_to_world(normal[picked]), frame.levelled_color()[grid][picked] / 255.0, weight[accepted]
 
 
 def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, weight: np.ndarray, voxel_m: float) -> Surface:

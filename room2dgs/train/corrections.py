@@ -1,4 +1,4 @@
-"""Small corrections of each view that are learnt beside the surfels: of its pose, of its exposure."""
+"""Small corrections of each view's pose that are learnt beside the surfels."""
 
 from __future__ import annotations
 
@@ -60,39 +60,6 @@ class PoseCorrections(Hook):
             f"{turns.rad2deg().median().item():.3f} deg (median), {100 * shifts.max().item():.2f} cm, "
             f"{turns.rad2deg().max().item():.3f} deg (largest)"
         )
-
-
-class ExposureCorrections(Hook):
-    """A gain and an offset of each colour of each training photo; the mean photo has none.
-
-    The rendering is changed before it is compared: exp(g) colour + b. Held-out views have no exposure of their own, and
-    their PSNR knows of none.
-    """
-
-    name = "exposure_corrections"
-
-    def on_start(self, trainer: Trainer) -> None:
-        self._rows = PerViewAdam(len(trainer.views), 6, trainer.device)
-        self._rate = trainer.config.train.rates.exposure
-        self._leaf: Tensor | None = None
-
-    def before_iteration(self, trainer: Trainer, iteration: Iteration) -> None:
-        self._leaf = self._rows.values[iteration.view_index].clone().requires_grad_()
-        iteration.view = iteration.view._replace(exposure=self._leaf.float().reshape(2, 3))
-
-    def after_backward(self, trainer: Trainer, iteration: Iteration) -> None:
-        share = correction_share(iteration.number, trainer.config.train.iterations)
-        if share == 0 or self._leaf is None or self._leaf.grad is None:
-            return
-        rates = torch.full((6,), share * self._rate, dtype=torch.float64, device=trainer.device)
-        self._rows.step(iteration.view_index, self._leaf.grad, rates)
-        self._rows.values = self._rows.values - self._rows.values.mean(dim=0)
-
-    def state(self) -> dict[str, Tensor]:
-        return self._rows.state()
-
-    def load(self, trainer: Trainer, state: dict[str, Tensor]) -> None:
-        self._rows.load(state)
 
 
 def corrected(view: View, correction: Tensor) -> View:

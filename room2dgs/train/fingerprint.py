@@ -20,12 +20,13 @@ from room2dgs.train.schedule import has_shares
 # `train.iterations` is not among them, unless times are shares of it: a run may be prolonged.
 SECTIONS = ("scene", "sfm", "points", "seeds", "render", "loss", "strategy")
 TRAIN_KEYS = (
-    "seed", "rates", "refine_poses", "exposure", "random_background", "resolutions", "coarsest_px", "opacity_floor",
+    "seed", "rates", "refine_poses", "random_background", "resolutions", "coarsest_px", "opacity_floor",
 )  # fmt: skip
 FREE = ("scene.gt_mesh", "scene.split", "scene.test_every", "render.threads")
 # What runs had from before there was the setting; left out where it is the same, so that they go on.
 ABSENT = {
-    "render.device": "cpu", "train.random_background": False, "train.opacity_floor.until": 0, "primitive": "surfel2d",
+    "render.device": "cpu", "scene.exposure": False,
+    "train.random_background": False, "train.opacity_floor.until": 0, "primitive": "surfel2d",
 }  # fmt: skip
 # These say where things lie. What lies there counts (`contents`), or it follows from other settings.
 LOCATIONS = ("scene.path", "points.file", "points.cache")

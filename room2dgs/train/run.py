@@ -12,7 +12,7 @@ from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.logs import Log, run_log
 from room2dgs.torch_threads import one_torch_thread
-from room2dgs.train.corrections import ExposureCorrections, PoseCorrections
+from room2dgs.train.corrections import PoseCorrections
 from room2dgs.train.device import on_device
 from room2dgs.train.fingerprint import digest
 from room2dgs.train.finite_checks import FiniteCheck
@@ -110,5 +110,4 @@ def _thinning(config: Config) -> list[Hook]:
 
 
 def _corrections(config: Config) -> list[Hook]:
-    chosen = ((config.train.refine_poses, PoseCorrections), (config.train.exposure, ExposureCorrections))
-    return [hook() for wanted, hook in chosen if wanted]
+    return [PoseCorrections()] if config.train.refine_poses else []

@@ -41,7 +41,7 @@ def rates_at(iteration: int, iterations: int, rates: RatesConfig, extent_m: floa
 
 
 def correction_share(iteration: int, iterations: int) -> float:
-    """Of the rates of poses' and exposures' corrections: 0 until surfels have some shape, then 1, falling to 0.01."""
+    """Of the rates of poses' corrections: 0 until surfels have some shape, then 1, falling to 0.01."""
     start = round(CORRECTIONS_START * iterations)
     return 0.0 if iteration < start else _decayed(iteration - start, iterations - start, 1.0, 0.01)
 
@@ -116,8 +116,11 @@ def has_shares(config: Config) -> bool:
     times.append(config.train.opacity_floor.until)
     if config.strategy.name != "fixed" or config.strategy.thin > 0:
         times += [config.strategy.start, config.strategy.stop, config.strategy.reset_every]
-    corrected = config.train.refine_poses or config.train.exposure
-    return corrected or config.loss.normal_reweighting.enabled or any(isinstance(time, float) for time in times)
+    return (
+        config.train.refine_poses
+        or config.loss.normal_reweighting.enabled
+        or any(isinstance(time, float) for time in times)
+    )
 
 
 def multiview_acts(iteration: int, config: Config) -> bool:

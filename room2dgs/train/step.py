@@ -34,7 +34,7 @@ class Step(NamedTuple):
     Attributes:
         losses: unweighted value of each active term, and "loss", their weighted sum; where a GPU trains scalars
             on it, which it waits for when they are read.
-        color: (H, W, 3) the rendering.
+        color: (H, W, 3) the rendering, as the photo was exposed.
         target: (H, W, 3) the photo; where a mask hides it, the rendering.
         depth, alpha: (H, W) of the rendering.
         terms_again: renders and computes the loss terms anew, differentiable, as long as the model is unchanged.
@@ -101,6 +101,7 @@ def forward_backward(
     clock.lap("backward")
     seen = () if center_px is None else (splats.opacities.detach(), center_px.grad)
     color, depth, alpha = (values.detach() for values in (rendering.color, rendering.depth, rendering.alpha))
+    color = view.exposed(color)
     return Step(losses, color, shown(target, view, color), depth, alpha, lambda: terms_of(rendered()[1]), *seen)
 
 
@@ -189,7 +190,7 @@ def shown(target: Tensor, view: View, color: Tensor) -> Tensor:
 
 
 def _psnr_of(splats: Splats, view: View, settings: RenderConfig) -> float | Tensor:
-    color = render_view(splats, view, settings).color
+    color = view.exposed(render_view(splats, view, settings).color)
     return psnr_db(color, shown(view.target(), view, color))
 
 

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from room2dgs.captures.cache import Cache
 from room2dgs.captures.image_files import whole_at
+from room2dgs.captures.levelled import WHITE
 from room2dgs.captures.packed_maps import pack
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
@@ -32,7 +33,8 @@ class View(NamedTuple):
         cam_from_world: (4, 4) float32, metres.
         width, height: pixels.
         maps: the priors at the pixels that losses compare (`compared_maps`).
-        exposure: (2, 3) logarithms of gains, and offsets, from a rendering's colours to the photo's; None: as it is.
+        gains: (3,) float32, from a rendering's red, green and blue to the photo's levels; None: 1.
+        clips: whether it has gains, and white, which says no more than that something is at least so bright.
         mask: (H, W) bool, pixels of the photo that may be compared; None: all.
     """
 
@@ -43,7 +45,8 @@ class View(NamedTuple):
     width: int
     height: int
     maps: ViewMaps[Tensor] = ViewMaps()
-    exposure: Tensor | None = None
+    gains: Tensor | None = None
+    clips: bool = False
     mask: Tensor | None = None
 
     def target(self) -> Tensor:
@@ -51,8 +54,11 @@ class View(NamedTuple):
         return torch.div(self.image, 255)
 
     def exposed(self, color: Tensor) -> Tensor:
-        """(H, W, 3) rendered colours as this photo was exposed; differentiable."""
-        return color if self.exposure is None else color * self.exposure[0].exp() + self.exposure[1]
+        """(H, W, 3) rendered colours as this photo was exposed, which clips what it has as white; differentiable."""
+        if self.gains is None:
+            return color
+        color = color * self.gains
+        return torch.where(self.image == WHITE, color.clamp(max=1.0), color) if self.clips else color
 
 
 class Views:
@@ -101,13 +107,16 @@ class Views:
     def _read(self, index: int, fraction: float, priors: bool = True) -> View:
         frame = self.frames[index]
         camera = _resized(frame.camera, fraction)
+        photo = self.photo(index, fraction)
         return View(
             frame.name,
-            self.photo(index, fraction),
+            photo,
             *view_matrices(camera),
             camera.width,
             camera.height,
             self._maps(frame.name, camera) if priors else ViewMaps(),
+            gains=None if frame.gains is None else torch.tensor(frame.gains, dtype=torch.float32),
+            clips=frame.gains is not None and bool((photo == WHITE).any()),
             mask=self.mask(index, fraction),
         )
 

@@ -102,10 +102,11 @@ def test_run_leaves_what_the_readme_promises(finished, scene):
     assert not [path for path in finished.rglob("*") if path.name.endswith(".tmp")]
     metrics = metrics_of(finished)
     assert 0.9 < metrics["precision_5cm"] <= 1 and 0 < metrics["recall_5cm"] <= 1
-    for key in ("f_score_5cm", "accuracy_m", "completion_m", "psnr_db", "ssim", "peak_memory_mb"):
+    for key in ("f_score_5cm", "accuracy_m", "completion_m", "psnr_db", "psnr_fitted_db", "ssim", "peak_memory_mb"):
         assert isinstance(metrics[key], float)
     assert metrics["protocols"]["area"]["constants"]["threshold_m"] == 0.05
-    stages = {"read", "poses", "points", "priors", "train", "mesh", "export", "render", "eval", "report", "verdict"}
+    before = {"read", "poses", "points", "priors", "exposure"}
+    stages = {*before, "train", "mesh", "texture", "export", "render", "eval", "report", "verdict"}
     assert set(metrics["seconds"]) == stages
     # thinned: the surfels that are left are a seed each
     assert metrics["primitives"] == metrics["seeds"] and "of what the views show" in (finished / "log.txt").read_text()

@@ -74,7 +74,7 @@ def test_it_is_scored_timed_and_said_what_it_was_made_of(finished):
         "eval",
         "report",
         "verdict",
-        *(["stereo"] if source == "stereo" else []),
+        *(["stereo", "exposure"] if source == "stereo" else []),
     }
     assert timed == set(metrics["seconds"]) == set(metrics["cpu_seconds"])
     covered = metrics["stereo_coverage"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import correlate1d
 
-from room2dgs.eval.image_metrics import image_scores, psnr, ssim
+from room2dgs.eval.image_metrics import color_fitted, image_scores, psnr, ssim
 
 RNG = np.random.default_rng(0)
 PHOTO = RNG.integers(0, 256, (40, 50, 3), dtype=np.uint8)
@@ -47,7 +47,30 @@ def test_means_and_views():
     result = image_scores([("a", grey + 0.1, grey), ("b", grey + 0.01, grey)])
     assert result["psnr_db"] == pytest.approx(30)
     assert result["views"]["b"]["psnr_db"] == pytest.approx(40)
-    assert image_scores([]) == {"psnr_db": None, "ssim": None, "views": {}}
+    assert image_scores([]) == {"psnr_db": None, "psnr_fitted_db": None, "ssim": None, "views": {}}
+
+
+def test_a_colour_fit_undoes_exposure_and_white_balance_and_nothing_else():
+    rendering = 0.2 + 0.5 * RNG.random((30, 40, 3))
+    photo = rendering * (1.2, 1.0, 0.8) + (0.0, 0.02, 0.01)
+    assert psnr(rendering, photo) < 25
+    assert psnr(color_fitted(rendering, photo), photo) > 60
+    assert image_scores([("a", rendering, photo)])["psnr_fitted_db"] > 60
+    other = RNG.random((30, 40, 3))  # another picture stays another one, but for its mean
+    assert psnr(color_fitted(other, photo), photo) < 20
+    flat = color_fitted(np.full((30, 40, 3), 0.5), np.full((30, 40, 3), 0.3))
+    assert flat == pytest.approx(0.3)
+
+
+def test_a_colour_fit_looks_neither_at_clipped_nor_at_hidden_pixels():
+    rendering = 0.2 + 0.5 * RNG.random((30, 40, 3))
+    photo = 1.3 * rendering
+    photo[:, :10] = 1.0
+    mask = np.ones((30, 40), bool)
+    mask[:5] = False
+    photo[:5] = 0.5 * RNG.random((5, 40, 3)) + 0.1
+    fitted = color_fitted(rendering, photo, mask)
+    assert fitted[5:, 10:] == pytest.approx(photo[5:, 10:], abs=2e-3)
 
 
 def test_a_size_mismatch_is_named():

@@ -1,10 +1,9 @@
-"""Poses and exposures that are a little off are corrected in training; the world stays where it is."""
+"""Poses that are a little off are corrected in training; the world stays where it is."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 import torch
@@ -20,7 +19,7 @@ from room2dgs.train.per_view_adam import PerViewAdam
 from room2dgs.train.schedule import correction_share
 from room2dgs.train.views import Views
 
-POSES, EXPOSURE = "train.refine_poses=true", "train.exposure=true"
+POSES = "train.refine_poses=true"
 
 
 class Stop(Hook):
@@ -119,30 +118,6 @@ def test_shifted_cameras_go_back(capture, configure, log, tmp_path):
     assert any(line.startswith("pose corrections: ") for line in log.lines)
 
 
-def darkened(scene: Scene, folder, gains) -> Scene:
-    """The same photos with other exposures."""
-    frames = []
-    for frame, gain in zip(scene.train, gains, strict=True):
-        path = folder / frame.color_path.name
-        cv2.imwrite(str(path), np.round(gain * cv2.imread(str(frame.color_path)).astype(float)).clip(0, 255))
-        frames.append(replace(frame, color_path=path))
-    return replace(scene, train=tuple(frames))
-
-
-def test_exposures_are_found_relative_to_their_mean(capture, configure, log, tmp_path):
-    gains = np.array([0.7, 0.9, 0.8, 1.0])
-    scene = darkened(capture[0], tmp_path, gains)
-    rates = ["train.rates.exposure=0.02"]
-    settings = ["train.iterations=400", "train.checkpoint_every=400", "train.log_every=400", EXPOSURE, *rates]
-    train(scene, capture[1], configure(*settings), tmp_path / "out", log)
-    rows = learnt(tmp_path / "out", log, "exposure_corrections")
-    assert np.abs(rows.mean(axis=0)).max() < 1e-12
-    # of a mid grey: gain and offset are told apart only by contrast
-    found = np.exp(rows[:, :3]) * 0.5 + rows[:, 3:]
-    want = 0.5 * gains / np.exp(np.log(gains).mean())
-    assert np.abs(found - want[:, None]).max() < 0.04
-
-
 @pytest.mark.parametrize("threads", [1, 2])
 def test_bits_are_the_same_on_any_threads_and_after_a_resume(capture, configure, log, tmp_path, threads):
     settings = [
@@ -152,7 +127,6 @@ def test_bits_are_the_same_on_any_threads_and_after_a_resume(capture, configure,
         "loss.multiview_photometric.start=4",
         "loss.multiview_photometric.ramp=0",
         POSES,
-        EXPOSURE,
     ]
     try:
         set_threads(threads)
@@ -164,14 +138,13 @@ def test_bits_are_the_same_on_any_threads_and_after_a_resume(capture, configure,
     finally:
         set_threads(None)
     assert bits(whole) == bits(resumed)
-    for name in ("pose_corrections", "exposure_corrections"):
-        first, second = (learnt(tmp_path / out, log, name) for out in ("whole", "cut"))
-        assert first.tobytes() == second.tobytes() and np.abs(first).max() > 0
+    first, second = (learnt(tmp_path / out, log, "pose_corrections") for out in ("whole", "cut"))
+    assert first.tobytes() == second.tobytes() and np.abs(first).max() > 0
 
 
-@pytest.mark.parametrize("key", ["train.refine_poses", "train.exposure", "train.rates.pose_center"])
+@pytest.mark.parametrize("key", ["train.refine_poses", "train.rates.pose_center"])
 def test_a_run_resumes_only_with_the_same_corrections(capture, configure, log, tmp_path, key):
     train(*capture, configure(POSES), tmp_path, log)
-    other = {"train.refine_poses": "false", "train.exposure": "true", "train.rates.pose_center": "1e-5"}[key]
+    other = {"train.refine_poses": "false", "train.rates.pose_center": "1e-5"}[key]
     with pytest.raises(InputError, match=f"was trained with {key}="):
         train(*capture, configure(POSES, f"{key}={other}", "resume=true"), tmp_path, log)

@@ -60,7 +60,7 @@ def trained(capture, config, out, log, hooks=()):
 
 
 FIXED = ["train.iterations=14"]
-SHARED = [*FIXED, "seeds.decoder=shared", "train.refine_poses=true", "train.exposure=true"]
+SHARED = [*FIXED, "seeds.decoder=shared", "train.refine_poses=true"]
 
 
 @pytest.mark.parametrize("more", [FIXED, SHARED, GROWING], ids=["fixed", "shared", "growing"])
@@ -95,7 +95,6 @@ def test_a_killed_run_resumes_to_the_same_bits_but_not_on_another_device(capture
         *ALL_TERMS,
         *GROWING,
         DEVICE,
-        "train.exposure=true",
         "train.refine_poses=true",
         "train.checkpoint_every=3",
     ]
@@ -180,7 +179,7 @@ class Ends(Exception):
     "more",
     [
         ["strategy=seeds"],
-        ["seeds.decoder=shared", "train.exposure=true", "train.refine_poses=true", "train.random_background=true"],
+        ["seeds.decoder=shared", "train.refine_poses=true", "train.random_background=true"],
         ["strategy=plain", "seeds.per_seed=1"],
     ],
 )

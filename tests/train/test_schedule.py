@@ -38,7 +38,6 @@ RATES = RatesConfig(
     network_final=2e-4,
     pose_rotation=3e-4,
     pose_center=3e-4,
-    exposure=5e-3,
 )
 
 

@@ -107,7 +107,7 @@ def trained(wall, tmp_path_factory):
     """A small run's folder with one checkpoint, its settings, and what it takes to go on with it."""
     out = tmp_path_factory.mktemp("trained")
     config = load_config(
-        [f"scene.path={wall}", f"out={out}", "experiment=quick", "train.iterations=4", "train.exposure=true",
+        [f"scene.path={wall}", f"out={out}", "experiment=quick", "train.iterations=4", "train.refine_poses=true",
          "prior=none", "seeds.init=sfm"]
     )  # fmt: skip
     scene = read_scene(config.scene)
@@ -145,7 +145,7 @@ def say(**values):
     return lambda tensors, meta: meta.update(values)
 
 
-EXPOSURE = "extra/exposure_corrections"
+POSES = "extra/pose_corrections"
 
 
 @pytest.mark.parametrize(
@@ -159,8 +159,8 @@ EXPOSURE = "extra/exposure_corrections"
         (put("parameter/rotations", value=torch.nan), "has rotations that is not finite"),
         (put("adam/exp_avg/offsets", 2), "has exp_avg/offsets of shape"),
         (put("adam/step/offsets", 2), "not one number"),
-        (drop(f"{EXPOSURE}/mean"), "does not fit exposure_corrections"),
-        (put(f"{EXPOSURE}/values", 1, 6), "does not fit exposure_corrections"),
+        (drop(f"{POSES}/mean"), "does not fit pose_corrections"),
+        (put(f"{POSES}/values", 1, 6), "does not fit pose_corrections"),
         (say(iteration="4"), "does not say of which iteration"),
         (say(iteration=3), "does not say of which iteration"),
         (say(fingerprint=[]), "does not say of which iteration"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, Strict
 from pydantic.dataclasses import dataclass
 
 from room2dgs.config.fields import GROUP, REQUIRED, Float, Folder, Int, Name, PathText, Wants, expert, public
@@ -64,6 +64,11 @@ class SceneConfig:
         "auto",
         "Metres of one unit of the capture's poses. auto: 1 where the capture says that they are metres; else it is "
         "estimated from the depth prior, if one is read.",
+    )
+    exposure: Annotated[Literal["auto"] | Annotated[bool, Strict()], Wants("auto, true or false")] = public(
+        "auto",
+        "Whether colours are brought to one exposure and white balance, estimated from places that several photos see. "
+        "auto: where the photos vary.",
     )
     topics: list[str] | None = expert(
         None, "Topics of a ROS bag that are read where it has several pictures, depths or poses (null: the only ones)."

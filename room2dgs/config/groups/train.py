@@ -33,9 +33,6 @@ class RatesConfig:
     pose_center: Rate = expert(
         3.0e-4, "Learning rate of the positions that train.refine_poses learns, in metres; it falls to a hundredth."
     )
-    exposure: Rate = expert(
-        5.0e-3, "Learning rate of the gains and offsets that train.exposure learns; it falls to a hundredth."
-    )
 
     @model_validator(mode="after")
     def _finals_can_be_reached(self) -> RatesConfig:
@@ -74,7 +71,6 @@ class TrainConfig:
     seed: Int = public(0, "Seed of everything that is random.")
     rates: RatesConfig = group(RatesConfig)
     refine_poses: bool = expert(False, "Whether training learns a small correction of each training view's pose.")
-    exposure: bool = public(False, "Whether training learns gains and offsets of each training photo's colours.")
     random_background: bool = expert(  # docs/studies/mesh.md
         False,
         "Whether each training view is rendered over a colour of its own; over one colour for all, surfaces of that "

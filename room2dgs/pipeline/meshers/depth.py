@@ -9,6 +9,7 @@ from room2dgs.captures.scene import Scene
 from room2dgs.config import Config, MeshConfig
 from room2dgs.errors import InputError
 from room2dgs.pipeline.depth import points_and_priors
+from room2dgs.pipeline.exposure import with_even_exposure
 from room2dgs.pipeline.meshers.mesher import MakeMesh
 from room2dgs.pipeline.run_folder import RunFolder
 
@@ -24,9 +25,11 @@ def surface(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder
     """Fuses the prior depth of the training views; see `Mesher`."""
     from room2dgs.mesh.fuse import fuse
 
-    _, priors = points_and_priors(scene, config, run)
+    points, priors = points_and_priors(scene, config, run)
     if not any(maps.depth is not None for maps in priors.by_frame.values()):
         raise InputError("mesh.source=depth has no depth to mesh; give prior=room_prior, or mesh.source=surfels")
+
+    scene = with_even_exposure(scene, points, priors.by_frame, config, run)
 
     def make(settings: MeshConfig) -> trimesh.Trimesh:
         return fuse(views_with_depth(scene, priors, config), settings, run.log, config.render.device)
@@ -41,4 +44,4 @@ def views_with_depth(scene: Scene, priors: Priors, config: Config) -> Iterator[F
     for frame in scene.train:
         maps = priors.by_frame.get(frame.name)
         if maps is not None and maps.depth is not None:
-            yield trusted_view(maps, frame.camera, frame.color(), config.mesh)
+            yield trusted_view(maps, frame.camera, frame.levelled_color(), config.mesh)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from room2dgs.captures.scene import Scene
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config, MeshConfig
+from room2dgs.pipeline.exposure import with_even_exposure
 from room2dgs.pipeline.meshers.mesher import MakeMesh
 from room2dgs.pipeline.points import find_points_alone
 from room2dgs.pipeline.run_folder import RunFolder
@@ -31,6 +32,7 @@ def surface(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder
     maps = {name: ViewMaps(depth=view.depth, source="stereo") for name, view in found.items()}
     counts = {name: (view.depth, view.num_consistent) for name, view in found.items()}
     write_trust(run.path / TRUST, scene.keyframes, maps, counts)
+    scene = with_even_exposure(scene, points, maps, config, run)
 
     def make(settings: MeshConfig) -> trimesh.Trimesh:
         return fuse(fused_stereo(scene.keyframes, stereo), settings, run.log, config.render.device)

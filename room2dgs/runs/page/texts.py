@@ -156,7 +156,7 @@ def _scores(metrics: dict[str, Any]) -> Table:
                     at = f" at {key.removeprefix(start)}" if start.endswith("_") else ""
                     rows.append((name, label + at, f"{value * 1000:.1f} mm" if key.endswith("_m") else f"{value:.3f}"))
     rows += _depth_scores(metrics)
-    for key, label in (("psnr_db", "PSNR, dB"), ("ssim", "SSIM")):
+    for key, label in (("psnr_db", "PSNR, dB"), ("psnr_fitted_db", "PSNR after a colour fit, dB"), ("ssim", "SSIM")):
         if metrics.get(key) is not None:
             rows.append(("held-out photos", label, f"{metrics[key]:.3f}"))
     columns = {"protocol": lambda row: row[0], "score": lambda row: row[1], "value": lambda row: row[2]}

@@ -49,7 +49,7 @@ def view_pictures(scene: Scene, rendered: Rendered, trust: Mapping[str, Trust], 
 
 
 def _view(frame: Frame, view: Rendering, sort: str, trusted: Trust | None) -> dict[str, Any]:
-    photo, color = frame.color(), view.color.clamp(0, 1).numpy()
+    photo, color = frame.color(), frame.exposed(view.color.clamp(0, 1).numpy())
     covered = view.covered.numpy()
     difference = np.abs(photo.astype(np.float32) / 255 - color).mean(axis=-1)
     pictures = {

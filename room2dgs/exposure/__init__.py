@@ -1,0 +1,1 @@
+"""Exposure and white balance of photos, from the colours of places that several of them see."""
