@@ -12,7 +12,7 @@ from room2dgs.pipeline.evaluate import evaluate_mesh, evaluate_run, ground_truth
 from room2dgs.pipeline.loaded_run import loaded_run
 from room2dgs.runs.folder import CONFIG, absolute, earlier_run, last_value
 
-USAGE = "room2dgs eval RUN | pred=MESH [gt=MESH] scene=DIR [out=DIR] [eval.KEY=VALUE ...]"
+USAGE = "room2dgs eval run=DIR | pred=MESH [gt=MESH] scene=DIR [out=DIR] [eval.KEY=VALUE ...]"
 SHORT = {"pred": "eval.pred", "gt": "eval.gt", "scene": "scene.path", "run": "out"}
 
 

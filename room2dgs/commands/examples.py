@@ -39,6 +39,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("run=runs/room path=cameras.json save=color,depth", "what the cameras of a file see"),
     ),
     "view": (("run=runs/room", "then open http://127.0.0.1:8080"),),
+    "open": (("runs/room", "the page with the room, pictures and scores"),),
     "report": (("run=runs/room report.views=12", "with more photos"),),
     "export": (
         ("run=runs/room to=splats,spz,glb max_error_m=0.01", "splats, and a mesh simplified within 1 cm"),

@@ -13,6 +13,7 @@ VERBS = {
     "eval": "score an earlier run, or any mesh against a ground truth",
     "render": "pictures of an earlier run's views beside the photos",
     "view": "walk through an earlier run in a browser",
+    "open": "the page of an earlier run, in this machine's browser",
     "report": "one page of an earlier run that opens in any browser",
     "export": "an earlier run for other programs: splats, GLB, COLMAP, depth maps and more",
     "table": "runs and other methods' meshes in the columns of the paper's Table I: CSV, Markdown, HTML, LaTeX",

@@ -79,8 +79,9 @@ def _on_top_of(earlier: Path, tree: Tree, chosen: list[str]) -> Tree:
 
     Settings that did not exist yet when that run was made have their default; those that are gone are passed over.
     """
-    if "experiment" in chosen:
-        raise InputError("experiment= starts a new run; on an earlier one set single values instead")
+    for group in ("experiment", "preset"):
+        if group in chosen:
+            raise InputError(f"{group}= starts a new run; on an earlier one set single values instead")
     leaves = dict(_leaves(read_saved(earlier)))
     for old, new in RENAMED.items():
         if any(name == old or name.startswith(old + ".") for name in leaves):

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 from room2dgs.runs.folder import MESH, RENDERS, REPORT
 from room2dgs.runs.metrics import read_metrics
-from room2dgs.runs.verdict import noted_verdict
+from room2dgs.runs.verdict import Verdict, noted_verdict
 
 
 def summary(out: Path) -> list[str]:
-    """How good it is, how long it took, where to look, and the verdict.
+    """How good it is, how long it took, what was made; and as the last three the verdict, where to look, what next.
 
     Raises:
         InputError: as `read_metrics`.
@@ -30,9 +31,14 @@ def summary(out: Path) -> list[str]:
         lines.append(f"pictures  {out / RENDERS}")
     if (out / "eval" / "views.png").exists():
         lines.append(f"          {out / 'eval' / 'views.png'}, {out / 'eval' / 'top.png'}")
-    if (out / REPORT).exists():
-        lines.append(f"report    {out / REPORT}")
-    verdict = noted_verdict(metrics)
-    if verdict is not None:
-        lines += verdict.lines()
-    return lines
+    return lines + _last_lines(out, noted_verdict(metrics))
+
+
+def _last_lines(out: Path, verdict: Verdict | None) -> list[str]:
+    run = shlex.quote(str(out))
+    said = verdict.lines() if verdict is not None else []
+    look = f"{out / REPORT} (room2dgs open {run})" if (out / REPORT).exists() else f"room2dgs view {run}"
+    step = (
+        verdict.advice[0] if verdict is not None and verdict.advice else f"room2dgs view {run} walks through the room"
+    )
+    return [*said[1:], *said[:1], f"look at: {look}", f"next: {step}"]

@@ -10,6 +10,7 @@ from typing import Any
 import torch
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Column
 from torch import Tensor
 
 STAGES = ("data", "render", "loss", "multiview", "backward", "optimiser", "strategy")
@@ -62,23 +63,24 @@ def _mean(values: list[float | Tensor]) -> float:
     return sum(here) / len(here)
 
 
+def columns() -> list[ProgressColumn]:
+    """Bar, count and time, whole on every terminal; the figures have the room that is left."""
+    rest = Column(ratio=1, no_wrap=True, overflow="ellipsis")
+    return [
+        BarColumn(20, table_column=Column(no_wrap=True, min_width=20)),
+        TextColumn("{task.completed}/{task.total}", table_column=Column(no_wrap=True)),
+        TimeRemainingColumn(table_column=Column(no_wrap=True, min_width=7)),
+        TextColumn("{task.fields[figures]}", table_column=rest),
+    ]
+
+
 class Bar:
     """A progress bar on a terminal; nothing elsewhere, where the log lines do."""
 
     def __init__(self, total: int, done: int) -> None:
         self._progress: Progress | None = None
         if sys.stderr.isatty():
-            columns: list[ProgressColumn | str] = [
-                BarColumn(20),
-                "{task.completed}/{task.total}",
-                TimeRemainingColumn(),
-                "{task.fields[figures]}",
-            ]
-            self._progress = Progress(
-                *(TextColumn(c) if isinstance(c, str) else c for c in columns),
-                console=Console(stderr=True),
-                refresh_per_second=4,
-            )
+            self._progress = Progress(*columns(), console=Console(stderr=True), refresh_per_second=4, expand=True)
             self._task = self._progress.add_task("training", total=total, completed=done, figures="")
             self._progress.start()
 

@@ -20,7 +20,8 @@ VAGUE = r"\b(likewise|of them|of it$|and so|the same of|these)\b"
 CHOICES = [
     path
     for path in sorted(conf_dir().rglob("*.yaml"))
-    if path.relative_to(conf_dir()).parts[0] not in ("experiment", "config.yaml") and "_" not in path.parent.name[0]
+    if path.relative_to(conf_dir()).parts[0] not in ("experiment", "preset", "config.yaml")
+    and "_" not in path.parent.name[0]
 ]
 
 
