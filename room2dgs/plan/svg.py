@@ -64,8 +64,8 @@ def svg(plan: FloorPlan, title: str) -> str:
         lines = [f"room {number}: {room.area_m2:.2f} m²"]
         lines += [] if plan.height_m is None else [f"height {plan.height_m:.2f} m"]
         label = room_label(room, lines, TEXT_M)
-        for line, at in zip(lines, label.lines, strict=True):
-            write(at, line, label.size_m)
+        for text, at in zip(lines, label.lines, strict=True):
+            write(at, text, label.size_m)
     _scale(root, height)
     return ET.tostring(root, encoding="unicode") + "\n"
 

@@ -28,13 +28,13 @@ class MultiviewNetwork(NamedTuple):
     Attributes:
         network: its session, and how one photo of a window goes in and comes out.
         views: what the card says of windows.
-        count: photos of a window.
+        photos: how many a window has.
         confident: its expected error is a confidence, the larger the surer.
     """
 
     network: Network
     views: CardViews
-    count: int
+    photos: int
     confident: bool
 
 
@@ -64,9 +64,9 @@ def open_multiview(path: Path, card: Card, threads: int | None, provider: str) -
     for key, name in taken.items():
         _check_named(key, name, inputs, path, has)
     made = {"depth.output": depth.output, "depth.mask": depth.mask, "depth.error": depth.error}
-    for key, name in (made | {"depth.confidence": depth.confidence}).items():
-        if name:
-            _check_named(key, name, outputs, path, has)
+    for key, asked in (made | {"depth.confidence": depth.confidence}).items():
+        if asked:
+            _check_named(key, asked, outputs, path, has)
     image = inputs[_photos_input(card, [name for name in inputs if name not in taken.values()], path, has)]
     named = [name for name in (settings.mask, settings.error_output) if name]
     output = depth.output or _only([name for name in outputs if name not in named], path, has)
@@ -109,10 +109,10 @@ def window_maps(net: MultiviewNetwork, photos: Sequence[np.ndarray], cameras: Se
         results = network.session.run(names, feeds)
     except Exception as error:  # onnxruntime has a dozen kinds, all plain exceptions
         raise InputError(
-            f"{network.path} cannot run on {net.count} photos of {size.width}x{size.height} ({first_line(error)}); it "
+            f"{network.path} cannot run on {net.photos} photos of {size.width}x{size.height} ({first_line(error)}); it "
             f"has {described(network.session)}"
         ) from error
-    answers = net.count if net.views.answers == "all" else 1
+    answers = net.photos if net.views.answers == "all" else 1
     by_name = {name: _by_view(result, answers, name, network) for name, result in zip(names, results, strict=True)}
     found = [
         decoded(network, {name: values[view] for name, values in by_name.items()}, fits[view], cameras[view])

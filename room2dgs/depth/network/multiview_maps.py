@@ -47,13 +47,13 @@ def multiview_maps(frames: Sequence[Frame], config: PriorConfig, model: ModelFil
         raise InputError("prior.cache=DIR is not given; the networks' maps are cached there")
     card, folder = card_of(config.depth, "depth"), Path(config.cache) / FOLDER
     net = open_multiview(model.path, card, config.threads, config.provider)
-    if len(frames) < net.count:
+    if len(frames) < net.photos:
         raise InputError(
-            f"{model.path} sees {net.count} photos at a time and there are {len(frames)}; take more, or an export for "
+            f"{model.path} sees {net.photos} photos at a time and there are {len(frames)}; take more, or an export for "
             "fewer"
         )
     assert card.views is not None
-    chosen = windows([frame.camera for frame in frames], net.count, card.views.answers)
+    chosen = windows([frame.camera for frame in frames], net.photos, card.views.answers)
     gpu = runs_on_gpu(config.provider)
     paths = {
         index: folder / f"{frames[index].name}-{_key(frames, window, index, model, card, gpu)}{SUFFIX}"
@@ -62,7 +62,7 @@ def multiview_maps(frames: Sequence[Frame], config: PriorConfig, model: ModelFil
     }
     missing = [one for one in chosen if not all(_there(frames[index], paths[index]) for index in one.answers)]
     log(
-        f"depth prior: {model.path.name} on {len(frames)} photos, {net.count} at a time: {len(missing)} of "
+        f"depth prior: {model.path.name} on {len(frames)} photos, {net.photos} at a time: {len(missing)} of "
         f"{len(chosen)} windows, the others' maps are in {folder}"
     )
     _fill(frames, missing, paths, net, log)

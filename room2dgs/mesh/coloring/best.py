@@ -77,12 +77,16 @@ class Views:
             gain, sharpness: of `Levels`.
         """
         camera, usable = frame.camera, frame.mask()
-        pose = np.ascontiguousarray(camera.cam_from_world[:3])
-        focal = camera.K[0, 0], camera.K[1, 1], camera.K[0, 2], camera.K[1, 2]
         mask = None if usable is None else np.ascontiguousarray(usable, np.uint8)
-        images = depth, np.ascontiguousarray(photo), np.ascontiguousarray(soft), mask
-        about = pose, np.ascontiguousarray(gain, np.float32), float(sharpness), soft_px(camera.width)
-        _C.look_up(*self.points, *images, *focal, *about, self.quality, self.sharp, self.low)
+        _C.look_up(
+            *(self.points.places, self.points.normals, self.points.spacing),
+            *(depth, np.ascontiguousarray(photo), np.ascontiguousarray(soft)),
+            mask,
+            *(camera.K[0, 0], camera.K[1, 1], camera.K[0, 2], camera.K[1, 2]),
+            *(np.ascontiguousarray(camera.cam_from_world[:3]), np.ascontiguousarray(gain, np.float32)),
+            *(float(sharpness), soft_px(camera.width)),
+            *(self.quality, self.sharp, self.low),
+        )
 
     def blended(self) -> tuple[np.ndarray, np.ndarray]:
         """(N, 3) float32 colours 0..255, and (N,) bool where some photo sees the point."""

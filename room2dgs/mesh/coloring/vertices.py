@@ -51,7 +51,7 @@ def vertex_points(mesh: trimesh.Trimesh) -> Points:
     weighted = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     count = len(vertices)
     normals = np.stack([np.bincount(faces.ravel(), np.repeat(axis, 3), count) for axis in weighted.T], axis=1)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     around = (lengths + np.roll(lengths, 1, axis=1)) / 2  # of the two edges at each corner
     edges = np.bincount(faces.ravel(), around.ravel(), count) / np.maximum(
