@@ -37,6 +37,11 @@ def data_uri(picture: np.ndarray) -> str:
     return "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode("ascii")
 
 
+def svg_uri(svg: str) -> str:
+    """An SVG as a picture inside the page."""
+    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode("utf-8")).decode("ascii")
+
+
 def drawn(figure: Any, dpi: int) -> np.ndarray:
     """(H, W, 3) RGB 0..1 of a matplotlib figure."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -64,6 +69,7 @@ def _environment() -> Environment:
         finalize=_shown,
     )
     found.filters["data_uri"] = data_uri
+    found.filters["svg_uri"] = svg_uri
     found.filters["table"] = _html
     found.filters["lines"] = _lines
     return found

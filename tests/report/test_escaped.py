@@ -47,7 +47,7 @@ def test_a_page_shows_a_name_and_runs_nothing(one):
     )  # fmt: skip
     assert "<script" not in text and "\x1b" not in text
     safe = "a\\x1b[31m&lt;script&gt;alert(1)&lt;/script&gt;|,"
-    assert text.count(safe) == 7  # title and heading, sentence, caption and two cells, note
+    assert text.count(safe) == 8  # title and heading, sentence, caption, its label and two cells, note
     settings = page(
         "depth.html.j2", title="", opening="", facts=[], warnings=[], tables=[], advice="", keys=[], pictured=[],
         photos=one, changed=one, settings=f"scene:\n  path: {HOSTILE!r}\n", closing="",

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import pytest
 import trimesh
 
 from room2dgs.runs.page.coverage import blurred_photos, coverage, spots
-from room2dgs.runs.page.mesh_layer import page_mesh
+from room2dgs.runs.page.mesh_layer import page_mesh, with_off
+from room2dgs.runs.trust import Trust
 
 SIDE = 4.0
 
@@ -33,6 +35,10 @@ class Photo:
         return self.pixels
 
 
+def photos(cameras):
+    return [Photo(f"p{number}", camera) for number, camera in enumerate(cameras)]
+
+
 def looking_down(make, x, half_angle=60.0):
     return make.camera_at((x, 0, 1.5), (0, 0, -1), half_angle_deg=half_angle)
 
@@ -41,17 +47,17 @@ def test_places_that_few_photos_see_are_named_with_the_photo_to_look_in(make):
     cameras = [looking_down(make, x) for x in (-1.4, -1.35, -1.3, 1.9)]
     frames = [Photo(f"p{i}", camera) for i, camera in enumerate(cameras)]
     room = plate(make)
-    seen = coverage(room, cameras)
+    seen = coverage(room, frames, {})
     left, right = room.vertices[:, 0] < 1.0, room.vertices[:, 0] > 1.5
     assert (seen.photos[left] >= 3).all() and (seen.photos[right] == 1).all()
     (spot,) = [spot for spot in spots(room, seen, frames) if "fewer than 3" in spot.text]
-    assert spot.at[0] > 1.2 and "p3" in spot.text
+    assert spot.at[0] > 1.2 and "p3" in spot.text and spot.photo == "p3"
 
 
 def test_a_hole_is_found_and_the_rim_is_none(make):
     room = plate(make, hole=0.45)
     cameras = [looking_down(make, x) for x in (-0.1, 0, 0.1)]
-    (hole,) = spots(room, coverage(room, cameras), [Photo("p", cameras[0])])
+    (hole,) = spots(room, coverage(room, photos(cameras), {}), [Photo("p", cameras[0])])
     assert np.allclose(hole.at, 0, atol=0.05)
     assert "A hole of 1.4 m" in hole.text  # a square of 1 m, from corner to corner
 
@@ -59,8 +65,26 @@ def test_a_hole_is_found_and_the_rim_is_none(make):
 def test_a_surface_seen_only_at_a_slant_is_named(make):
     room = plate(make)
     low = [make.camera_at((-6 - 0.01 * i, 0, 0.3), (1, 0, -0.05), half_angle_deg=40) for i in range(4)]
-    said = [spot.text for spot in spots(room, coverage(room, low), [Photo("p", low[0])])]
+    said = [spot.text for spot in spots(room, coverage(room, photos(low), {}), [Photo("p", low[0])])]
     assert [words for words in said if "slant" in words]
+
+
+def test_how_far_the_mesh_is_off_is_told_where_photos_have_depth(make):
+    """The plate is 1.5 m below; photos say 1.45 m on their left half, and nothing on the right."""
+    room = plate(make)
+    frames = photos([looking_down(make, x, half_angle=40) for x in (-0.1, 0.0, 0.1)])
+    depth = np.zeros((30, 40), np.float16)
+    depth[:, :20] = 1.45
+    whole = np.full((30, 40), 255, np.uint8)
+    off = coverage(room, frames, {frame.name: Trust(whole, whole, depth) for frame in frames}).off_m
+    right = frames[1].camera.cam_from_world[0, :3]  # of the pictures, in the world
+    side = room.vertices @ right
+    middle = np.abs(room.vertices).max(axis=1) < 0.8
+    assert np.allclose(off[middle & (side < -0.2)], 0.05, atol=2e-3)
+    assert np.isnan(off[middle & (side > 0.2)]).all()
+    shown = with_off(room, off).off_m
+    assert np.isfinite(shown).all() and shown.max() == pytest.approx(0.05, abs=2e-3)
+    assert with_off(room, np.full(len(off), np.nan)).off_m is None
 
 
 def test_a_blurred_photo_is_named():

@@ -1,10 +1,13 @@
-"""report.html in headless Chromium: no errors, a drawn canvas in each layer, a slider that moves."""
+"""report.html in headless Chromium: no errors, each layer is drawn, a person can wipe, fly, walk and measure."""
 
 from __future__ import annotations
 
 import importlib.util
+import json
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 spec = importlib.util.spec_from_file_location("chromium", Path(__file__).with_name("chromium.py"))
@@ -63,6 +66,20 @@ WHEEL_MOVES_PAGE = """
   press("pointerleave");
   return [...found, wheel()];
 })()"""
+ARRIVED = """
+new Promise((done) => {
+  const look = () => (document.getElementById("viewer").dataset.photo ? done(true) : setTimeout(look, 20));
+  look();
+})"""
+# The stage's corner in the window, the photo's width on it, and the first camera
+PHOTO = """
+(() => {
+  const box = document.getElementById("viewer").getBoundingClientRect();
+  const width = document.querySelector("#viewer-photo img").getBoundingClientRect().width;
+  const [camera] = JSON.parse(document.getElementById("scene").textContent).cameras;
+  return JSON.stringify([box.left + box.width / 2, box.top + box.height / 2, width / camera.width * camera.fx]);
+})()"""
+MODE = "document.getElementById('viewer').dataset.mode"
 CHOOSE = """
 (async () => {
   const chosen = document.getElementById("compare-view"), right = document.getElementById("compare-right");
@@ -96,3 +113,74 @@ def test_the_page_works_in_a_browser(reported, tmp_path):
         assert tab.said == []
         assert {url.partition(":")[0] for url in tab.asked_for} <= {"file", "data"}
         assert len([url for url in tab.asked_for if url.startswith("file:")]) == 1  # the page itself
+
+
+def click(tab, x, y):
+    for kind in ("mousePressed", "mouseReleased"):
+        tab.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+
+def drag(tab, x, y, to_x, to_y):
+    tab.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1)
+    for share in (0.5, 1.0):
+        at = {"x": x + share * (to_x - x), "y": y + share * (to_y - y)}
+        tab.call("Input.dispatchMouseEvent", type="mouseMoved", button="left", buttons=1, **at)
+    tab.call("Input.dispatchMouseEvent", type="mouseReleased", x=to_x, y=to_y, button="left", clickCount=1)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not chromium.CHROMIUM, reason=WITHOUT)
+def test_a_photo_is_flown_to_and_the_tape_measures_the_wall_before_it(reported, tmp_path):
+    with chromium.tab(tmp_path / "profile") as tab:
+        tab.call("Page.navigate", url=reported.path.as_uri())
+        tab.run(READY.replace("LAYER", "color"))
+        tab.run("document.querySelector('#viewer-strip button').click()")
+        assert tab.run(ARRIVED)
+        assert tab.run(MODE) == "walk"
+        camera = min(reported.scene.frames, key=lambda frame: frame.index).camera
+        assert tab.run("document.querySelector('#viewer-photo img').src").startswith("data:image/jpeg")
+        tab.run("document.getElementById('viewer-tape').click(); window.scrollTo(0, 0)")
+        x, y, focal = json.loads(tab.run(PHOTO))
+        ends = [(x - 0.1 * focal, y), (x + 0.1 * focal, y + 0.1 * focal)]
+        for end in ends:
+            click(tab, *end)
+        tab.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))")
+        said = tab.run("document.getElementById('viewer-length').textContent")
+        measured, sure = re.fullmatch(r"([\d.]+) m ± ([\d.]+)", said).groups()
+        rays = camera.turned_to_world(np.array([[-0.1, 0, 1], [0.1, 0.1, 1]]))
+        depth = [(2.0 - camera.centre[2]) / ray[2] for ray in rays]  # the wall is at z = 2 m
+        points = [camera.centre + far * ray for far, ray in zip(depth, rays, strict=True)]
+        assert float(measured) == pytest.approx(np.linalg.norm(points[1] - points[0]), rel=0.01)
+        assert 0 < float(sure) < 0.01  # the depth that photos gave is the wall's
+        assert not tab.run("document.getElementById('viewer-length').hidden")
+        tab.run("document.getElementById('viewer-above').click()")
+        tab.run("new Promise((done) => setTimeout(done, 1200))")
+        assert tab.run("document.getElementById('viewer-photo').hidden")
+        assert re.fullmatch(r"[\d.]+ m", tab.run("document.getElementById('viewer-scale').textContent"))
+        assert tab.run(MODE) == "above" and tab.said == []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not chromium.CHROMIUM, reason=WITHOUT)
+def test_the_page_fits_a_telephone_and_a_drag_wipes_the_picture(reported, tmp_path):
+    with chromium.tab(tmp_path / "profile") as tab:
+        tab.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=2, mobile=True)
+        tab.call("Emulation.setTouchEmulationEnabled", enabled=True)
+        tab.call("Page.navigate", url=reported.path.as_uri())
+        tab.run(READY.replace("LAYER", "color"))
+        assert tab.run("document.documentElement.scrollWidth") == tab.run("innerWidth") == 390
+        assert "wipe" in tab.run("document.getElementById('viewer-said').textContent").lower()  # Swipe: words of touch
+        assert tab.run("document.querySelector('#viewer canvas').style.touchAction") == "pan-y"  # the page goes on
+        tab.run("document.getElementById('viewer-walk').click()")
+        assert tab.run("document.querySelector('#viewer canvas').style.touchAction") == "none"
+        tab.call("Emulation.setTouchEmulationEnabled", enabled=False)
+        tab.run("document.getElementById('compare-box').scrollIntoView({block: 'center'})")
+        left, top, width, height = json.loads(tab.run(
+            "(b => JSON.stringify([b.left, b.top, b.width, b.height]))"
+            "(document.getElementById('compare-box').getBoundingClientRect())"
+        ))  # fmt: skip
+        middle = top + height / 2
+        drag(tab, left + width / 2, middle, left + 0.2 * width, middle)
+        shown = re.search(r"inset\(0px ([\d.]+)%", tab.run("document.getElementById('compare-left').style.clipPath"))
+        assert 75 <= float(shown[1]) <= 85
+        assert tab.said == []

@@ -7,19 +7,24 @@ import json
 import re
 import zlib
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
 
 from room2dgs.json_files import update_json
 from room2dgs.mesh.io import write_mesh
 from room2dgs.runs.page.mesh_layer import page_mesh, with_error
-from room2dgs.runs.page.plots import HELD_OUT, PSNR, drawings, read_plots
+from room2dgs.runs.page.plots import HELD_OUT, PSNR, drawings, read_plots, ticks
 from room2dgs.runs.page.surfel_layer import turned_over
 from room2dgs.runs.page.trust import picture, sentences
+from room2dgs.runs.page.write import SCRIPTS as SCRIPT_FILES
 from room2dgs.runs.trust import read_trust
 
+CODE = SCRIPT_FILES  # three.js and ours
 SCRIPTS = {"scene", "views", "bytes-mesh", "bytes-discs"}
 MB = 1_000_000
 
@@ -73,8 +78,10 @@ def arrays(page: Page, name: str, *kinds: tuple[str, int]) -> list[np.ndarray]:
 def test_nothing_is_loaded_from_elsewhere(page, reported):
     for tag, attributes in page.tags:
         assert tag not in ("link", "iframe", "object", "embed", "base")
-        for name in ("src", "href", "action", "data", "poster"):
+        for name in ("src", "action", "data", "poster"):
             assert attributes.get(name, "data:").startswith("data:"), (tag, attributes)
+        if "href" in attributes:  # files beside the page, and those alone
+            assert tag == "a" and (reported.out / attributes["href"]).is_file() and "download" in attributes
     policy = next(a["content"] for t, a in page.tags if a.get("http-equiv") == "Content-Security-Policy")
     assert "default-src 'none'" in policy and "http" not in policy
     assert not re.search(r"url\(|@import", "".join(code for code in page.code if "Three.js" not in code))
@@ -82,11 +89,11 @@ def test_nothing_is_loaded_from_elsewhere(page, reported):
 
 
 def test_text_of_the_user_is_text(page, reported):
-    assert str(reported.capture) in page.text  # unescaped again by the parser: it was escaped in the file
+    assert f"photos of {reported.capture.name} by" in page.text  # unescaped by the parser: it was escaped in the file
     assert "<b>the normals</b> are poor" in page.text
     ids = {attributes["id"] for tag, attributes in page.tags if tag == "script" and "id" in attributes}
     assert ids == SCRIPTS
-    assert len([tag for tag, _ in page.tags if tag == "script"]) == len(SCRIPTS) + 3  # three.js, the viewer, the slider
+    assert len([tag for tag, _ in page.tags if tag == "script"]) == len(SCRIPTS) + len(CODE)
 
 
 def test_the_page_says_what_the_run_was(page):
@@ -99,8 +106,8 @@ def test_the_mesh_comes_back_within_a_step(page, reported):
     layers = about["layers"]
     assert layers == ["color", "shape", "error", "seen"]
     vertices, faces = about["vertices"], about["faces"]
-    place, index, *colors = arrays(
-        page, "mesh", ("<u2", 3 * vertices), ("<u4", 3 * faces), *[("u1", 3 * vertices)] * len(layers)
+    place, index, *colors, off_mm = arrays(
+        page, "mesh", ("<u2", 3 * vertices), ("<u4", 3 * faces), *[("u1", 3 * vertices)] * len(layers), ("u1", vertices)
     )
     points = np.array(about["low"]) + place.reshape(-1, 3) * about["step"]
     true = np.asarray(reported.mesh.vertices)
@@ -108,6 +115,7 @@ def test_the_mesh_comes_back_within_a_step(page, reported):
     assert np.array_equal(index.reshape(-1, 3), reported.mesh.faces)
     assert (colors[0] == 200).all()
     assert (colors[2].reshape(-1, 3) == np.round(np.array([0.15, 0.30, 0.80]) * 255)).all()  # no error: blue
+    assert (off_mm == 1).all()  # the depth that was kept is the wall's: within a millimetre
     assert len(np.unique(colors[3].reshape(-1, 3), axis=0)) > 1  # the wall's ends are seen by fewer photos
 
 
@@ -133,6 +141,27 @@ def test_a_disc_turned_over_is_the_same_disc():
     assert np.allclose(after[:, 1:], -before[:, 1:])
 
 
+def test_cameras_stand_where_the_photos_were_taken(page, reported):
+    about = json.loads(page.scripts["scene"])
+    frames = {frame.name: frame for frame in reported.scene.frames}
+    assert {one["name"] for one in about["cameras"]} == set(frames)
+    for one in about["cameras"]:
+        camera = frames[one["name"]].camera
+        assert np.allclose(one["at"], camera.centre, atol=1e-4)
+        ahead = np.array(one["turn"]).reshape(3, 3) @ [0, 0, 1]
+        assert np.allclose(ahead, camera.forward, atol=1e-5)
+        assert one["fy"] == pytest.approx(camera.K[1, 1], abs=1e-3) and one["photo"].startswith("data:image/jpeg")
+    in_order = sorted(frames.values(), key=lambda frame: frame.index)
+    assert np.allclose(about["path"], [frame.camera.centre for frame in in_order], atol=1e-4)
+
+
+def test_nothing_tells_of_the_folders_of_the_machine(page, reported):
+    attributes = [value or "" for _, found in page.tags for value in found.values()]
+    written = [page.text, page.scripts["scene"], *(value for value in attributes if not value.startswith("data:"))]
+    for folder in {reported.capture.parents[1], reported.out.parent, Path.home()}:
+        assert not [text for text in written if str(folder) in text]
+
+
 def test_views_have_their_pictures(page):
     views = json.loads(page.scripts["views"])
     assert [view["title"].split("(")[1] for view in views] == ["held out)"] * 2 + ["training)"] * 2
@@ -148,6 +177,18 @@ def test_curves_are_those_of_the_log(reported):
     assert plots[PSNR] == {"training views": {10: 18.0, 20: 24.0}, HELD_OUT: {20: 22.5}}
     drawn = {one["title"]: one for one in drawings(plots)}
     assert drawn["loss"]["lines"][0]["points"] == "56.0,10.0 310.0,150.0"  # it falls
+    assert [tick["label"] for tick in drawn["loss"]["up"]] == ["0.3", "0.4", "0.5"]
+    assert float(drawn["loss"]["up"][-1]["at"]) == 10.0 and drawn["loss"]["across"][0] == {"at": "56.0", "label": "10"}
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
+def test_ticks_are_round_even_and_inside(low, width):
+    found = ticks(low, low + width)
+    assert 1 <= len(found) <= 6
+    assert all(low - 1e-6 * width <= one <= low + width * (1 + 1e-6) for one in found)
+    if len(found) > 1:
+        step = found[1] - found[0]
+        assert np.allclose(np.diff(found), step) and f"{step:.0e}"[0] in "125"
 
 
 def test_trust_is_told_apart_by_its_source(reported):

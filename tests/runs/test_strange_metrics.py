@@ -116,5 +116,5 @@ def test_the_legend_of_the_error_is_that_of_the_scores(finished, capsys):
             update_json(finished / "metrics.json", {"threshold_m": None})
         assert cli.main(["report", f"out={finished}"]) == 0
         text = (finished / "report.html").read_text()
-        legend = re.search(r'<p data-key="error" hidden>(.*?)</p>', text, re.S)[1]
-        assert re.findall(r"([\d.]+) cm", legend) == ["0", "1", "2", "3", "4"]
+        legend = re.search(r'<div data-key="error" hidden>(.*?)<p', text, re.S)[1]
+        assert re.findall(r"<span>([^<]*)", legend) == ["0", "1", "2", "3", "4 cm and more"]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import cv2
@@ -17,6 +18,7 @@ from room2dgs.eval.culling import sees
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
 from room2dgs.runs.page.mesh_layer import PageMesh
+from room2dgs.runs.trust import Trust
 
 MAX_CAMERAS = 150  # cameras, evenly spaced
 INWARDS = 0.1  # of the way from a corner to its triangle's middle
@@ -37,10 +39,12 @@ class Spot(NamedTuple):
     Attributes:
         at: (3,) metres, world.
         text: what is wrong there and what would mend it.
+        photo: name of the photo to look for it in; None: there are no photos.
     """
 
     at: np.ndarray
     text: str
+    photo: str | None
 
 
 class Coverage(NamedTuple):
@@ -49,30 +53,60 @@ class Coverage(NamedTuple):
     Attributes:
         photos: (N,) number of photos that see each; where not all cameras were asked, in proportion.
         steepest: (N,) largest cosine between its normal and a ray that sees it.
+        off_m: (N,) median difference, metres, between the mesh and the depth that photos were given there, of the
+            photos that see it; NaN where no such depth is known.
     """
 
     photos: np.ndarray
     steepest: np.ndarray
+    off_m: np.ndarray
 
 
-def coverage(room: PageMesh, cameras: Sequence[Camera]) -> Coverage:
-    """Which vertices the cameras see, by casting rays against the mesh itself."""
+def coverage(room: PageMesh, frames: Sequence[Frame], trust: Mapping[str, Trust]) -> Coverage:
+    """Which vertices the frames' cameras see, by casting rays against the mesh itself.
+
+    Args:
+        trust: frame name -> its depth; may be empty.
+    """
     import trimesh
 
     surface = Surface(trimesh.Trimesh(room.vertices, room.faces, process=False))
-    some = evenly_spaced(cameras, MAX_CAMERAS)
+    some = evenly_spaced(frames, MAX_CAMERAS)
     corners = room.vertices[room.faces]
     points = room.vertices.copy()
     # a little inside of a triangle: rays to the rim itself may slip by
     points[room.faces] = (1 - INWARDS) * corners + INWARDS * corners.mean(axis=1, keepdims=True)
     count, steepest = np.zeros(len(room.vertices)), np.zeros(len(room.vertices))
-    for camera in some:
+    off = np.full((len(some), len(room.vertices)), np.nan, np.float32)
+    for number, frame in enumerate(some):
+        camera = frame.camera
         seen = sees(points, camera, surface, surface)
         ray = camera.centre - points[seen]
         cosine = (ray * room.normals[seen]).sum(axis=1) / np.maximum(np.linalg.norm(ray, axis=1), 1e-9)
         count[seen] += 1
         steepest[seen] = np.maximum(steepest[seen], np.abs(cosine))
-    return Coverage(count * (len(cameras) / len(some)), steepest)
+        if frame.name in trust:
+            off[number, seen] = _off(points[seen], camera, trust[frame.name])
+    return Coverage(count * (len(frames) / len(some)), steepest, _median(off))
+
+
+def _off(points: np.ndarray, camera: Camera, trust: Trust) -> np.ndarray:
+    """(N,) how far points lie from the depth of a view, metres; NaN where it has none."""
+    if trust.depth is None:
+        return np.full(len(points), np.nan)
+    height, width = trust.depth.shape
+    pixel, depth = camera.resized(width, height).project(points)
+    inside = np.nan_to_num(pixel, nan=-1.0)
+    x, y = (np.clip(inside[:, k].astype(int), 0, size - 1) for k, size in enumerate((width, height)))
+    known = trust.depth[y, x].astype(float)
+    return np.where(known > 0, np.abs(depth - known), np.nan)
+
+
+def _median(off: np.ndarray) -> np.ndarray:
+    """(N,) of each column's numbers; NaN where a column has none."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # columns without a number
+        return np.nanmedian(off, axis=0)
 
 
 def spots(room: PageMesh, seen: Coverage, frames: Sequence[Frame]) -> list[Spot]:
@@ -86,10 +120,12 @@ def spots(room: PageMesh, seen: Coverage, frames: Sequence[Frame]) -> list[Spot]
     found = []
     for bad, sentence in findings:
         for at, area in _patches(room, bad):
-            found.append(Spot(at, sentence.format(area=area) + _beside(at, frames)))
+            where, photo = _beside(at, frames)
+            found.append(Spot(at, sentence.format(area=area) + where, photo))
     for at, across in _holes(room):
+        where, photo = _beside(at, frames)
         sentence = f"A hole of {across:.1f} m: film into it, slowly, with its edges in the picture"
-        found.append(Spot(at, sentence + _beside(at, frames)))
+        found.append(Spot(at, sentence + where, photo))
     return found
 
 
@@ -172,15 +208,15 @@ def _holes(room: PageMesh) -> list[tuple[np.ndarray, float]]:
     return sorted(found, key=lambda hole: -hole[1])[:MOST_SPOTS]
 
 
-def _beside(at: np.ndarray, frames: Sequence[Frame]) -> str:
-    """Which photo to look for the place in."""
+def _beside(at: np.ndarray, frames: Sequence[Frame]) -> tuple[str, str | None]:
+    """Which photo to look for the place in, in words and by its name."""
     inside = [frame for frame in frames if frame.camera.in_view(at[None])[0]]
     nearest = min(inside or frames, key=lambda frame: float(np.linalg.norm(frame.camera.centre - at)), default=None)
     if nearest is None:
-        return ""
+        return "", None
     distance = float(np.linalg.norm(nearest.camera.centre - at))
     where = "in the picture of" if inside else "in no photo; nearest is"
-    return f" ({where} {nearest.name}, {distance:.1f} m away)."
+    return f" ({where} {nearest.name}, {distance:.1f} m away).", nearest.name
 
 
 def _some(names: Sequence[str]) -> str:

@@ -18,6 +18,7 @@ from room2dgs.mesh.vertex_colors import vertex_colors
 from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.page.packing import packed, stepped
 
+WORST = 0.95  # quantile of what is known, for vertices of which nothing is
 FINE = 2  # times the wanted triangles: what is beyond is first joined on a grid, which takes no time
 # number of photos that see a point, from so many on -> colour and text
 SEEN = (
@@ -36,12 +37,14 @@ class PageMesh(NamedTuple):
         faces: (M, 3) int64.
         normals: (N, 3) unit, of the vertices.
         layers: what can be shown on it -> (N, 3) uint8.
+        off_m: (N,) how far it is off the photos' depth; NaN where none is known. None: not measured.
     """
 
     vertices: np.ndarray
     faces: np.ndarray
     normals: np.ndarray
     layers: dict[str, np.ndarray]
+    off_m: np.ndarray | None = None
 
 
 def page_mesh(mesh: trimesh.Trimesh, faces: int) -> PageMesh:
@@ -102,8 +105,14 @@ def with_photos(one: PageMesh, photos: np.ndarray) -> PageMesh:
     return one._replace(layers={**one.layers, "seen": ramp[kind]})
 
 
+def with_off(one: PageMesh, off_m: np.ndarray) -> PageMesh:
+    """With how far each vertex (N,) is off the photos' depth; where no depth is known, as at most others' worst."""
+    known = off_m[np.isfinite(off_m)]
+    return one._replace(off_m=np.nan_to_num(off_m, nan=float(np.quantile(known, WORST)))) if len(known) else one
+
+
 def block(one: PageMesh) -> tuple[dict, str]:
-    """What viewer.js wants to know of the mesh, and its bytes."""
+    """What room.js wants to know of the mesh, and its bytes."""
     positions, low, step = stepped(one.vertices)
     about = {
         "vertices": len(one.vertices),
@@ -111,5 +120,7 @@ def block(one: PageMesh) -> tuple[dict, str]:
         "layers": list(one.layers),
         "low": low.tolist(),
         "step": step,
+        "spread": one.off_m is not None,
     }
-    return about, packed(positions, one.faces.astype(np.uint32), *one.layers.values())
+    off = [] if one.off_m is None else [np.clip(np.ceil(one.off_m * 1000), 1, 255).astype(np.uint8)]
+    return about, packed(positions, one.faces.astype(np.uint32), *one.layers.values(), *off)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -11,9 +12,10 @@ LOSS = re.compile(r"^loss ([\d.e+-]+|nan|inf) \((.*?)\)")
 TRAIN_PSNR = re.compile(r"(?:^|, )PSNR ([\d.]+) dB")
 TEST_PSNR = re.compile(r"^held-out PSNR ([\d.]+) dB")
 COUNT = re.compile(r", (\d+) surfels")
-COLORS = ("#1565c0", "#c2185b")
+MAX_LINES = 2  # in a drawing; style.css has so many colours
 LEFT, RIGHT, TOP, BOTTOM = 56.0, 310.0, 10.0, 150.0  # of the drawing
 LARGEST = 1e30
+MOST_TICKS = 5
 PSNR, HELD_OUT, SURFELS, WHOLE = "PSNR, dB", "held-out views", "surfels", "loss"
 
 Line = dict[int, float]
@@ -64,31 +66,46 @@ def drawings(plots: Mapping[str, Mapping[str, Line]]) -> list[dict[str, Any]]:
         if len(set(steps)) < 2:
             continue
         low, high = min(values), max(values)
+        steps_range, values_range = (min(steps), max(steps)), (low, high if high > low else low + 1)
         drawn.append(
             {
                 "title": title,
-                "top": _number(high),
-                "bottom": _number(low),
-                "first": min(steps),
-                "last": max(steps),
+                "across": [
+                    {"at": f"{_across(value, steps_range):.1f}", "label": _number(value)}
+                    for value in ticks(*steps_range)
+                ],
+                "up": [
+                    {"at": f"{_down(value, values_range):.1f}", "label": _number(value)}
+                    for value in ticks(*values_range)
+                ],
                 "lines": [
-                    {"name": name, "color": color, "points": _points(line, (min(steps), max(steps)), (low, high))}
-                    for (name, line), color in zip(lines.items(), COLORS, strict=False)
+                    {"name": name, "points": _points(line, steps_range, values_range)}
+                    for name, line in list(lines.items())[:MAX_LINES]
                 ],
             }
         )
     return drawn
 
 
+def ticks(low: float, high: float) -> list[float]:
+    """Round numbers from low to high, evenly spaced, at most `MOST_TICKS`, one of them at least."""
+    power = 10.0 ** math.floor(math.log10(high - low))
+    steps = (share * power for share in (0.2, 0.5, 1, 2, 5))
+    step = next(one for one in steps if math.floor(high / one) - math.ceil(low / one) < MOST_TICKS)
+    return [step * number for number in range(math.ceil(low / step), math.floor(high / step) + 1)]
+
+
 def _number(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
+def _across(step: float, steps: tuple[float, float]) -> float:
+    return LEFT + (step - steps[0]) / max(steps[1] - steps[0], 1) * (RIGHT - LEFT)
+
+
+def _down(value: float, values: tuple[float, float]) -> float:
+    return BOTTOM - (value - values[0]) / (values[1] - values[0]) * (BOTTOM - TOP)
+
+
 def _points(line: Line, steps: tuple[int, int], values: tuple[float, float]) -> str:
-    across = max(steps[1] - steps[0], 1)
-    tall = values[1] - values[0] or 1.0
-    return " ".join(
-        f"{LEFT + (step - steps[0]) / across * (RIGHT - LEFT):.1f},"
-        f"{BOTTOM - (value - values[0]) / tall * (BOTTOM - TOP):.1f}"
-        for step, value in sorted(line.items())
-    )
+    return " ".join(f"{_across(step, steps):.1f},{_down(value, values):.1f}" for step, value in sorted(line.items()))

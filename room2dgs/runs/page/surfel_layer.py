@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def block(splats: Splats, most: int, room: PageMesh | None) -> tuple[dict, str]:
-    """What viewer.js wants to know of the discs, and their bytes.
+    """What room.js wants to know of the discs, and their bytes.
 
     Colours are those that do not depend on the direction (harmonics of degree 0). Where there is a mesh, discs are
     turned over to face as it does: from outside one looks through the backs of walls, as with the mesh.

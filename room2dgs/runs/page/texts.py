@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from room2dgs.captures.scene import Scene
@@ -43,7 +44,7 @@ DEPTH_SCORES = {
 def opening(config: Config, metrics: dict[str, Any]) -> str:
     """Which capture, by what."""
     version = part(metrics, "versions").get("room2dgs", "")
-    sentence = f"Capture {config.scene.path}, reconstructed by room2dgs {version} in {config.out}."
+    sentence = f"Made of the photos of {Path(config.scene.path).name} by room2dgs {version} in {Path(config.out).name}."
     if not config.mesh.of_surfels:
         how = MESHERS.get(config.mesh.source).facts["on_page"]
         sentence += f" A first look: {how}, nothing was trained; renderings are of the mesh."
@@ -164,7 +165,7 @@ def _scores(metrics: dict[str, Any]) -> Table:
 
 
 def _quality(metrics: dict[str, Any]) -> Table:
-    columns = {"how whole the mesh is": lambda row: row[0], "": lambda row: row[1]}
+    columns = {"how whole the mesh is": lambda row: row[0], "value": lambda row: row[1]}
     return table("Mesh", columns, quality_rows(part(metrics, "mesh_quality")))
 
 
@@ -199,7 +200,7 @@ def _training(metrics: dict[str, Any]) -> Table:
 
 
 def _machine(metrics: dict[str, Any]) -> Table:
-    columns = {"machine": lambda row: row[0].replace("_", " "), "": lambda row: str(row[1])}
+    columns = {"machine": lambda row: row[0].replace("_", " "), "value": lambda row: str(row[1])}
     return table("Machine", columns, part(metrics, "machine").items())
 
 

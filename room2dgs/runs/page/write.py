@@ -2,58 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import cv2
-import numpy as np
 
 from room2dgs.captures.image_files import read_photo
 from room2dgs.captures.scene import Scene
 from room2dgs.config import Config, dump_config
 from room2dgs.errors import InputError
 from room2dgs.eval.pictures import FULL_THRESHOLDS
-from room2dgs.eval.shading import error_color
 from room2dgs.files import whole_file
-from room2dgs.geometry.camera import Camera
-from room2dgs.geometry.up_axis import up_axis
 from room2dgs.logs import logged
 from room2dgs.mesh.world import read_in_scene
 from room2dgs.report.page import Figure, page
-from room2dgs.runs.folder import EVAL, MESH, QUALITY, REPORT, TRUST
+from room2dgs.runs.folder import EVAL, MESH, QUALITY, REPORT, TEXTURED, TRUST
 from room2dgs.runs.metrics import read_metrics
-from room2dgs.runs.page import surfel_layer, texts, trust
+from room2dgs.runs.page import texts, trust
 from room2dgs.runs.page.coverage import Coverage, Spot, advice, coverage, spots
-from room2dgs.runs.page.mesh_layer import SEEN, PageMesh, block, page_mesh, with_error, with_photos
+from room2dgs.runs.page.keys import kind_keys, layer_keys
+from room2dgs.runs.page.mesh_layer import PageMesh, page_mesh, with_error, with_off, with_photos
+from room2dgs.runs.page.places import Places, named_only
 from room2dgs.runs.page.plots import drawings, read_plots
-from room2dgs.runs.page.views import FULL, KINDS, Rendered, view_pictures
-from room2dgs.runs.trust import read_trust
+from room2dgs.runs.page.results import files_of, next_steps
+from room2dgs.runs.page.room import RoomFacts, first_facts
+from room2dgs.runs.page.solid import box_m, solid
+from room2dgs.runs.page.views import KINDS, Rendered, view_pictures
+from room2dgs.runs.trust import Trust, read_trust
 from room2dgs.runs.verdict import noted_verdict
 
 if TYPE_CHECKING:
     from room2dgs.primitives.primitive import Splats
 
-BUTTONS = (
-    ("color", "Colours"),
-    ("shape", "Shape"),
-    ("error", "Error"),
-    ("seen", "Photos that see it"),
-    ("discs", "Splats"),
-)
-KEY_STEPS = 5
+SCRIPTS = ("three.min", "blocks", "discs", "room", "moves", "tape", "photos", "page", "wipe")
 WIDTH = 1200  # pixels of the picture of the boundary, at most
 
 
-def write_report(scene: Scene, surfels: Splats | None, rendered: Rendered, config: Config, out: Path) -> Path:
+def write_report(
+    scene: Scene,
+    surfels: Splats | None,
+    rendered: Rendered,
+    config: Config,
+    out: Path,
+    facts: RoomFacts | None = None,
+) -> Path:
     """Write out/report.html, whole or not at all.
 
     Args:
         scene: with the poses that the run worked with.
         surfels: None: the run trained nothing.
         rendered: renders frames of the scene.
+        facts: how large the room is, its plan, and its mesh with the photos on it; None: nothing is known.
 
     Returns:
         Its path.
@@ -65,44 +66,63 @@ def write_report(scene: Scene, surfels: Splats | None, rendered: Rendered, confi
     log = logged(out)
     maps = read_trust(out / TRUST)
     source = str(metrics.get("depth_source") or "none")
-    room, seen, places = _room(scene, config, out)
-    settings = config.report
+    facts, places = facts or RoomFacts(), Places(config)
+    room, seen, wanting = _room(scene, config, out, maps)
+    drawn = solid(room, surfels, wanting, scene, config, facts) if room else None
+    inside = drawn is not None and drawn["textured"]
     text = page(
         "run.html.j2",
-        title=f"Room from photos: {Path(config.scene.path).name}",
-        opening=texts.opening(config, metrics),
-        verdict=noted_verdict(metrics),
+        title=Path(config.scene.path).name,
+        opening=places.out_of(texts.opening(config, metrics)),
+        verdict=places.out_of_verdict(noted_verdict(metrics)),
+        first=first_facts(facts, metrics, "m" if scene.metric else "units", box_m(room) if room else None),
         facts=texts.facts(scene, metrics),
-        warnings=texts.warnings(scene, config, metrics, log),
-        solid=_page_mesh(room, surfels, places, scene, config, texts.threshold_m(metrics, config)) if room else None,
-        views=view_pictures(scene, rendered, maps, settings.views),
+        warnings=places.out_of_all(texts.warnings(scene, config, metrics, log)),
+        solid=drawn,
+        layer_keys=layer_keys(texts.threshold_m(metrics, config), FULL_THRESHOLDS),
+        plan=facts.plan,
+        files=files_of(out, inside),
+        steps=next_steps(out.absolute().name, (out / TEXTURED).is_file(), surfels is not None),
+        views=view_pictures(scene, rendered, maps, config.report.views),
         kinds=[kind for kind in KINDS if kind[0] != "trust" or maps],
-        kind_keys=_kind_keys(source),
+        kind_keys=kind_keys(source),
         whole=_whole(out, metrics),
-        spots=[spot.text for spot in places],
-        advice=advice(scene, seen),
+        spots=[spot.text for spot in wanting],
+        advice=places.out_of_all(advice(scene, seen)),
         trusted=trust.sentences(maps, source),
         plots=drawings(read_plots(log)),
         tables=texts.tables(metrics),
-        changed=texts.changed_settings(config),
-        settings=dump_config(config),
+        changed=texts.changed_settings(named_only(config)),
+        settings=dump_config(named_only(config)),
         closing=texts.closing(metrics),
-        scripts=[_script(name) for name in ("three.min.js", "viewer.js", "compare.js")],
+        scripts=[script(name) for name in SCRIPTS],
     )
     with whole_file(out / REPORT) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return out / REPORT
 
 
-def _room(scene: Scene, config: Config, out: Path) -> tuple[PageMesh | None, Coverage | None, list[Spot]]:
+def _room(
+    scene: Scene, config: Config, out: Path, maps: dict[str, Trust]
+) -> tuple[PageMesh | None, Coverage | None, list[Spot]]:
+    room = run_mesh(scene, config, out)
+    if room is None:
+        return None, None, []
+    seen = coverage(room, scene.train, maps)
+    room = with_off(with_photos(room, seen.photos), seen.off_m)
+    return room, seen, spots(room, seen, scene.frames)
+
+
+def run_mesh(scene: Scene, config: Config, out: Path) -> PageMesh | None:
+    """The run's mesh with few triangles, and its error where it was scored; None: there is none.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     if not (out / MESH).is_file():
-        return None, None, []
+        return None
     room = page_mesh(read_in_scene(out / MESH, scene.origin_m), config.report.faces)
-    if not len(room.faces):
-        return None, None, []
-    room = with_error(room, out, scene.origin_m)
-    seen = coverage(room, [frame.camera for frame in scene.train])
-    return with_photos(room, seen.photos), seen, spots(room, seen, scene.frames)
+    return with_error(room, out, scene.origin_m) if len(room.faces) else None
 
 
 def _whole(out: Path, metrics: dict[str, Any]) -> list[Figure]:
@@ -123,78 +143,9 @@ def _whole(out: Path, metrics: dict[str, Any]) -> list[Figure]:
     return [Figure(caption, cv2.resize(pixels, size, interpolation=cv2.INTER_AREA) / 255)]
 
 
-def _page_mesh(
-    room: PageMesh, surfels: Splats | None, places: list[Spot], scene: Scene, config: Config, threshold_m: float
-) -> dict[str, Any]:
-    cameras = [frame.camera for frame in scene.frames]
-    up = up_axis(cameras, room.normals)
-    low, high = room.vertices.min(axis=0), room.vertices.max(axis=0)
-    about_mesh, mesh_bytes = block(room)
-    blocks = [("mesh", mesh_bytes)]
-    about = {
-        "up": up.tolist(),
-        "beside": _beside(room, cameras, up).tolist(),
-        "low": low.tolist(),
-        "high": high.tolist(),
-        "mesh": about_mesh,
-        "spots": [{"at": spot.at.tolist()} for spot in places],
-    }
-    shown = dict.fromkeys(room.layers)
-    caption = f"{len(room.faces):,} triangles of the mesh"
-    if config.report.max_surfels and surfels is not None:
-        about["discs"], surfel_bytes = surfel_layer.block(surfels, config.report.max_surfels, room)
-        blocks.append(("discs", surfel_bytes))
-        shown["discs"] = None
-        caption += f" and {about['discs']['count']:,} of {len(surfels.centers):,} surfels"
-    end_cm = FULL_THRESHOLDS * threshold_m * 100
-    return {
-        "buttons": [(name, label) for name, label in BUTTONS if name in shown],
-        "about": about,
-        "blocks": blocks,
-        "legends": [
-            (
-                "error",
-                _scale([f"{end_cm * step / (KEY_STEPS - 1):g} cm" for step in range(KEY_STEPS)], "off the truth"),
-            ),
-            ("seen", [(_css(color), label) for _, color, label in SEEN]),
-        ],
-        "caption": caption + ".",
-    }
-
-
-def _beside(room: PageMesh, cameras: Sequence[Camera], up: np.ndarray) -> np.ndarray:
-    """(3,) unit, level: from where to look at first. Half a room is seen from the side of its cameras."""
-    across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
-    side = np.mean([camera.centre for camera in cameras], axis=0) - room.vertices.mean(axis=0)
-    side = side - (side @ up) * up + 1e-3 * across
-    return side / np.linalg.norm(side)
-
-
-def _kind_keys(source: str) -> list[tuple[str, list[tuple[str, str]]]]:
-    percent = [f"{FULL * step / (KEY_STEPS - 1):.0%}" for step in range(KEY_STEPS)]
-    return [
-        ("difference", _scale(percent, "of full brightness")),
-        ("depth", [("", "Near red, far blue; black where nothing was reconstructed.")]),
-        ("normals", [("", "Red: to the right, green: up, blue: towards the camera.")]),
-        ("trust", trust.key(source)),
-    ]
-
-
-def _scale(labels: list[str], what: str) -> list[tuple[str, str]]:
-    colors = error_color(np.linspace(0, 1, len(labels)), 1.0)
-    return [
-        *((_css(tuple(color)), label) for color, label in zip(colors, labels, strict=True)),
-        ("", f"and more {what}"),
-    ]
-
-
-def _css(color: tuple[float, ...]) -> str:
-    return f"rgb({', '.join(str(round(part * 255)) for part in color)})"
-
-
 @cache
-def _script(name: str) -> Any:
+def script(name: str) -> Any:
     """A script of ours or three.js, as it stands: nothing of the user's is in it."""
     from markupsafe import Markup
 
-    return Markup(files("room2dgs.report").joinpath("web", name).read_text(encoding="utf-8"))
+    return Markup(files("room2dgs.report").joinpath("web", f"{name}.js").read_text(encoding="utf-8"))

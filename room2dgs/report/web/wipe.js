@@ -1,11 +1,11 @@
-// Photo against what the run made of it: a slider, a choice of views and of what stands beside the photo.
+// Photo against what the run made of it: a wipe over the picture, a choice of views and of what stands beside the photo.
 "use strict";
 
 (() => {
   const box = document.getElementById("compare");
   if (!box) return;
   const views = JSON.parse(document.getElementById("views").textContent);
-  const [chosen, wiper, left, right, note] = ["view", "wiper", "left", "right", "note"].map((name) =>
+  const [chosen, wiper, left, right, note, line] = ["view", "wiper", "left", "right", "note", "line"].map((name) =>
     document.getElementById("compare-" + name),
   );
   const kinds = document.getElementById("compare-kinds");
@@ -25,7 +25,7 @@
   }
   function wipe() {
     left.style.clipPath = `inset(0 ${100 - wiper.value}% 0 0)`;
-    document.getElementById("compare-line").style.left = wiper.value + "%";
+    line.style.left = wiper.value + "%";
   }
   for (const [index, view] of views.entries()) {
     const option = document.createElement("option");
