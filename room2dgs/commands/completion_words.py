@@ -31,6 +31,7 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
     "view": {"run": ANY, "host": ANY, "port": ANY, "fps": ANY},
     "report": {"run": ANY},
     "open": {"run": ANY},
+    "compare": {"to": ANY},
     "export": {"run": ANY, "to": ANY, "up": UPS, "faces": ANY, "max_error_m": ANY},
     "plan": {"run": ANY, "up": UPS},
     "table": {"meshes": ANY, "protocol": tuple(against(MESH, PROTOCOLS.names())), "name": ANY, "out": ANY},
@@ -38,7 +39,7 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
         "out": ANY, "in_run": ("true", "false"), "scenes": ANY, "root": ANY,
     },
 }  # fmt: skip
-WITHOUT_SETTINGS = ("table", "open", "doctor", "completion", "bench")
+WITHOUT_SETTINGS = ("table", "open", "compare", "doctor", "completion", "bench")
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "view": (("run=runs/room", "then open http://127.0.0.1:8080"),),
     "open": (("runs/room", "the page with the room, pictures and scores"),),
     "report": (("run=runs/room report.views=12", "with more photos"),),
+    "compare": (("runs/room runs/fine to=compare.html", "then open compare.html"),),
     "export": (
         ("run=runs/room to=splats,spz,glb max_error_m=0.01", "splats, and a mesh simplified within 1 cm"),
         ("run=runs/room to=textured,textured_obj", "few faces with a picture, for the web"),

@@ -15,6 +15,7 @@ VERBS = {
     "view": "walk through an earlier run in a browser",
     "open": "the page of an earlier run, in this machine's browser",
     "report": "one page of an earlier run that opens in any browser",
+    "compare": "two runs on one page: settings that differ, scores, both rooms seen by one camera",
     "export": "an earlier run for other programs: splats, GLB, COLMAP, depth maps and more",
     "table": "runs and other methods' meshes in the columns of the paper's Table I: CSV, Markdown, HTML, LaTeX",
     "plan": "floor, ceiling and walls of an earlier run by name: a floor plan with dimensions",

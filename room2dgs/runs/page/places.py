@@ -10,6 +10,7 @@ from pathlib import Path
 
 from room2dgs.config import Config
 from room2dgs.config.keys import path_keys
+from room2dgs.runs.folder import value_at
 from room2dgs.runs.verdict import Verdict
 
 
@@ -18,10 +19,9 @@ def named_only(config: Config) -> Config:
     config = deepcopy(config)
     for key in path_keys():
         *parents, name = key.split(".")
-        group = reduce(getattr, parents, config)
-        value = getattr(group, name)
+        value = value_at(config, key)
         if value and Path(value).is_absolute():
-            setattr(group, name, Path(value).name)
+            setattr(reduce(getattr, parents, config), name, Path(value).name)
     return config
 
 
@@ -31,7 +31,7 @@ class Places:
     def __init__(self, config: Config) -> None:
         names: dict[str, str] = {}
         for key in path_keys():
-            value = reduce(getattr, key.split("."), config)
+            value = value_at(config, key)
             if value and Path(value).is_absolute() and Path(value).name:
                 path = Path(value)
                 names |= {str(path): path.name, f"{path.parent}/": ""}

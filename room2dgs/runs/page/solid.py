@@ -33,18 +33,27 @@ PHOTOS_A_VIEW = 8  # in the room, for each of report.views
 
 
 def solid(
-    room: PageMesh, surfels: Splats | None, places: Sequence[Spot], scene: Scene, config: Config, facts: RoomFacts
+    room: PageMesh,
+    surfels: Splats | None,
+    places: Sequence[Spot],
+    scene: Scene,
+    config: Config,
+    facts: RoomFacts,
+    photos: bool = True,
 ) -> dict[str, Any]:
-    """For the template: blocks of bytes, buttons of what they show, and what room.js and photos.js want to know."""
+    """For the template: blocks of bytes, buttons of what they show, and what room.js and photos.js want to know.
+
+    Args:
+        photos: whether cameras have their photos.
+    """
     cameras = [frame.camera for frame in scene.frames]
     up = up_axis(cameras, room.normals)
     low, high = np.quantile(room.vertices, (STRAY, 1 - STRAY), axis=0)
     about_mesh, mesh_bytes = block(room)
     blocks = [("mesh", mesh_bytes)]
-    photos = camera_list(
-        scene.frames, {spot.photo for spot in places if spot.photo}, PHOTOS_A_VIEW * config.report.views
-    )
-    numbers = {one["name"]: number for number, one in enumerate(photos)}
+    most = PHOTOS_A_VIEW * config.report.views if photos else 0
+    pictured = camera_list(scene.frames, {spot.photo for spot in places if spot.photo}, most)
+    numbers = {one["name"]: number for number, one in enumerate(pictured)}
     beside = _beside(room, cameras, up)
     about: dict[str, Any] = {
         "up": up.tolist(),
@@ -57,7 +66,7 @@ def solid(
         "spots": [
             {"at": spot.at.tolist(), "camera": numbers.get(spot.photo) if spot.photo else None} for spot in places
         ],
-        "cameras": photos,
+        "cameras": pictured,
         "camera_m": camera_size_m(cameras),
         "path": path_of(scene.frames),
     }
