@@ -17,8 +17,8 @@ from room2dgs.study.launch import of_hydra
 from room2dgs.study.progress import Progress, run_all, run_of
 
 USAGE = (
-    "room2dgs ablate scene.path=DIR out=DIR [experiment=full,no_seed,...] [train.seed=0,1,2] [KEY=A,B,...] "
-    "[hydra/launcher=joblib]"
+    "room2dgs ablate scene.path=DIR out=DIR [experiment=full,no_seed,...] [train.seed=0,1,2]\n"
+    "                [KEY=A,B,...] [hydra/launcher=joblib]"
 )
 DEFAULTS = (
     "train.seed=0,1,2",  # slowest: every row has one run before any has two

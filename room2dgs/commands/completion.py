@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from room2dgs.commands.settings_help import asked_for_help
+from room2dgs.commands.settings_help import asked_for_help, filled
 from room2dgs.errors import InputError
 
 USAGE = "room2dgs completion bash|zsh|fish"
@@ -19,7 +19,7 @@ def main(argv: list[str]) -> int:
     from room2dgs.commands.completion_words import found_words
 
     if asked_for_help(argv):
-        print(f"{USAGE}\n\n{main.__doc__}\n{PLACES}")
+        print(f"{USAGE}\n\n{filled(main.__doc__ or '')}\n\n{PLACES}")
         return 0
     if len(argv) != 1 or argv[0] not in SCRIPTS:
         raise InputError(f"say which shell: {USAGE}")

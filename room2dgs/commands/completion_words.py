@@ -18,7 +18,7 @@ ANY: tuple[str, ...] = ()  # a number, a file or a text
 # verb -> arguments that are no settings, with their values
 OWN: dict[str, dict[str, tuple[str, ...]]] = {
     "prepare": {"video": ANY, "images": ANY},
-    "run": {"video": ANY, "images": ANY, "hydra/launcher": LAUNCHERS},
+    "run": {"video": ANY, "images": ANY, "log": ("full", "line"), "hydra/launcher": LAUNCHERS},
     "ablate": {"hydra/launcher": LAUNCHERS},
     "depth": {"fill": ("true", "false")},
     "eval": {"run": ANY, "pred": ANY, "gt": ANY, "scene": ANY},

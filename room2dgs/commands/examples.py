@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+COLUMNS = 100
 # verb, or "bench NAME" -> what follows it, and what that does
 EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "demo": (("room", "then: room2dgs run scene.path=room out=runs/room"),),
@@ -12,7 +13,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("images=photos out=room prepare.length=[height,1.5]", "the camera was held 1.5 m above the floor"),
     ),
     "run": (
-        ("scene.path=room out=runs/room", "a capture with poses, in any layout of docs/reference/captures.md"),
+        ("scene.path=room out=runs/room", "a capture with poses, in any layout"),
         ("video=walk.mp4 out=runs/room", "a video: its poses first"),
         ("scene.path=room out=runs/fast experiment=quick", "a first look"),
         ("out=runs/room resume=true", "go on with a run that was stopped"),
@@ -76,7 +77,17 @@ def examples(verb: str, rest: Sequence[str]) -> str:
     lines = [f"  room2dgs {inner} {typed}".rstrip() for typed, _ in EXAMPLES.get(inner, ())]
     if not lines:
         return ""
-    width = min(max(map(len, lines)), 78)
-    comments = (comment for _, comment in EXAMPLES[inner])
-    commented = (f"{line:<{width}}  {comment}".rstrip() for line, comment in zip(lines, comments, strict=True))
+    comments = [comment for _, comment in EXAMPLES[inner]]
+    widths = [
+        len(line) for line, comment in zip(lines, comments, strict=True) if len(line) + len(comment) + 2 <= COLUMNS
+    ]
+    width = max(widths, default=0)
+    commented = (_commented(line, comment, width) for line, comment in zip(lines, comments, strict=True))
     return "\n".join(["", "Examples:", *commented])
+
+
+def _commented(line: str, comment: str, width: int) -> str:
+    """The comment behind the line, or below it where both are longer than a terminal is wide."""
+    if len(line) <= width and width + len(comment) + 2 <= COLUMNS:
+        return f"{line:<{width}}  {comment}".rstrip()
+    return f"{line}\n      {comment}".rstrip()

@@ -12,7 +12,10 @@ from room2dgs.pipeline.export import export_run
 from room2dgs.registries.exporters import EXPORTERS, place_of
 from room2dgs.runs.folder import earlier_run, last_value
 
-USAGE = "room2dgs export RUN to=FORMAT[,FORMAT...] [out=DIR] [up=auto] [faces=N] [max_error_m=0.01] [KEY=VALUE ...]"
+USAGE = (
+    "room2dgs export RUN to=FORMAT[,FORMAT...] [out=DIR] [up=auto] [faces=N] [max_error_m=0.01]\n"
+    "                [KEY=VALUE ...]"
+)
 OWN = ("run", "to", "out")
 SHORT = {"up": "export.up", "faces": "export.faces", "max_error_m": "export.max_error_m"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from room2dgs.commands.own_arguments import own_arguments
-from room2dgs.commands.settings_help import asked_for_help
+from room2dgs.commands.settings_help import asked_for_help, filled
 from room2dgs.commands.short_keys import with_full_keys
 from room2dgs.errors import InputError
 from room2dgs.pipeline.plan import write_plan
@@ -21,7 +21,7 @@ def main(argv: list[str]) -> int:
     found are called open.
     """
     if asked_for_help(argv):
-        print(f"{USAGE}\n\n{main.__doc__}")
+        print(f"{USAGE}\n\n{filled(main.__doc__ or '')}")
         return 0
     run, out = last_value(argv, "run"), last_value(argv, "out")
     if not run:

@@ -15,7 +15,15 @@ from room2dgs.config.sentences import shown
 
 COLUMNS, KEYS = 100, 34  # of a line, and of "key=default" at its beginning
 HEADING = "Settings:"
+PRESETS = ("sketch", "draft", "quick", "default", "fine")
 EVERYTHING = "all"  # behind --help: the settings for experts, too
+# What a command that takes all settings shows first
+FIRST = (
+    *("out", "resume", "strict", "prepare.video", "prepare.images", "prepare.length", "scene.path", "scene.frames"),
+    *("scene.image_width", "scene.unit", "sfm.refine_poses", "render.device", "render.threads", "train.iterations"),
+    *("train.viewer", "mesh.source", "mesh.voxel_m", "mesh.fill", "eval.gt", "report.enabled", "export.after_run"),
+    "memory.cache_mb",
+)
 
 
 def asked_for_help(argv: Sequence[str]) -> bool:
@@ -27,7 +35,7 @@ def show(argv: Sequence[str], usage: str, what: str | None, sections: tuple[str,
     """Print usage and settings (those of `sections`, or all) and return the exit code 0.
 
     Args:
-        argv: of the command; `--help all` shows the settings for experts, too.
+        argv: of the command; `--help all` shows all settings, those for experts too.
     """
     print(usage)
     print(f"\n{filled(what or '')}\n")
@@ -38,9 +46,11 @@ def show(argv: Sequence[str], usage: str, what: str | None, sections: tuple[str,
 def settings(argv: Sequence[str], sections: tuple[str, ...] = ()) -> list[str]:
     """The settings, grouped as the configuration is: key, default, meaning; see `show`."""
     keys = [key for key in leaf_keys() if not sections or _section(key) in ("", *sections)]
-    listed = keys if EVERYTHING in argv else [key for key in keys if key.public]
+    listed = keys if EVERYTHING in argv else [key for key in keys if (key.public if sections else key.name in FIRST)]
     choices = group_choices(conf_dir())
     lines = [HEADING]
+    if not sections:
+        lines += _wrapped("preset=NAME", f"How fine the run is, from fast to slow: {', '.join(PRESETS)}.")
     previous = None
     for key in listed:
         section = _section(key)
@@ -51,7 +61,7 @@ def settings(argv: Sequence[str], sections: tuple[str, ...] = ()) -> list[str]:
             previous = section
         lines += _wrapped(f"{key.name}={'DIR' if key.default == NOT_GIVEN else shown(key.default)}", meaning(key))
     hidden = len(keys) - len(listed)
-    return lines if not hidden else [*lines, "", f"{hidden} more are for experts: --help {EVERYTHING}"]
+    return lines if not hidden else [*lines, "", f"{hidden} more: --help {EVERYTHING}"]
 
 
 def meaning(key: Key) -> str:

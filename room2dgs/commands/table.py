@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from room2dgs.commands.settings_help import asked_for_help
+from room2dgs.commands.settings_help import asked_for_help, filled
 from room2dgs.errors import InputError
 from room2dgs.runs.folder import last_value
 
@@ -22,7 +22,7 @@ def main(argv: list[str]) -> int:
     count as one, by their mean; others are rows of their own, called by their folders unless name= is given.
     """
     if asked_for_help(argv):
-        print(f"{USAGE}\n\n{main.__doc__}")
+        print(f"{USAGE}\n\n{filled(main.__doc__ or '')}")
         return 0
     unknown = next((text for text in argv if "=" in text and text.partition("=")[0] not in OWN), None)
     if unknown and not Path(unknown).exists():

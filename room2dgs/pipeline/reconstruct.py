@@ -18,6 +18,7 @@ from room2dgs.pipeline.exposure import with_even_exposure
 from room2dgs.pipeline.mesh import make_mesh
 from room2dgs.pipeline.poses import refine_poses
 from room2dgs.pipeline.prepare import FOOTAGE, prepare_capture
+from room2dgs.pipeline.progress import PREPARE_S, USUAL_MP, USUAL_PHOTOS, Progress, expected_seconds, listed_photos
 from room2dgs.pipeline.render import write_renders
 from room2dgs.pipeline.report import write_run_report
 from room2dgs.pipeline.run_folder import RunFolder
@@ -32,12 +33,13 @@ if TYPE_CHECKING:
     from room2dgs.primitives.primitive import Splats
 
 
-def start_run(overrides: Sequence[str], show: Log | None = None) -> Path:
+def start_run(overrides: Sequence[str], show: Log | None = None, progress: Progress | None = None) -> Path:
     """A new run, or one that goes on, from its first step to its last.
 
     Args:
         overrides: "KEY=VALUE" each, as they are typed after `room2dgs run`.
         show: takes the lines of the log one at a time; None: they go to the standard output.
+        progress: is told how far the run is, which is then shown in place of the training's own bar; None: nobody is.
 
     Returns:
         The run's folder.
@@ -45,13 +47,17 @@ def start_run(overrides: Sequence[str], show: Log | None = None) -> Path:
     Raises:
         InputError: settings that cannot be, a folder that holds something else, or as the steps.
     """
-    config = new_run(with_capture(list(overrides), show))
+    watched = progress or Progress()
+    config = new_run(with_capture(list(overrides), show, watched))
     ground_truth(config)  # reported now if missing, not after the training
-    times = StageTimes()
+    times = StageTimes(watched.begin)
+    watched.expect(expected_seconds(config, listed_photos(config), USUAL_MP))
     with timed(times, "read"):
         scene = read_capture(config, keep_photos=True)
+    first = scene.frames[0].camera
+    watched.expect(expected_seconds(config, len(scene.frames), first.width * first.height / 1e6))
     with claimed(config) as out, photos_cached(scene, out):
-        run = RunFolder.with_log(out, times, show)
+        run = RunFolder.with_log(out, times, show, bar=progress is None)
         run_steps(scene, config, run)
         run.log("")
         for line in summary(out):
@@ -107,7 +113,7 @@ def start_training(overrides: Sequence[str], show: Log | None = None) -> RunFold
     return run
 
 
-def with_capture(overrides: list[str], show: Log | None = None) -> list[str]:
+def with_capture(overrides: list[str], show: Log | None = None, progress: Progress | None = None) -> list[str]:
     """Makes the capture of a video or of photos in the run's folder, and adds its path to the settings.
 
     Raises:
@@ -123,6 +129,9 @@ def with_capture(overrides: list[str], show: Log | None = None) -> list[str]:
     result = [*overrides, f"scene.path={Path(out).expanduser().absolute() / CAPTURE}"]
     config = absolute(load_config(result))
     check_out(Path(config.out), config.resume)
+    if progress is not None:
+        progress.begin("prepare")
+        progress.expect({"prepare": PREPARE_S} | expected_seconds(config, USUAL_PHOTOS, USUAL_MP))
     with owned(Path(config.out)):
         prepare_capture(config, Path(config.scene.path), show)
     return result

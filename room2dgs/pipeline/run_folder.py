@@ -19,24 +19,29 @@ class RunFolder:
         path: the folder.
         log: takes one line at a time.
         times: seconds by stage, since this object was made.
+        bar: whether the training may show a bar on a terminal.
     """
 
     path: Path
     log: Log = print
     times: StageTimes = field(default_factory=StageTimes)
+    bar: bool = True
 
     @classmethod
-    def with_log(cls, path: Path, times: StageTimes | None = None, show: Log | None = None) -> RunFolder:
+    def with_log(
+        cls, path: Path, times: StageTimes | None = None, show: Log | None = None, bar: bool = True
+    ) -> RunFolder:
         """One that keeps its log in log.txt.
 
         Args:
             times: of stages before; None: of none.
             show: takes the lines as well, one at a time; None: the standard output does.
+            bar: as the attribute.
 
         Raises:
             InputError: as `run_log`.
         """
-        return cls(path, run_log(path, show), StageTimes() if times is None else times)
+        return cls(path, run_log(path, show), StageTimes() if times is None else times, bar)
 
     def timed(self, stage: str) -> AbstractContextManager[None]:
         """Adds the block's time to that of a stage."""

@@ -44,7 +44,7 @@ def train_surfels(
     use_threads(config)
     hooks = training_hooks(config) if hooks is None else hooks
     with run.timed("train"):
-        result = train(scene, points, config, run.path, run.log, priors.by_frame, hooks)
+        result = train(scene, points, config, run.path, run.log, priors.by_frame, hooks, run.bar)
         scene.cache.clear()  # nothing after the training wants maps, and photos are read again
     # The loop's own clock also has what an interrupted run took before it was resumed.
     run.times["train"] = max(run.times["train"], round(sum(result.seconds.values()), 3))

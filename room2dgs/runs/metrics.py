@@ -8,7 +8,7 @@ import platform
 import resource
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -65,10 +65,12 @@ class StageTimes(dict[str, float]):
     Attributes:
         peak_memory_mb: by stage, the largest resident memory of the process up to its end.
         cpu: by stage, seconds of all cores together: on a machine with other work they say more.
+        begun: is told each stage as it begins.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, begun: Callable[[str], None] = lambda stage: None) -> None:
         super().__init__()
+        self.begun = begun
         self.peak_memory_mb: dict[str, float] = {}
         self.cpu: dict[str, float] = {}
 
@@ -76,6 +78,7 @@ class StageTimes(dict[str, float]):
 @contextmanager
 def timed(times: StageTimes, stage: str) -> Iterator[None]:
     """Adds the block's time to a stage's, and notes its memory. What the block freed is given back to the system."""
+    times.begun(stage)
     start, cpu = time.perf_counter(), time.process_time()
     yield
     give_back()

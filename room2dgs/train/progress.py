@@ -77,9 +77,9 @@ def columns() -> list[ProgressColumn]:
 class Bar:
     """A progress bar on a terminal; nothing elsewhere, where the log lines do."""
 
-    def __init__(self, total: int, done: int) -> None:
+    def __init__(self, total: int, done: int, wanted: bool = True) -> None:
         self._progress: Progress | None = None
-        if sys.stderr.isatty():
+        if wanted and sys.stderr.isatty():
             self._progress = Progress(*columns(), console=Console(stderr=True), refresh_per_second=4, expand=True)
             self._task = self._progress.add_task("training", total=total, completed=done, figures="")
             self._progress.start()

@@ -19,14 +19,15 @@ class Report(Hook):
         test_psnr_db: the last held-out PSNR, None before the first.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, bar: bool = True) -> None:
+        self._with_bar = bar
         self.losses: dict[str, float] = {}
         self.test_psnr_db: float | None = None
 
     def on_start(self, trainer: Trainer) -> None:
         self._config, self._log = trainer.config.train, trainer.log
         start = trainer.model.iteration
-        self._bar = Bar(self._config.iterations, start)
+        self._bar = Bar(self._config.iterations, start, self._with_bar)
         self._scalars = Scalars(trainer.out, self._config.tensorboard, start)
         self._means = Means()
         self._figures = ""

@@ -56,6 +56,7 @@ def train(
     log: Log | None = None,
     priors: Mapping[str, ViewMaps] | None = None,
     hooks: Sequence[Hook] = (),
+    bar: bool = True,
 ) -> TrainResult:
     """Optimise surfels for `config.train.iterations`; with `config.resume`, from the last whole checkpoint.
 
@@ -70,13 +71,14 @@ def train(
         log: takes one line at a time; None: standard output and out/log.txt.
         priors: depth and normals predicted for training views, by frame name; views without train without.
         hooks: more of them (see `trainer.Hook`), called after densification and before reports and checkpoints.
+        bar: whether a terminal gets a bar.
 
     Raises:
         InputError: no usable points, a photo that cannot be decoded, a full disk, no GPU where one is asked for, or a
             resumed run whose settings, views or priors differ from the first one's.
         RuntimeError: a loss or gradient that is not finite (our fault).
     """
-    out, report = Path(out), Report()
+    out, report = Path(out), Report(bar)
     first = (Neighbours(), Densification(new_strategy(config, scene)), *_thinning(config), *_corrections(config))
     last = (FiniteCheck(), HeldOut(), report, Checkpoints())
     with on_device(config.render.device) as device:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import subprocess
@@ -15,6 +16,7 @@ import pytest
 import trimesh
 
 from room2dgs import cli
+from room2dgs.commands.settings_help import FIRST
 from room2dgs.config import load_config
 from room2dgs.config.keys import leaf_keys
 from room2dgs.errors import InputError
@@ -343,14 +345,30 @@ def test_the_package_runs_as_the_command_does():
 
 
 @pytest.mark.parametrize(("argv", "everything"), [(["run", "--help"], False), (["train", "-h", "all"], True)])
-def test_help_names_the_public_settings_and_with_all_those_for_experts(capsys, argv, everything):
+def test_help_names_some_twenty_settings_and_with_all_every_one(capsys, argv, everything):
     assert cli.main(argv) == 0
     shown = capsys.readouterr().out.partition("\nSettings:\n")[2].partition("\nExamples:")[0]
     assert max(map(len, shown.splitlines())) <= 100
     in_one_line = " ".join(shown.split())
     for key in leaf_keys():
         is_there = len(re.findall(rf"^  {re.escape(key.name)}=.*$", shown, re.MULTILINE))
-        assert is_there == (everything or key.public), key.name
+        assert is_there == (everything or key.name in FIRST), key.name
         assert not is_there or key.comment in in_one_line
-    hidden = sum(not key.public for key in leaf_keys())
-    assert (f"{hidden} more are for experts: --help all" in shown) != everything
+    assert 18 <= len(FIRST) <= 24 and all(key.public for key in leaf_keys() if key.name in FIRST)
+    assert (f"{len(leaf_keys()) - len(FIRST)} more: --help all" in shown) != everything
+
+
+def test_help_of_one_section_names_its_public_settings(capsys):
+    assert cli.main(["mesh", "--help"]) == 0
+    shown = capsys.readouterr().out
+    for key in leaf_keys():
+        if key.name.startswith("mesh."):
+            assert (f"\n  {key.name}=" in shown) == key.public, key.name
+
+
+@pytest.mark.parametrize("verb", cli.VERBS)
+def test_no_help_is_wider_than_a_hundred_columns(verb, capsys):
+    with contextlib.suppress(SystemExit):  # argparse
+        cli.main([verb, "--help"])
+    assert [line for line in capsys.readouterr().out.splitlines() if len(line) > 100] == []
+    assert max(map(len, cli.overview().splitlines())) <= 100
