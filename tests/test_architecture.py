@@ -65,6 +65,7 @@ FLOW = (
         "plan",
         "viewer",
         "pipeline",
+        "app",
         "demo_room",
         "bench",
         "study",

@@ -17,6 +17,7 @@ LAUNCHERS = ("basic", "joblib", "submitit_local", "submitit_slurm", "ray")
 ANY: tuple[str, ...] = ()  # a number, a file or a text
 # verb -> arguments that are no settings, with their values
 OWN: dict[str, dict[str, tuple[str, ...]]] = {
+    "app": {"out": ANY, "port": ANY, "browser": ("true", "false")},
     "prepare": {"video": ANY, "images": ANY},
     "run": {"video": ANY, "images": ANY, "log": ("full", "line"), "hydra/launcher": LAUNCHERS},
     "ablate": {"hydra/launcher": LAUNCHERS},
@@ -39,7 +40,7 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
         "out": ANY, "in_run": ("true", "false"), "scenes": ANY, "root": ANY,
     },
 }  # fmt: skip
-WITHOUT_SETTINGS = ("table", "open", "compare", "doctor", "completion", "bench")
+WITHOUT_SETTINGS = ("table", "open", "compare", "app", "doctor", "completion", "bench")
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ COLUMNS = 100
 # verb, or "bench NAME" -> what follows it, and what that does
 EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "demo": (("room", "then: room2dgs run scene.path=room out=runs/room"),),
+    "app": (("out=runs", "then drop photos or a video on the page"),),
     "prepare": (
         ("video=walk.mp4 out=room", "then: room2dgs run scene.path=room out=runs/room"),
         ("images=photos out=room prepare.length=[height,1.5]", "the camera was held 1.5 m above the floor"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 # verb -> its line in the help; the code is room2dgs/commands/<verb>.py
 VERBS = {
     "demo": "a made room to try everything on",
+    "app": "a page on this machine: drop a folder or a video, choose how fine, watch, look",
     "prepare": "a video or photos without poses to a capture that run reads",
     "run": "photos to a scored mesh: points, training, mesh, renders, scores",
     "train": "the first part of run: points and training",

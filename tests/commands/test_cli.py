@@ -233,7 +233,7 @@ def test_render_of_training_views(run_copy):
 @pytest.mark.parametrize(
     ("argv", "said"),
     [
-        (["walk"], "'walk' is no command; choose from demo, prepare, run, train, depth, mesh"),
+        (["walk"], "'walk' is no command; choose from demo, app, prepare, run, train, depth, mesh"),
         (["run"], "out is not given"),
         (["run", "out=x"], "scene.path is not given"),
         (["run", "scene.path=nowhere", "out=x"], "nowhere is not there"),

@@ -15,7 +15,7 @@ from room2dgs.commands.verbs import VERBS
 from room2dgs.errors import InputError
 from room2dgs.runs.folder import CONFIG
 
-WITH_WORDS_OF_THEIR_OWN = {"demo", "compare", "table", "completion", "doctor", "bench"}
+WITH_WORDS_OF_THEIR_OWN = {"demo", "app", "compare", "table", "completion", "doctor", "bench"}
 
 
 @pytest.fixture(autouse=True)
