@@ -31,6 +31,7 @@ def test_the_notebook_makes_a_mesh_of_a_video(corner_walk, tmp_path):
     writer.release()
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     assert not any(cell.get("outputs") for cell in notebook.cells)  # stored without results
+    assert len(notebook.cells) == 6
     (place,) = (i for i, cell in enumerate(notebook.cells) if "parameters" in cell.metadata.get("tags", ()))
     ours = f"VIDEO, OUT, SETTINGS = {str(tmp_path / 'walk.avi')!r}, {str(tmp_path / 'run')!r}, {QUICK!r}"
     notebook.cells.insert(place + 1, nbformat.v4.new_code_cell(ours))
@@ -38,6 +39,6 @@ def test_the_notebook_makes_a_mesh_of_a_video(corner_walk, tmp_path):
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     said = "".join(output.get("text", "") for output in outputs)
     shown = "".join(output.get("data", {}).get("text/html", "") for output in outputs)
-    assert "12 photos placed, 0 left out" in said and " triangles, " in said
+    assert "12 photos placed, 0 left out" in said and " triangles, " in said and "Surfels(" in said
     assert "data:image/jpeg;base64," in shown
     assert (tmp_path / "run/mesh.ply").is_file() and (tmp_path / "run/export/mesh.glb").is_file()

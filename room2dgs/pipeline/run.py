@@ -86,6 +86,9 @@ def reconstruct(
     given = {"scene.path": capture, "out": out, "prepare.video": video, "prepare.images": images}
     if out is None:
         raise InputError("out is not given; add out=DIR, the folder for the run")
+    _check_log(log)
+    if not isinstance(resume, bool):
+        raise InputError(f"resume is {resume!r}, but True or False is wanted")
     places = {key: _path(value, key) for key, value in given.items() if value is not None}
     overrides = [*overrides_of({**settings, **places}), *(["resume=true"] if resume else [])]
     return Run(start_run(overrides, log))
@@ -227,6 +230,7 @@ class Run:
         from room2dgs.pipeline.evaluate import evaluate_run, ground_truth
         from room2dgs.pipeline.loaded_run import loaded_run
 
+        _check_log(log)
         config = self._with(settings)
         ground_truth(config)
         with loaded_run(config, log) as (scene, surfels, run):
@@ -251,6 +255,10 @@ class Run:
         from room2dgs.logs import to_terminal
         from room2dgs.pipeline.export import export_run
 
+        _check_log(log)
+        other = next((name for name in formats if not isinstance(name, str)), None)
+        if other is not None:
+            raise InputError(f'a format is {other!r}, but names are wanted: run.export("glb", "splats")')
         folder = None if out is None else Path(_path(out, "out"))
         return export_run(self._with(settings), formats, folder, log or to_terminal)
 
@@ -270,6 +278,7 @@ class Run:
         from room2dgs.pipeline.loaded_run import loaded_run
         from room2dgs.pipeline.report import write_run_report
 
+        _check_log(log)
         config = self._with(settings)
         with loaded_run(config, log) as (scene, surfels, run):
             return write_run_report(scene, surfels, config, run)
@@ -296,3 +305,9 @@ def _path(value: Any, name: str) -> str:
     if not isinstance(value, str | os.PathLike):
         raise InputError(f"{name} is {value!r}, but a path is wanted; give a text or a pathlib.Path")
     return os.fsdecode(value)
+
+
+def _check_log(log: object) -> None:
+    """Raises InputError for what no line can be given to."""
+    if log is not None and not callable(log):
+        raise InputError(f"log is {log!r}, but a function of one line is wanted, such as print")

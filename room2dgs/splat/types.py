@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -30,6 +31,15 @@ class Surfels(NamedTuple):
     scales: Tensor
     opacities: Tensor
     sh: Tensor
+
+    def __repr__(self) -> str:
+        """How many, where, and how fine their colours are; the numbers themselves are tensors enough."""
+        count, degree = len(self.centers), math.isqrt(self.sh.shape[1]) - 1
+        known = self.centers[self.centers.isfinite().all(dim=1)]
+        if not len(known):
+            return f"Surfels({count:,})"
+        low, high = (", ".join(f"{value:.2f}" for value in end.tolist()) for end in (known.amin(0), known.amax(0)))
+        return f"Surfels({count:,}, from ({low}) to ({high}) m, colours of degree {degree})"
 
 
 class Rendering(NamedTuple):

@@ -142,6 +142,22 @@ def test_what_is_wrong_is_one_sentence_and_leaves_nothing(tmp_path, monkeypatch,
     assert not list(tmp_path.iterdir())
 
 
+def test_values_of_a_wrong_kind_get_a_sentence(made, tmp_path):
+    run = room2dgs.open_run(made.path)
+    for wrong, sentence in (
+        (lambda: room2dgs.reconstruct("room", tmp_path / "x", resume="yes"), "resume is 'yes', but True or False"),
+        (lambda: room2dgs.reconstruct("room", tmp_path / "x", log="log.txt"), "log is 'log.txt', but a function"),
+        (lambda: run.export(3), "a format is 3, but names are wanted"),
+        (lambda: run.export(["glb"]), "a format is \\['glb'\\], but names are wanted"),
+        (lambda: run.export("glb", log=3), "log is 3, but a function"),
+        (lambda: run.report(log="x"), "log is 'x', but a function"),
+        (lambda: run.evaluate(log="x"), "log is 'x', but a function"),
+    ):
+        with pytest.raises(room2dgs.InputError, match=sentence):
+            wrong()
+    assert not (tmp_path / "x").exists()
+
+
 @pytest.mark.parametrize("wrong", ["", "config.yaml", "elsewhere"])
 def test_a_folder_that_is_no_run_cannot_be_opened(made, tmp_path, wrong):
     if wrong == "config.yaml":
