@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,17 +14,19 @@ import numpy as np
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.captures.selection import evenly_spaced
 from room2dgs.config import Config
+from room2dgs.pipeline.kept_views import PATH, write_path
 from room2dgs.pipeline.scene import scene_of_run
 from room2dgs.pipeline.surfels import surfels_if_trained, use_threads
-from room2dgs.runs.folder import MESH, required
+from room2dgs.runs.folder import MESH, TEXTURED, required
+from room2dgs.runs.page.cameras import camera_size_m
 
 if TYPE_CHECKING:
+    from room2dgs.geometry.camera import Camera
     from room2dgs.runs.page.mesh_views import DrawnMesh
     from room2dgs.viewer.server import Viewer
 
 PHOTO_WIDTH = 160  # pixels of the photos in the cameras' frames
 CAMERAS = 120  # at most, evenly spaced
-CAMERA_SIZE = 0.02  # of twice the extent of the cameras
 FACES = 150_000
 SEED_M = 0.015
 
@@ -52,6 +56,7 @@ def viewer_of(config: Config, host: str, port: int, fps: float) -> Viewer:
         if state is not None and "positions" in state.fixed:
             viewer.add_seeds(state.fixed["positions"].numpy(), SEED_M)
         _add_cameras(viewer, scene)
+        _add_saving(viewer, scene, out)
     except BaseException:
         viewer.stop()
         raise
@@ -82,8 +87,22 @@ def _add_meshes(viewer: Viewer, mesh: Path, scene: Scene) -> None:
 
 def _add_cameras(viewer: Viewer, scene: Scene) -> None:
     frames: Sequence[Frame] = evenly_spaced(scene.frames, CAMERAS)
+    cameras = [frame.camera for frame in frames]
     photos = [_thumbnail(frame.color()) for frame in frames]
-    viewer.add_cameras([frame.camera for frame in frames], photos, CAMERA_SIZE * scene.extent * 2)
+    viewer.add_cameras([frame.name for frame in frames], cameras, photos, camera_size_m(cameras))
+
+
+def _add_saving(viewer: Viewer, scene: Scene, out: Path) -> None:
+    files = {name: partial(Path.read_bytes, out / name) for name in (TEXTURED, MESH) if (out / name).is_file()}
+
+    def save_path(views: list[Camera]) -> str:
+        try:
+            count = write_path(views, scene.origin_m, out / PATH)
+        except OSError as error:
+            return f"{PATH} cannot be written ({error.strerror})."
+        return f"{count} pictures: `room2dgs render {shlex.quote(out.name)} path={shlex.quote(f'{out.name}/{PATH}')}`"
+
+    viewer.add_saving(files, save_path)
 
 
 def _thumbnail(photo: np.ndarray) -> np.ndarray:

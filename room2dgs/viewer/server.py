@@ -5,10 +5,12 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 
 from room2dgs.errors import InputError, first_line
@@ -16,6 +18,7 @@ from room2dgs.geometry.camera import NEAR_M, Camera
 from room2dgs.geometry.rotations import quaternions_from
 from room2dgs.logs import Log
 from room2dgs.primitives.primitive import Splats
+from room2dgs.texts import shown
 from room2dgs.viewer.door import EVERYWHERE, LOOPBACK, NAMES_OF_LOOPBACK, Door, in_url, names_of
 from room2dgs.viewer.guarded_server import guarded_server
 from room2dgs.viewer.messages import Fit, one_of, switch, whole
@@ -32,7 +35,10 @@ FPS = 2, 30  # that a page may ask for
 MOVING_QUALITY, STILL_QUALITY = 70, 90  # of the JPEGs
 MESH, ERROR = "mesh", "error"
 BEHIND_M, FAR_M = 0.03, 1e4  # seeds on a surface are not hidden by it; nothing is hidden where there is none
-LINE = 0.03  # of a camera's size: the thickness of its frame
+LINE_PX = 1.5  # thickness of a camera's frame
+PATH_SIZE = 1280, 720  # of a path's pictures
+LONGEST_NAME = 60
+NOWHERE = "-"  # in the list of photos
 MARK_M = 0.015  # radius of a measured point
 
 
@@ -149,8 +155,11 @@ class Viewer:
         """A mesh that `name` (MESH, ERROR) in the list of pictures shows; colours (N, 3) uint8."""
         import trimesh
 
+        from room2dgs.export.mesh_files import glb
+
         made = trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)
-        self._meshes[name] = self._server.scene.add_mesh_trimesh(f"/{name}", made, visible=False)
+        # without light (KHR_materials_unlit), so that it is as bright as the photos
+        self._meshes[name] = self._server.scene.add_glb(f"/{name}", glb(made, np.eye(3)), visible=False)
         self._kind.options = (*KINDS, *self._meshes)
 
     def add_seeds(self, positions: np.ndarray, size_m: float) -> None:
@@ -165,15 +174,20 @@ class Viewer:
         )
         self._switch("seeds", [points])
 
-    def add_cameras(self, cameras: Sequence[Camera], photos: Sequence[np.ndarray], size_m: float) -> None:
-        """Frames of the cameras, with small photos (h, w, 3) uint8 in them; a click on one leads there."""
+    def add_cameras(
+        self, names: Sequence[str], cameras: Sequence[Camera], photos: Sequence[np.ndarray], size_m: float
+    ) -> None:
+        """Frames of the cameras, with small photos (h, w, 3) uint8 in them; a click on one leads there, as does a
+        choice of its name from a list.
+        """
         bare, filled = [], []
         for index, (camera, photo) in enumerate(zip(cameras, photos, strict=True)):
             fov = 2 * np.arctan(camera.height / 2 / camera.K[1, 1])
             wxyz = quaternions_from(camera.rotation.T[None])[0]
             common = {
                 "scale": size_m,
-                "thickness": LINE * size_m,
+                "thickness": LINE_PX,
+                "thickness_units": "screen",
                 "wxyz": wxyz,
                 "position": camera.centre,
                 "visible": False,
@@ -185,6 +199,61 @@ class Viewer:
                 handle.on_click(lambda event, wxyz=wxyz, at=camera.centre: _go(event.client, wxyz, at))
         self._switch("cameras", bare)
         self._switch("photos", filled)
+        self._photo_list({shown(name, LONGEST_NAME): camera for name, camera in zip(names, cameras, strict=True)})
+
+    def _photo_list(self, cameras: dict[str, Camera]) -> None:
+        chosen = self._server.gui.add_dropdown("fly to photo", (NOWHERE, *cameras), initial_value=NOWHERE)
+        self._accepts(chosen, one_of(lambda: tuple(chosen.options)))
+
+        def fly(event: Any) -> None:
+            camera = cameras.get(chosen.value)
+            if camera is not None and event.client is not None:
+                _go(event.client, quaternions_from(camera.rotation.T[None])[0], camera.centre)
+
+        chosen.on_update(fly)
+
+    def add_saving(self, files: Mapping[str, Callable[[], bytes]], save_path: Callable[[list[Camera]], str]) -> None:
+        """Buttons that save what a browser sees, files of the run, and a path of views that were kept.
+
+        Args:
+            files: name -> its bytes; the browser saves them.
+            save_path: takes two kept views or more, writes a path through them, and says where.
+        """
+        with self._server.gui.add_folder("save", expand_by_default=False):
+            self._button("this picture", self._save_picture)
+            for name, read in files.items():
+                self._button(name, partial(_send, name, read))
+            kept: list[Camera] = []
+
+            def keep(client: Any) -> None:
+                kept.append(camera_at(client.camera.wxyz, client.camera.position, client.camera.fov, PATH_SIZE))
+                self.show_message(f"{len(kept)} views are kept for a path.")
+
+            def forget(client: Any) -> None:
+                kept.clear()
+                self.show_message("No view is kept.")
+
+            def save(client: Any) -> None:
+                self.show_message(save_path(kept) if len(kept) > 1 else "Keep two views at least, then save the path.")
+
+            self._button("path: keep this view", keep)
+            self._button("path: save", save)
+            self._button("path: forget", forget)
+
+    def _button(self, label: str, pressed: Callable[[Any], None]) -> None:
+        button = self._server.gui.add_button(label)
+        self._accepts(button, switch)
+        button.on_click(lambda event: pressed(event.client) if event.client is not None else None)
+
+    def _save_picture(self, client: Any) -> None:
+        kind = self._kind.value if self._kind.value in KINDS else KINDS[0]
+        camera = client.camera
+        size = full_size(max(float(camera.aspect), 0.1), WIDEST)
+        with self._drawing:
+            seen = picture(self._shown, camera_at(camera.wxyz, camera.position, camera.fov, size), kind, self._near_m)
+        done, data = cv2.imencode(".png", seen.pixels[..., ::-1])
+        if done:
+            client.send_file_download("room.png", data.tobytes())
 
     def draw(self) -> int:
         """One picture for each browser that wants one; how many were drawn."""
@@ -351,6 +420,10 @@ def warn_of_host(host: str, log: Log) -> None:
             f"WARNING: everyone who reaches this machine at {address} and knows the token can look, and the connection "
             "is not encrypted; leave host= out for this machine alone"
         )
+
+
+def _send(name: str, read: Callable[[], bytes], client: Any) -> None:
+    client.send_file_download(name, read())
 
 
 def _go(client: Any, wxyz: np.ndarray, position: np.ndarray) -> None:

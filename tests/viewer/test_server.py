@@ -16,6 +16,8 @@ from room2dgs.errors import InputError
 from room2dgs.eval.pictures import error_mesh
 from room2dgs.eval.surface import Surface
 from room2dgs.mesh.io import write_mesh
+from room2dgs.pipeline.camera_path import PathOptions, path_frames
+from room2dgs.pipeline.scene import scene_of_run
 from room2dgs.pipeline.view import viewer_of
 from room2dgs.train import save_surfels
 from room2dgs.viewer.pace import Pace
@@ -238,3 +240,44 @@ def test_what_is_nearer_than_the_settings_draw_is_not_drawn(wall, wall_surfels, 
         seen[near] = (drawn[0].min(), found)
     assert seen[0.8][0] > 100 and seen[0.8][1] == ["Nothing was reconstructed there."]
     assert seen[0.2][0] < 1 and seen[0.2][1] == ["Now the second point."]
+
+
+def test_a_photo_of_the_list_is_flown_to_and_kept_views_become_a_path(wall, wall_surfels, tmp_path):
+    out = tmp_path / "my run"
+    config = load_config([f"scene.path={wall}", f"out='{out}'"])
+    save_surfels(out / "surfels.safetensors", wall_surfels, {})
+    write_mesh(out / "mesh.ply", trimesh.load(wall / "gt_mesh.ply", process=False))
+    viewer = viewer_of(config, "127.0.0.1", _free_port(), 15)
+    viewer.start()
+    try:
+        with connected(viewer) as socket_:
+            send(socket_, moved_to(0.0))
+            until(lambda: viewer.watched)
+            (browser,) = viewer._browsers.values()
+            controls = {one._impl.props.label: one for one in viewer._server.gui._gui_input_handle_from_uuid.values()}
+            photos = controls["fly to photo"]
+            assert len(photos.options) == 9  # eight, and none
+            send(socket_, set_to(photos, "../7"))
+            send(socket_, set_to(photos, photos.options[4]))
+            until(lambda: photos.value == photos.options[4])
+            scene = scene_of_run(config)
+            camera = next(frame.camera for frame in scene.frames if frame.name == photos.options[4])
+            until(lambda: np.allclose(browser.client.camera.position, camera.centre, atol=1e-6))
+            send(socket_, set_to(controls["path: save"], True))
+            until(lambda: "Keep two views" in viewer._message.content)
+            for x in (0.0, 0.6):
+                send(socket_, moved_to(x))
+                until(lambda x=x: np.allclose(browser.client.camera.position, (x, 0, 0)))
+                kept = viewer._message.content
+                send(socket_, set_to(controls["path: keep this view"], True))
+                until(lambda kept=kept: viewer._message.content != kept)
+            send(socket_, set_to(controls["path: save"], True))
+            until(lambda: "61 pictures" in viewer._message.content)
+            assert "render 'my run' path='my run/path.json'" in viewer._message.content
+            assert "this picture" in controls and "mesh.ply" in controls and "mesh.glb" not in controls
+    finally:
+        viewer.stop()
+    frames = path_frames(PathOptions(path=str(out / "path.json")), scene)
+    assert len(frames) == 61
+    assert np.allclose([frames[0].camera.centre, frames[-1].camera.centre], [[0, 0, 0], [0.6, 0, 0]], atol=1e-6)
+    assert np.allclose(frames[30].camera.forward, [0, 0, 1], atol=1e-6)
