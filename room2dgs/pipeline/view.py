@@ -22,6 +22,7 @@ from room2dgs.runs.page.cameras import camera_size_m
 
 if TYPE_CHECKING:
     from room2dgs.geometry.camera import Camera
+    from room2dgs.primitives.primitive import Splats
     from room2dgs.runs.page.mesh_views import DrawnMesh
     from room2dgs.viewer.server import Viewer
 
@@ -56,6 +57,8 @@ def viewer_of(config: Config, host: str, port: int, fps: float) -> Viewer:
         if state is not None and "positions" in state.fixed:
             viewer.add_seeds(state.fixed["positions"].numpy(), SEED_M)
         _add_cameras(viewer, scene)
+        if surfels is not None:
+            viewer.add_crop_box(*_box_of(surfels))
         _add_saving(viewer, scene, out)
     except BaseException:
         viewer.stop()
@@ -90,6 +93,13 @@ def _add_cameras(viewer: Viewer, scene: Scene) -> None:
     cameras = [frame.camera for frame in frames]
     photos = [_thumbnail(frame.color()) for frame in frames]
     viewer.add_cameras([frame.name for frame in frames], cameras, photos, camera_size_m(cameras))
+
+
+def _box_of(splats: Splats) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) corners of the box that holds all finite centres."""
+    centers = splats.centers.detach().double().numpy()
+    known = centers[np.isfinite(centers).all(axis=1)]
+    return (known.min(axis=0), known.max(axis=0)) if len(known) else (np.zeros(3), np.ones(3))
 
 
 def _add_saving(viewer: Viewer, scene: Scene, out: Path) -> None:

@@ -49,6 +49,18 @@ def between(low: float, high: float) -> Fit:
     return lambda value: float(min(max(value, low), high)) if _is_number(value) else None
 
 
+def pair(low: float, high: float) -> Fit:
+    """Two numbers between two, the smaller first."""
+
+    def fit(value: Any) -> tuple[float, float] | None:
+        if not isinstance(value, list | tuple) or len(value) != 2 or not all(map(_is_number, value)):
+            return None
+        one, other = sorted(float(min(max(number, low), high)) for number in value)
+        return one, other
+
+    return fit
+
+
 def switch(value: Any) -> bool | None:
     """True or false."""
     return value if isinstance(value, bool) else None

@@ -56,6 +56,20 @@ def picture(shown: Splats | DrawnMesh, camera: Camera, kind: str, near_m: float 
     return Picture(pixels, depth)
 
 
+def cropped(shown: Splats | DrawnMesh, low: np.ndarray, high: np.ndarray) -> Splats | DrawnMesh:
+    """Without the splats whose centres lie outside a box; a mesh stays whole.
+
+    Args:
+        low, high: (3,) metres, the box's corners.
+    """
+    if isinstance(shown, DrawnMesh):
+        return shown
+    corners = (torch.as_tensor(end, dtype=shown.centers.dtype) for end in (low, high))
+    least, most = corners
+    inside = ((shown.centers >= least) & (shown.centers <= most)).all(dim=1)
+    return shown._replace(**{name: part[inside] for name, part in shown._asdict().items()})
+
+
 def _rendered(splats: Splats, camera: Camera, kind: str, near_m: float) -> Rendering:
     with torch.no_grad():
         return render(

@@ -21,9 +21,9 @@ from room2dgs.primitives.primitive import Splats
 from room2dgs.texts import shown
 from room2dgs.viewer.door import EVERYWHERE, LOOPBACK, NAMES_OF_LOOPBACK, Door, in_url, names_of
 from room2dgs.viewer.guarded_server import guarded_server
-from room2dgs.viewer.messages import Fit, one_of, switch, whole
+from room2dgs.viewer.messages import Fit, one_of, pair, switch, whole
 from room2dgs.viewer.pace import Pace
-from room2dgs.viewer.picture import KINDS, camera_at, hit, picture
+from room2dgs.viewer.picture import KINDS, camera_at, cropped, hit, picture
 
 if TYPE_CHECKING:
     from room2dgs.runs.page.mesh_views import DrawnMesh
@@ -38,6 +38,7 @@ BEHIND_M, FAR_M = 0.03, 1e4  # seeds on a surface are not hidden by it; nothing 
 LINE_PX = 1.5  # thickness of a camera's frame
 PATH_SIZE = 1280, 720  # of a path's pictures
 LONGEST_NAME = 60
+CROP_STEPS = 200
 NOWHERE = "-"  # in the list of photos
 MARK_M = 0.015  # radius of a measured point
 
@@ -88,6 +89,8 @@ class Viewer:
     ) -> None:
         viser = found_viser()
         self._shown, self._number, self._fps, self._near_m = shown, 0, fps, near_m
+        self._visible: Splats | DrawnMesh = shown  # of it, what lies in the crop box
+        self._box: tuple[np.ndarray, np.ndarray] | None = None
         self.host, names = names_of(host)
         self.door = Door(names)
         self._named = next((name for name in names if name not in EVERYWHERE), EVERYWHERE.get(self.host, LOOPBACK))
@@ -139,6 +142,7 @@ class Viewer:
     def show(self, surfels: Splats) -> None:
         """Other surfels, from the next picture on."""
         self._shown, self._number = surfels, self._number + 1
+        self._crop()
         self._wake.set()
 
     def show_message(self, line: str) -> None:
@@ -212,6 +216,29 @@ class Viewer:
 
         chosen.on_update(fly)
 
+    def add_crop_box(self, low: np.ndarray, high: np.ndarray) -> None:
+        """Sliders that cut splats away outside of a box; with corners (3,) to begin with, metres."""
+        sides = []
+        with self._server.gui.add_folder("crop box (splats)", expand_by_default=False):
+            for axis, least, most in zip("xyz", low.tolist(), high.tolist(), strict=True):
+                step = max((most - least) / CROP_STEPS, 1e-6)
+                slider = self._server.gui.add_multi_slider(axis, least, most, step, (least, most))
+                self._accepts(slider, pair(least, most))
+                sides.append(slider)
+
+        def cut(_: Any) -> None:
+            ends = np.array([side.value for side in sides], float)
+            whole = np.allclose(ends, np.stack([low, high], axis=1), atol=1e-4)
+            self._box = None if whole else (ends[:, 0], ends[:, 1])
+            self._crop()
+            self._again()
+
+        for side in sides:
+            side.on_update(cut)
+
+    def _crop(self) -> None:
+        self._visible = self._shown if self._box is None else cropped(self._shown, *self._box)
+
     def add_saving(self, files: Mapping[str, Callable[[], bytes]], save_path: Callable[[list[Camera]], str]) -> None:
         """Buttons that save what a browser sees, files of the run, and a path of views that were kept.
 
@@ -250,7 +277,7 @@ class Viewer:
         camera = client.camera
         size = full_size(max(float(camera.aspect), 0.1), WIDEST)
         with self._drawing:
-            seen = picture(self._shown, camera_at(camera.wxyz, camera.position, camera.fov, size), kind, self._near_m)
+            seen = picture(self._visible, camera_at(camera.wxyz, camera.position, camera.fov, size), kind, self._near_m)
         done, data = cv2.imencode(".png", seen.pixels[..., ::-1])
         if done:
             client.send_file_download("room.png", data.tobytes())
@@ -350,7 +377,7 @@ class Viewer:
         aspect = max(float(camera.aspect), 0.1)
         size = full_size(aspect, widest) if still else browser.pace.size(aspect, widest)
         start = time.perf_counter()
-        seen = picture(self._shown, camera_at(camera.wxyz, camera.position, camera.fov, size), kind, self._near_m)
+        seen = picture(self._visible, camera_at(camera.wxyz, camera.position, camera.fov, size), kind, self._near_m)
         browser.pace.took(size, time.perf_counter() - start)
         # what the browser draws is hidden behind surfaces by their depth; it costs more to send than the picture
         depth = np.where(seen.depth > 0, seen.depth + BEHIND_M, FAR_M)[..., None] if still else None
@@ -362,7 +389,7 @@ class Viewer:
         browser = self._browsers.get(event.client_id)
         if browser is None or not self._measure.value:
             return
-        point = hit(self._shown, np.array(event.ray_origin), np.array(event.ray_direction), self._near_m)
+        point = hit(self._visible, np.array(event.ray_origin), np.array(event.ray_direction), self._near_m)
         if point is None:
             self.show_message("Nothing was reconstructed there.")
             return

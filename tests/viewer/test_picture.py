@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from room2dgs.errors import InputError
 from room2dgs.runs.page.mesh_views import DrawnMesh
 from room2dgs.viewer.pace import LEAST, Pace
-from room2dgs.viewer.picture import KINDS, camera_at, hit, picture
+from room2dgs.viewer.picture import KINDS, camera_at, cropped, hit, picture
 from room2dgs.viewer.server import found_viser
 
 UPRIGHT = np.array([1.0, 0, 0, 0])
@@ -83,3 +83,13 @@ def test_a_mesh_is_shown_and_clicked_as_surfels_are():
     assert np.abs(seen["normals"].pixels[32, 30].astype(int) - (128, 128, 255)).max() <= 2
     assert np.linalg.norm(hit(wall, np.array([0.3, 0, 0]), np.array([0.1, 0, 1.0])) - [0.5, 0, 2]) < 1e-4
     assert hit(wall, np.zeros(3), np.array([0, 0, -1.0])) is None
+
+
+def test_a_crop_box_leaves_the_splats_inside(wall_surfels):
+    low, high = np.array([-1.0, -5, -5]), np.array([0.5, 0.0, 5])
+    left = cropped(wall_surfels, low, high)
+    centers = left.centers.numpy()
+    assert 0 < len(centers) < len(wall_surfels.centers)
+    assert (centers >= low - 1e-6).all() and (centers <= high + 1e-6).all()
+    inside = ((wall_surfels.centers.numpy() >= low) & (wall_surfels.centers.numpy() <= high)).all(axis=1)
+    assert len(centers) == inside.sum() and all(len(part) == len(centers) for part in left)

@@ -281,3 +281,26 @@ def test_a_photo_of_the_list_is_flown_to_and_kept_views_become_a_path(wall, wall
     assert len(frames) == 61
     assert np.allclose([frames[0].camera.centre, frames[-1].camera.centre], [[0, 0, 0], [0.6, 0, 0]], atol=1e-6)
     assert np.allclose(frames[30].camera.forward, [0, 0, 1], atol=1e-6)
+
+
+def test_a_box_of_the_sliders_cuts_pictures_and_measures(wall_surfels):
+    with serving(wall_surfels) as viewer, connected(viewer) as socket_:
+        viewer.add_crop_box(np.array([-2.0, -1.5, 2.0]), np.array([1.5, 1.5, 2.0]))
+        send(socket_, moved_to(0.0))
+        until(lambda: viewer.watched)
+        (browser,) = viewer._browsers.values()
+        until(lambda: browser.drawn and browser.drawn[-1])
+        x = next(one for one in viewer._server.gui._gui_input_handle_from_uuid.values() if one._impl.props.label == "x")
+        for wrong in ("wide", [1], [0.0, float("nan")], [0.0, 1.0, 2.0]):
+            send(socket_, set_to(x, wrong))
+        send(socket_, set_to(x, (9.0, 0.5)))  # brought between its ends, and in order
+        until(lambda: tuple(x.value) == (0.5, 1.5))
+        until(lambda: viewer._visible is not viewer._shown)
+        assert viewer._visible.centers[:, 0].min() >= 0.5 - 1e-5
+        viewer._measure.value = True
+        send(socket_, clicked_along((0.0, 0.0, 1.0)))
+        until(lambda: "Nothing was reconstructed there" in viewer._message.content)
+        send(socket_, set_to(x, (-2.0, 1.5)))
+        until(lambda: viewer._visible is viewer._shown)
+        viewer.show(wall_surfels)
+        assert viewer._visible is wall_surfels
