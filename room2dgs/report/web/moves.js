@@ -91,6 +91,7 @@ function createMoves(room, stick) {
   canvas.addEventListener("pointerdown", (event) => {
     inside = true;
     claims();
+    frame.dataset.pressed = "true"; // its outline is for who came by the keyboard
     canvas.focus({ preventScroll: true });
     if (moves.mode !== "walk") return;
     look = { x: event.clientX, y: event.clientY, moved: false };
@@ -136,7 +137,10 @@ function createMoves(room, stick) {
     }
   });
   canvas.addEventListener("keyup", (event) => pressed.delete(event.key.length === 1 ? event.key.toLowerCase() : event.key));
-  canvas.addEventListener("blur", () => pressed.clear());
+  canvas.addEventListener("blur", () => {
+    pressed.clear();
+    delete frame.dataset.pressed;
+  });
 
   if (stick) {
     const knob = stick.firstElementChild;
