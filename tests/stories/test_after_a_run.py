@@ -21,8 +21,10 @@ def advised(sentence: str) -> list[str]:
 
 
 def legend(out: Path) -> list[str]:
+    """The error's ticks in the page."""
     text = (out / "report.html").read_text()
-    return re.findall(r"([\d.]+) cm", re.search(r'<p data-key="error" hidden>(.*?)</p>', text, re.S)[1])
+    part = re.search(r'<div data-key="error" hidden>(.*?)<p', text, re.S)[1]
+    return [tick.removesuffix(" cm and more") for tick in re.findall(r'<span style="[^"]*">([^<]*)', part)]
 
 
 @pytest.fixture

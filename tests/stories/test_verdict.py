@@ -31,7 +31,7 @@ def test_a_good_room_is_not_failed(run, request, story):
     assert verdict.measures["photo_agreement"] > 0.8
     assert story.metrics(out)["verdict"]["word"] == verdict.word
     assert f"verdict: {verdict.word}" in (out / "log.txt").read_text()
-    assert f"Verdict: <b>{verdict.word}</b>" in (out / "report.html").read_text()
+    assert f"Verdict: {verdict.word}<" in (out / "report.html").read_text()
 
 
 def test_the_same_room_with_shuffled_poses_is_failed(shuffled, tmp_path, story, capsys):
