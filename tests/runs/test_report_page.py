@@ -65,7 +65,7 @@ def page(reported) -> Page:
 
 
 def arrays(page: Page, name: str, *kinds: tuple[str, int]) -> list[np.ndarray]:
-    """A block's arrays, as viewer.js reads them: each begins at a multiple of four bytes."""
+    """A block's arrays, as room.js reads them: each begins at a multiple of four bytes."""
     raw = zlib.decompress(base64.b64decode(page.scripts[f"bytes-{name}"]))
     found, at = [], 0
     for kind, count in kinds:

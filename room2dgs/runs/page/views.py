@@ -34,7 +34,7 @@ Rendered = Callable[[Iterable[Frame]], Iterator[tuple[Frame, "Rendering"]]]
 
 
 def view_pictures(scene: Scene, rendered: Rendered, trust: Mapping[str, Trust], most: int) -> list[dict[str, Any]]:
-    """Held-out views, then training views, for compare.js.
+    """Held-out views, then training views, for wipe.js.
 
     Args:
         rendered: renders frames, one at a time.
