@@ -62,6 +62,7 @@ FLOW = (
         "runs",
         "prepare",
         "export",
+        "lengths",
         "plan",
         "viewer",
         "pipeline",

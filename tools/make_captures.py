@@ -5,7 +5,8 @@
     python -m room2dgs.tools.make_captures OUT --rooms 8 --phone wander,blur
 
 Written: OUT/room_00, room_01, ..., each as `capture_files` says, with the noise of lens and sensor on the photos;
-gt_mesh.ply is only what the cameras saw. With --pose-noise the poses are wrong, and `pose_true` holds the right ones.
+gt_mesh.ply is only what the cameras saw; plan_true.json has the outline, the openings and the tops of tables of the
+whole room (`truth`). With --pose-noise the poses are wrong, and `pose_true` holds the right ones.
 With --phone the photos are a phone's (`phone_camera.effects`), each room's another one: its noise and JPEG take the
 place of those options, phone.json says what it did, depth and the mesh stay exact.
 The same options give the same bytes; captures that are there already are kept. Seed 0 is refused: it made the rooms
@@ -42,7 +43,7 @@ from room2dgs.demo_room.light import cast
 from room2dgs.demo_room.mesh import visible_mesh
 from room2dgs.demo_room.render import exposed, pinhole, ray_scene
 from room2dgs.errors import InputError
-from room2dgs.files import whole_folder
+from room2dgs.files import whole_file, whole_folder
 from room2dgs.mesh.open3d import o3c_tensor
 from room2dgs.tools.command_line import command_line
 from room2dgs.tools.phone_camera.effects import EFFECTS, chosen, spelled
@@ -50,6 +51,7 @@ from room2dgs.tools.phone_camera.filming import filming
 from room2dgs.tools.random_rooms.blank import with_blank_walls
 from room2dgs.tools.random_rooms.layout import RandomRoom, random_room
 from room2dgs.tools.random_rooms.render import Room, light_up, render
+from room2dgs.tools.random_rooms.truth import plan_truth
 from room2dgs.tools.random_rooms.walk import Walk, floor_area, random_walk
 from room2dgs.tools.shake_poses import shaken
 
@@ -92,6 +94,7 @@ class CaptureOptions:
 
 
 PHONE = "phone.json"
+PLAN_TRUTH = "plan_true.json"
 LIMITS = {
     "seed": (1, 2**63 - 1),
     "photos": (0, 10_000),
@@ -122,6 +125,8 @@ def make_capture(out: Path | str, number: int, options: CaptureOptions) -> Path:
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         if _made_with(out) != {**asdict(options), "room": number}:
             raise InputError(f"{out} is no capture that was made with these options; choose another folder")
+        if not (out / PLAN_TRUTH).exists():  # of a capture that was made before there was one
+            write_plan_truth(out, found_room(number, options)[0])
         return out
     with whole_folder(out) as unfinished:
         write_capture(unfinished, number, options)
@@ -130,7 +135,7 @@ def make_capture(out: Path | str, number: int, options: CaptureOptions) -> Path:
 
 def write_capture(out: Path, number: int, options: CaptureOptions) -> None:
     """Writes all files of the capture into the empty folder `out`."""
-    patches, walk, draw = found_room(number, options)
+    planned, patches, walk, draw = found_room(number, options)
     room = light_up(patches, stream(options, number, draw, 3))
     K = pinhole(options.width, options.height, walk.fov)
     gain = exposure(room, K, walk.poses, options)
@@ -162,6 +167,13 @@ def write_capture(out: Path, number: int, options: CaptureOptions) -> None:
     write_intrinsics(out, K)
     mesh = visible_mesh(room, patches, K, walk.poses, options.width, options.height)
     write_truth(out, mesh, made(options, number, draw, walk))
+    write_plan_truth(out, planned)
+
+
+def write_plan_truth(out: Path, room: RandomRoom) -> None:
+    """Writes what a plan of the room should say."""
+    with whole_file(out / PLAN_TRUTH) as temporary:
+        temporary.write_text(json.dumps(plan_truth(room), indent=1) + "\n", encoding="utf-8")
 
 
 def made(options: CaptureOptions, number: int, draw: int, walk: Walk) -> dict[str, Any]:
@@ -169,8 +181,8 @@ def made(options: CaptureOptions, number: int, draw: int, walk: Walk) -> dict[st
     return {**asdict(options), "room": number, "draw": draw, "filmed": len(walk.poses), "fov": walk.fov}
 
 
-def found_room(number: int, options: CaptureOptions) -> tuple[list[Patch], Walk, int]:
-    """The surfaces and the walk of the first room of this number that can be filmed, and which draw it was."""
+def found_room(number: int, options: CaptureOptions) -> tuple[RandomRoom, list[Patch], Walk, int]:
+    """The first room of this number that can be filmed, its surfaces, the walk, and which draw it was."""
     for draw in range(TRIES):
         room = random_room(stream(options, number, draw, 0))
         if room.storm or not AREA[0] <= floor_area(room) <= AREA[1] or len(room.patches) < PIECES:
@@ -181,7 +193,7 @@ def found_room(number: int, options: CaptureOptions) -> tuple[list[Patch], Walk,
         ]
         walk = walked(room, patches, stream(options, number, draw, 2), options.photos or None)
         if walk is not None:
-            return patches, walk, draw
+            return room, patches, walk, draw
     raise RuntimeError(f"none of {TRIES} rooms could be walked; a mistake of the rooms or the walk")
 
 

@@ -10,6 +10,10 @@ from room2dgs.errors import InputError
 BENCHES = {
     "raster": ("room2dgs.bench.raster", "the rasterizer's time on this machine"),
     "prior": ("room2dgs.commands.bench_prior", "a prior's depth, normals and confidence where depth is known"),
+    "lengths": (
+        "room2dgs.commands.bench_lengths",
+        "lengths of runs of made rooms, and their deviations, against truth",
+    ),
     "suite": ("room2dgs.commands.bench_suite", "the same settings on several captures, as one table"),
 }
 

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from room2dgs.captures.world_offset import Origin
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.logs import Log, to_terminal
 from room2dgs.pipeline.export import source_of
+from room2dgs.pipeline.measure import NotSure, measured_run, needed_for_plans, plan_of
 from room2dgs.runs.folder import MESH, at_work_beside, required
+
+if TYPE_CHECKING:
+    from room2dgs.plan.floor_plan import FloorPlan
 
 PLAN = "plan"
 
@@ -28,19 +33,15 @@ def write_plan(config: Config, out: Path | None = None, log: Log = to_terminal) 
     Raises:
         InputError: a library is missing, the run has no mesh, no way is up, or no floor is found.
     """
-    missing = [name for name in ("shapely", "ezdxf") if importlib.util.find_spec(name) is None]
-    if missing:
-        raise InputError(f"floor plans need {' and '.join(missing)}; install them with pip install 'room2dgs[export]'")
+    needed_for_plans("shapely", "ezdxf")
     run = Path(config.out)
     required(run / MESH, "mesh")
-    source = source_of(config, log)
-    if source.up is None:
-        raise InputError("export.up=keep does not say which way is up; give up=auto or up=z")
     from room2dgs.plan.dxf import dxf
-    from room2dgs.plan.floor_plan import as_json, floor_plan, plan_in_world, sentences
+    from room2dgs.plan.floor_plan import as_json, plan_in_world, sentences
     from room2dgs.plan.svg import svg
 
-    plan = plan_in_world(floor_plan(source.mesh, source.up), source.origin_m)
+    plan, origin_m = _plan(config, log)
+    plan = plan_in_world(plan, origin_m)
     for line in sentences(plan):
         log(line)
     out = (out or run / PLAN).expanduser().absolute()
@@ -58,3 +59,14 @@ def write_plan(config: Config, out: Path | None = None, log: Log = to_terminal) 
         raise InputError(f"{out} cannot be written ({error.strerror}); choose another out=DIR") from error
     log(f"floor plan: {out / 'plan.svg'}, {out / 'plan.dxf'}, planes: {out / 'plan.json'}")
     return out
+
+
+def _plan(config: Config, log: Log) -> tuple[FloorPlan, Origin]:
+    """The plan in its level frame, measured where the run says how sure it is, and the scene's origin."""
+    try:
+        measured = measured_run(config, log)
+        return measured.plan, measured.source.origin_m
+    except NotSure as error:
+        log(f"lengths without deviations: {error}")
+        source = source_of(config, log)
+        return plan_of(source), source.origin_m

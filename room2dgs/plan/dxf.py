@@ -44,7 +44,12 @@ def dxf(plan: FloorPlan) -> str:
                 if side.length_m >= SHORTEST_M:
                     start, end, off = _readable(side)
                     dimension = space.add_aligned_dim(
-                        start, end, distance=off, override=style, dxfattribs={"layer": "DIMENSIONS"}
+                        start,
+                        end,
+                        distance=off,
+                        text=_text(side),
+                        override=style,
+                        dxfattribs={"layer": "DIMENSIONS"},
                     )
                     dimension.render()
         lines = [f"room {number}: {room.area_m2:.2f} m2"]
@@ -56,6 +61,11 @@ def dxf(plan: FloorPlan) -> str:
     stream = io.StringIO()
     document.write(stream)
     return stream.getvalue()
+
+
+def _text(side: Side) -> str:
+    """ "<>" stands for the dimension's own measure."""
+    return "<>" if side.measured is None else f"<> ± {side.measured.sigma:.3f}"
 
 
 def _readable(side: Side) -> tuple[tuple[float, ...], tuple[float, ...], float]:

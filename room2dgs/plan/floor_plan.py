@@ -9,9 +9,12 @@ import numpy as np
 import trimesh
 
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin
+from room2dgs.lengths.length import Length, with_sigma
 from room2dgs.plan.outline import Outline, Side, outlines
 from room2dgs.plan.planes import Plane, level_planes, wall_planes
 from room2dgs.plan.surface import heading, level_surface, turned_about_up
+
+LEAST_SPREAD_M = 0.002
 
 
 @dataclass(frozen=True)
@@ -23,6 +26,8 @@ class FloorPlan:
         floor, ceiling: None for a ceiling that was not seen.
         walls: wall_1, wall_2, ... in the order of the rooms' sides; `Side.wall` counts them from 0.
         rooms: largest first.
+        height: from floor to ceiling, with its standard deviation; None: no ceiling, or not measured (`with_sigmas`).
+        unit: of lengths: "m", or "units" where the scale of the capture is unknown.
     """
 
     level_from_world: np.ndarray
@@ -30,6 +35,8 @@ class FloorPlan:
     ceiling: Plane | None
     walls: tuple[Plane, ...]
     rooms: tuple[Outline, ...]
+    height: Length | None = None
+    unit: str = "m"
 
     @property
     def height_m(self) -> float | None:
@@ -58,9 +65,11 @@ def floor_plan(mesh: trimesh.Trimesh, up: np.ndarray) -> FloorPlan:
     surface = level_surface(mesh, up)
     floor, ceiling = level_planes(surface)
     first = wall_planes(surface, floor, ceiling, snap=False)
-    # the planes know the heading better than single faces, whose normals are rough
+    # The planes know the heading better than single faces, whose normals are rough: a line of length l that is uneven
+    # by s tells its direction with a variance of s^2 / (area l^2), and all walls are about as high.
     normals = np.stack([wall.normal[:2] for wall in first]) if first else np.zeros((0, 2))
-    surface = turned_about_up(surface, heading(normals, np.array([wall.area_m2 for wall in first])))
+    sure = np.array([wall.area_m2**3 / (wall.spread_m + LEAST_SPREAD_M) ** 2 for wall in first])
+    surface = turned_about_up(surface, heading(normals, sure))
     found = wall_planes(surface, floor, ceiling)
     rooms = outlines(surface, floor, ceiling, found)
     used = list(dict.fromkeys(side.wall for room in rooms for side in _sides(room) if side.wall is not None))
@@ -102,10 +111,10 @@ def plan_in_world(plan: FloorPlan, origin_m: Origin) -> FloorPlan:
 
 def sentences(plan: FloorPlan) -> list[str]:
     """The plan in a few lines."""
-    height = "no ceiling was seen" if plan.height_m is None else f"height {plan.height_m:.3f} m"
+    height = "no ceiling was seen" if plan.height_m is None else f"height {_text(plan.height, plan.height_m)}"
     lines = []
     for number, room in enumerate(plan.rooms, start=1):
-        lengths = " x ".join(f"{side.length_m:.3f}" for side in room.sides)
+        lengths = " x ".join(_text(side.measured, side.length_m).removesuffix(" m") for side in room.sides)
         opened = sum(side.wall is None for side in room.sides)
         more = f"; {opened} of {len(room.sides)} sides have no wall" if opened else ""
         lines.append(f"room {number}: {room.area_m2:.2f} m2, {height}, sides {lengths} m{more}")
@@ -113,11 +122,17 @@ def sentences(plan: FloorPlan) -> list[str]:
     return lines
 
 
+def _text(measured: Length | None, length_m: float) -> str:
+    """With its standard deviation where that is known."""
+    return f"{length_m:.3f} m" if measured is None else with_sigma(measured.value, measured.sigma, "m")
+
+
 def as_json(plan: FloorPlan) -> dict[str, Any]:
     """Plain values; planes in the capture's world: normal @ point = offset_m."""
     return {
         "level_from_world": plan.level_from_world.tolist(),
         "height_m": plan.height_m,
+        **({} if plan.height is None else {"height": plan.height.as_dict(plan.unit)}),
         "planes": [
             {
                 "name": one.name,
@@ -147,6 +162,7 @@ def _side(plan: FloorPlan, side: Side) -> dict[str, Any]:
         "end": side.end.tolist(),
         "length_m": side.length_m,
         "wall": plan.wall_name(side),
+        **({} if side.measured is None else {"length": side.measured.as_dict(plan.unit)}),
     }
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from room2dgs.errors import InputError
+from room2dgs.lengths.length import Length
 from room2dgs.plan.planes import Plane
 from room2dgs.plan.surface import LevelSurface
 
@@ -27,11 +28,13 @@ class Side:
 
     Attributes:
         wall: index of the wall that it lies on; None where none was found.
+        measured: its length with its standard deviation; None: not measured (`with_sigmas`).
     """
 
     start: np.ndarray
     end: np.ndarray
     wall: int | None
+    measured: Length | None = None
 
     @property
     def length_m(self) -> float:

@@ -22,6 +22,12 @@ ANGLE_BINS = 180
 ANGLE_DEG = 10.0
 OFFSET_M = 0.03
 SNAP_DEG = 3.0  # walls that nearly stand at right angles to the others are taken to do so
+MODE_BIN_M, MODE_SMOOTH = 0.005, 3  # offsets of one wall's faces are counted in such bins, smoothed over so many
+MODE_REACH_M = 0.08  # doors, boards and mouldings stand so far before their wall
+MODE_SHARE = 0.15  # of the fullest: how full the outermost level is at least
+MODE_DIP = 0.8  # of a level: how much emptier it is between it and the next
+MODE_M2 = 0.3  # of an outermost level, at least
+MODE_BAND_M = 0.02  # faces so near to it are the wall's own
 SAME_M = 0.07  # parallel walls closer than this are one
 MAX_PLANES = 80
 
@@ -150,7 +156,54 @@ def _fitted(
         direction = _line(place[on, :2], area[on], direction)
         direction = _snapped(direction) if snap else direction
         offset = _quantile(place[on, :2] @ direction, area[on], 0.5)
-    return direction, offset, on
+    return _outermost(normal, place, area, left, direction, offset, snap, on)
+
+
+def _outermost(
+    normal: np.ndarray,
+    place: np.ndarray,
+    area: np.ndarray,
+    left: np.ndarray,
+    direction: np.ndarray,
+    offset: float,
+    snap: bool,
+    on: np.ndarray,
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """The wall behind what is fixed on it: of the levels near a plane the outermost that is about as full as another.
+
+    A closed door stands 4 cm before its wall, and the median of both is neither.
+    """
+    if not on.any():
+        return direction, offset, on
+    near = np.flatnonzero(left & _near(normal, place, direction, offset, ANGLE_DEG, MODE_REACH_M))
+    level = offset + _lowest_mode(place[near, :2] @ direction - offset, area[near])
+    for _ in range(3):
+        own = left & _near(normal, place, direction, level, ANGLE_DEG, MODE_BAND_M)
+        if not own.any():
+            return direction, offset, on
+        direction = direction if snap else _line(place[own, :2], area[own], direction)
+        level = _quantile(place[own, :2] @ direction, area[own], 0.5)
+    return direction, level, on
+
+
+def _lowest_mode(away: np.ndarray, area: np.ndarray) -> float:
+    """The lowest level about which much of the area lies, apart from the next.
+
+    Args:
+        away: metres, within `MODE_REACH_M` of 0.
+    """
+    count = np.bincount(((away + MODE_REACH_M) / MODE_BIN_M).astype(int), area)
+    smooth = np.convolve(np.pad(count, MODE_SMOOTH), np.ones(MODE_SMOOTH), "same")
+    peaks = np.flatnonzero((smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] > smooth[2:])) + 1
+    fullest = int(peaks[smooth[peaks].argmax()])
+    chosen = fullest
+    for peak in peaks[peaks < fullest]:
+        dip = smooth[peak:fullest].min()
+        full = smooth[peak] >= max(MODE_SHARE * smooth[fullest], MODE_M2)
+        if full and dip <= MODE_DIP * smooth[peak]:
+            chosen = int(peak)
+            break
+    return (chosen - MODE_SMOOTH + 0.5) * MODE_BIN_M - MODE_REACH_M
 
 
 def _near(

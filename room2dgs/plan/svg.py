@@ -16,6 +16,7 @@ MARGIN_M = 0.8
 TEXT_M, SMALL_M = 0.14, 0.11
 LABEL_M = 0.18  # between a wall and its length
 SHORTEST_M = 0.15  # sides without a label
+ROOM_FOR_SIGMA_M = 1.0  # along a side: its length is written with its standard deviation
 
 
 def svg(plan: FloorPlan, title: str) -> str:
@@ -62,7 +63,8 @@ def svg(plan: FloorPlan, title: str) -> str:
             if side.length_m >= SHORTEST_M:
                 write(*_label(side), TEXT_M, _turn(side))
         lines = [f"room {number}: {room.area_m2:.2f} m²"]
-        lines += [] if plan.height_m is None else [f"height {plan.height_m:.2f} m"]
+        if plan.height_m is not None:
+            lines.append(f"height {plan.height_m:.2f} m" if plan.height is None else f"height {plan.height.text('m')}")
         label = room_label(room, lines, TEXT_M)
         for text, at in zip(lines, label.lines, strict=True):
             write(at, text, label.size_m)
@@ -73,7 +75,14 @@ def svg(plan: FloorPlan, title: str) -> str:
 def _label(side: Side) -> tuple[np.ndarray, str]:
     """Where a side's length stands, outside the room, and what it says."""
     along = (side.end - side.start) / side.length_m
-    return (side.start + side.end) / 2 + LABEL_M * np.array([along[1], -along[0]]), f"{side.length_m:.2f} m"
+    return (side.start + side.end) / 2 + LABEL_M * np.array([along[1], -along[0]]), side_text(side)
+
+
+def side_text(side: Side) -> str:
+    """Its length, with one standard deviation where there is room for it."""
+    if side.measured is None or side.length_m < ROOM_FOR_SIGMA_M:
+        return f"{side.length_m:.2f} m"
+    return side.measured.text("m")
 
 
 def _turn(side: Side) -> float:

@@ -212,3 +212,16 @@ def test_a_rough_wall_is_seen_whole():
     assert made.area_faces[leaning].sum() > 0.3 * made.area  # of the faces by themselves
     found = level_surface(made, Z_UP)
     assert found.area[found.upright].sum() > 0.97 * made.area
+
+
+def test_a_closed_door_before_a_wall_does_not_move_it():
+    """4 cm before a wall of which more is hidden than seen; the median of both would be at the door."""
+    empty = room_of([(0, 0), (4, 0), (4, 3), (0, 3)], 2.6, [(0, 0, 4, 3)])
+    middle = empty.triangles_center
+    hidden = (middle[:, 0] > 3.99) & (middle[:, 1] > 0.9) & (middle[:, 1] < 2.7) & (middle[:, 2] < 2.1)
+    seen = trimesh.Trimesh(empty.vertices, empty.faces[~hidden], process=False)
+    door = surface([(3.96, 0.9, 0), (3.96, 2.7, 0), (3.96, 0.9, 2.1)], (0, 1, 1))
+    whole = trimesh.util.concatenate([seen, door])
+    rough = np.random.default_rng(1).normal(scale=0.004, size=whole.vertices.shape)
+    plan = floor_plan(trimesh.Trimesh(whole.vertices + rough, whole.faces, process=False), Z_UP)
+    assert sorted(side.length_m for side in plan.rooms[0].sides) == pytest.approx([3, 3, 4, 4], abs=0.004)

@@ -125,7 +125,7 @@ def test_the_given_field_of_view_is_that_of_the_intrinsics(films):
 
 @pytest.mark.parametrize("number", [0, 1])
 def test_few_photos_are_a_walk_too(number, films):
-    patches, walk, _ = found_room(number, OPTIONS)
+    _, patches, walk, _ = found_room(number, OPTIONS)
     np.testing.assert_allclose(walk.poses, films[number].poses, atol=1e-8)
     is_a_walk(patches, walk)
 
@@ -133,7 +133,7 @@ def test_few_photos_are_a_walk_too(number, films):
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(4))
 def test_a_walk_keeps_its_clearance_its_pace_and_something_to_see(number):
-    patches, walk, _ = found_room(number, CaptureOptions(seed=78))
+    _, patches, walk, _ = found_room(number, CaptureOptions(seed=78))
     assert 60 <= len(walk.poses) <= 120
     is_a_walk(patches, walk)
     scene = ray_scene(triangulated(patches))

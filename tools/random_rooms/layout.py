@@ -27,7 +27,7 @@ from room2dgs.tools.random_rooms import (
 from room2dgs.tools.random_rooms.clutter import LARGE, SMALL
 from room2dgs.tools.random_rooms.draft import Draft
 from room2dgs.tools.random_rooms.shapes import extent, moved
-from room2dgs.tools.random_rooms.shell import Space
+from room2dgs.tools.random_rooms.shell import Opening, Space
 from room2dgs.tools.random_rooms.style import random_style
 from room2dgs.tools.random_rooms.themes import Theme, random_theme
 
@@ -65,6 +65,7 @@ class RandomRoom:
         blocked: points (N, 3) -> (N,) bool, within the bounding box of a large piece.
         bounds: lowest and highest corner (2, 3) of the main space.
         storm: shapes fly about in it, as in no real room.
+        spaces: the main space, and those behind its doorways.
     """
 
     patches: list[Patch]
@@ -73,6 +74,7 @@ class RandomRoom:
     blocked: Callable[[np.ndarray], np.ndarray]
     bounds: np.ndarray
     storm: bool
+    spaces: tuple[Space, ...] = ()
 
 
 def random_room(rng: Rng) -> RandomRoom:
@@ -103,7 +105,8 @@ def random_room(rng: Rng) -> RandomRoom:
             patches += neighbour(rng, other, light)
     height = float(draft.space.profile[:, 1].max())
     bounds = np.array([[*outline.min(axis=0), 0.0], [*outline.max(axis=0), height]])
-    return RandomRoom(patches, draft.space.encloses, height, draft.plan.blocked, bounds, storm)
+    spaces = draft.space, *(other.space for other in others if other is not None)
+    return RandomRoom(patches, draft.space.encloses, height, draft.plan.blocked, bounds, storm, spaces)
 
 
 def clad(rng: Rng, draft: Draft, covers: list[Material]) -> list[Patch]:
@@ -190,7 +193,7 @@ def fill(rng: Rng, draft: Draft, theme: Theme, amount: float) -> None:
         return len(draft.patches) > MOST_PATCHES
 
     if rng.random() < 0.35:
-        hang(rng, draft, fittings.closed_door(rng, style), 0.0)
+        hang_door(rng, draft)
     for _ in range(int(rng.poisson(0.5 * min(1.0, 3 * amount)))):
         plan.place(rng, draft, fittings.rug(rng, style), flat=True)
     for build, chance in theme.first:
@@ -234,12 +237,29 @@ def whirl(rng: Rng, draft: Draft) -> None:
             draft.plan.keep_box(thing, (*spot, z), 0.0)
 
 
-def hang(rng: Rng, draft: Draft, patches: list[Patch], height: float) -> None:
-    """Fixes a piece to a free stretch of a random wall, its z = 0 at `height`; nothing if there is no room."""
+def hang_door(rng: Rng, draft: Draft) -> None:
+    """A closed door on a wall, and where it is."""
+    patches = fittings.closed_door(rng, draft.style)
+    place = hang(rng, draft, patches, 0.0)
+    if place is not None:
+        wall, spot = place
+        low, high = extent([patch for patch in patches if patch.tag != "frame"])
+        door = Opening(spot + float(low[0]), spot + float(high[0]), 0.0, float(high[2]), "door")
+        draft.space.mounted.setdefault(wall, []).append(door)
+
+
+def hang(rng: Rng, draft: Draft, patches: list[Patch], height: float) -> tuple[int, float] | None:
+    """Fixes a piece to a free stretch of a random wall, its z = 0 at `height`; nothing if there is no room.
+
+    Returns:
+        The wall and how far along it the piece's middle is; None: there was no room.
+    """
     low, high = extent(patches)
     wall = draft.walls[rng.integers(len(draft.walls))]
     width = 2 * float(np.abs([low[0], high[0]]).max())
     spot = wall.free_spot(rng, width, height + low[2], height + high[2])
-    if spot is not None:
-        wall.take(spot, width, height + low[2], height + high[2])
-        draft.patches += draft.space.on_wall(patches, wall.index, spot, height)
+    if spot is None:
+        return None
+    wall.take(spot, width, height + low[2], height + high[2])
+    draft.patches += draft.space.on_wall(patches, wall.index, spot, height)
+    return wall.index, spot

@@ -43,14 +43,14 @@ def doorway(rng: Rng, draft: Draft) -> Draft | None:
             return None
     wall.take(spot, width + 0.16, 0.0, height + 0.1)
     draft.recess_limit[wall.index] = depth - 0.01
-    hole = Opening(spot - width / 2, spot + width / 2, 0.0, height)
+    hole = Opening(spot - width / 2, spot + width / 2, 0.0, height, "door")
     draft.space.openings.setdefault(wall.index, []).append(hole)
     corner, _, yaw = draft.space.wall(wall.index)
     local = np.array([(left, -depth - room), (right, -depth - room), (right, -depth), (left, -depth)])
     outline = local @ rotation(yaw)[:2, :2].T + corner
     tall = max(height + 0.05, float(np.clip(rng.normal(2.55, 0.2), 2.2, 3.4)))
     other = Space(outline, np.array([(-1e3, tall), (1e3, tall)]))
-    other.openings[2] = [Opening(right - hole.end, right - hole.start, 0.0, height)]
+    other.openings[2] = [Opening(right - hole.end, right - hole.start, 0.0, height, "door")]
     frame = draft.style.wood if rng.random() < 0.4 else materials.painted(rng)
     patches = shell.reveal(hole, depth, frame, materials.wood(rng) if rng.random() < 0.5 else materials.floor(rng))
     if rng.random() < 0.7:
@@ -90,7 +90,7 @@ def window(rng: Rng, draft: Draft, light: Material) -> bool:
         recess = 0.0
     wall.take(spot, width + 0.2, low - 0.05, low + height + 0.1)
     if recess:
-        hole = Opening(spot - width / 2, spot + width / 2, low, low + height)
+        hole = Opening(spot - width / 2, spot + width / 2, low, low + height, "window")
         draft.space.openings.setdefault(wall.index, []).append(hole)
         frame = materials.painted(rng) if rng.random() < 0.8 else draft.style.wood
         patches = shell.reveal(hole, recess, materials.painted(rng), materials.stone(rng))
@@ -98,6 +98,8 @@ def window(rng: Rng, draft: Draft, light: Material) -> bool:
         patches += moved(fittings.window_bars(rng, width, height, -recess + 0.002, frame), (spot, 0, low))
     else:
         patches = moved(fittings.flat_window(rng, draft.style, width, height, light), (spot, 0, low))
+        framed = Opening(spot - width / 2 - 0.05, spot + width / 2 + 0.05, low, low + height, "window")
+        draft.space.mounted.setdefault(wall.index, []).append(framed)
     top = wall.height(spot, width)
     dressing = rng.random()
     if dressing < 0.35 and low + height + 0.15 < top:
@@ -117,7 +119,7 @@ def niche(rng: Rng, draft: Draft) -> None:
     if spot is None or depth < 0.05 or not claim_behind(draft, wall.index, spot - width / 2, spot + width / 2, depth):
         return
     wall.take(spot, width + 0.05, low, low + height)
-    hole = Opening(spot - width / 2, spot + width / 2, low, low + height)
+    hole = Opening(spot - width / 2, spot + width / 2, low, low + height, "niche")
     draft.space.openings.setdefault(wall.index, []).append(hole)
     cover = materials.painted(rng) if rng.random() < 0.5 else materials.wall(rng)
     patches = [*shell.reveal(hole, depth, cover), shell.back_face(hole, depth, cover, "niche")]

@@ -15,12 +15,17 @@ from room2dgs.tools.random_rooms.shapes import block, lathe, moved
 
 @dataclass(frozen=True)
 class Opening:
-    """A rectangular hole in a wall: metres along the wall and above the floor."""
+    """A rectangular hole in a wall, or what stands for one: metres along the wall and above the floor.
+
+    Attributes:
+        kind: "door" (open or closed), "window", "niche"; "" for none of them.
+    """
 
     start: float
     end: float
     low: float
     high: float
+    kind: str = ""
 
 
 @dataclass
@@ -32,11 +37,13 @@ class Space:
         profile: (K, 2) y and ceiling height, y rising; heights between are linear, so that slanted ceilings rise
             along y.
         openings: for each wall (from corner i to i + 1) its holes.
+        mounted: likewise doors and windows that are fixed on the wall, which is whole behind them.
     """
 
     outline: np.ndarray
     profile: np.ndarray
     openings: dict[int, list[Opening]] = field(default_factory=dict)
+    mounted: dict[int, list[Opening]] = field(default_factory=dict)
 
     def top(self, y) -> np.ndarray:
         """Ceiling height at y."""

@@ -18,6 +18,7 @@ from room2dgs.files import whole_file
 from room2dgs.logs import logged
 from room2dgs.mesh.world import read_in_scene
 from room2dgs.report.page import Figure, page
+from room2dgs.report.table import Table
 from room2dgs.runs.folder import EVAL, MESH, QUALITY, REPORT, TEXTURED, TRUST
 from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.page import texts, trust
@@ -47,6 +48,7 @@ def write_report(
     config: Config,
     out: Path,
     facts: RoomFacts | None = None,
+    dimensions: Table | None = None,
 ) -> Path:
     """Write out/report.html, whole or not at all.
 
@@ -55,6 +57,7 @@ def write_report(
         surfels: None: the run trained nothing.
         rendered: renders frames of the scene.
         facts: how large the room is, its plan, and its mesh with the photos on it; None: nothing is known.
+        dimensions: of the rooms; None: there are none.
 
     Returns:
         Its path.
@@ -81,6 +84,7 @@ def write_report(
         solid=drawn,
         layer_keys=layer_keys(texts.threshold_m(metrics, config), FULL_THRESHOLDS),
         plan=facts.plan,
+        dimensions=dimensions,
         files=files_of(out, inside),
         steps=next_steps(out.absolute().name, (out / TEXTURED).is_file(), surfels is not None),
         views=view_pictures(scene, rendered, maps, config.report.views),
