@@ -60,9 +60,9 @@ FLOW = (
     *(
         "eval",
         "runs",
+        "lengths",
         "prepare",
         "export",
-        "lengths",
         "plan",
         "viewer",
         "pipeline",

@@ -35,9 +35,11 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
     "compare": {"to": ANY},
     "export": {"run": ANY, "to": ANY, "up": UPS, "faces": ANY, "max_error_m": ANY},
     "plan": {"run": ANY, "up": UPS},
+    "measure": {"run": ANY, "up": UPS, "scale_sigma": ANY, "to": ANY},
+    "scale": {"run": ANY, "up": UPS, "length": ANY},
     "table": {"meshes": ANY, "protocol": tuple(against(MESH, PROTOCOLS.names())), "name": ANY, "out": ANY},
     "bench": {
-        "out": ANY, "in_run": ("true", "false"), "scenes": ANY, "root": ANY,
+        "out": ANY, "in_run": ("true", "false"), "scenes": ANY, "root": ANY, "to": ANY,
     },
 }  # fmt: skip
 WITHOUT_SETTINGS = ("table", "open", "compare", "app", "doctor", "completion", "bench")

@@ -57,6 +57,10 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("run=runs/room 1.2,0.4,0.8 1.9,0.4,0.8", "between two points of the mesh"),
         ("run=runs/room floor plane@000012:210,145", "the height of a table top that photo 000012 shows there"),
     ),
+    "scale": (
+        ("run=runs/room wall_1 wall_3 length=4.12+-0.003", "by what you measured between two walls"),
+        ("run=runs/room 000012:210,145 000012:388,150 length=0.8", "by an edge that photo 000012 shows"),
+    ),
     "ablate": (("scene.path=room out=study train.seed=0,1,2", "each part left out, three times"),),
     "doctor": (("", "the first thing to type when something does not work"),),
     "completion": (
@@ -67,9 +71,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "bench": (("raster --quick", "is the rasterizer as fast here as it should be?"),),
     "bench raster": (("--quick", "a minute"),),
     "bench prior": (("room hall out=prior scene.frames=20", "the shipped network on two captures with depth"),),
-    "bench lengths": (
-        ("runs/a runs/b to=lengths.json", "errors of lengths in made rooms, and how often ± holds"),
-    ),
+    "bench lengths": (("runs/a runs/b to=lengths.json", "errors of lengths in made rooms, and how often ± holds"),),
     "bench suite": (
         ("room hall out=suite experiment=quick", "two captures, one table"),
         ("scenes=scannet_paper root=/data/scannet out=suite", "the scenes of the paper"),

@@ -12,7 +12,7 @@ from room2dgs.runs.folder import CONFIG
 
 MESHES = (".ply", ".obj", ".off", ".stl", ".glb")
 OF_CAPTURES = ("run", "train", "depth", "ablate")
-OF_RUNS = ("mesh", "eval", "render", "view", "report", "export", "plan", "measure", "open")
+OF_RUNS = ("mesh", "eval", "render", "view", "report", "export", "plan", "measure", "scale", "open")
 OF_FOOTAGE = ("prepare",)
 OUT_IS_ELSEWHERE = ("export", "plan")  # to others it is the run
 # names for the same thing: given beside the word they contradict it

@@ -21,6 +21,7 @@ VERBS = {
     "table": "runs and other methods' meshes in the columns of the paper's Table I",
     "plan": "floor, ceiling and walls by name: a floor plan with dimensions",
     "measure": "lengths in an earlier run, each with its standard deviation",
+    "scale": "an earlier run at another scale, by a known length",
     "ablate": "run the method without each of its parts: one table, pictures side by side",
     "completion": "completion of commands and settings by TAB, for bash, zsh or fish",
     "doctor": "what is installed here, and what will run on what",

@@ -114,10 +114,10 @@ def sentences(plan: FloorPlan) -> list[str]:
     height = "no ceiling was seen" if plan.height_m is None else f"height {_text(plan.height, plan.height_m)}"
     lines = []
     for number, room in enumerate(plan.rooms, start=1):
-        lengths = " x ".join(_text(side.measured, side.length_m).removesuffix(" m") for side in room.sides)
+        lengths = " x ".join(_text(side.measured, side.length_m) for side in room.sides)
         opened = sum(side.wall is None for side in room.sides)
         more = f"; {opened} of {len(room.sides)} sides have no wall" if opened else ""
-        lines.append(f"room {number}: {room.area_m2:.2f} m2, {height}, sides {lengths} m{more}")
+        lines.append(f"room {number}: {room.area_m2:.2f} m2, {height}, sides {lengths}{more}")
     lines += [f"{one.name}: {one.area_m2:.1f} m2 seen, {one.spread_m * 1000:.1f} mm uneven" for one in plan.planes]
     return lines
 

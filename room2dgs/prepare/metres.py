@@ -15,6 +15,7 @@ from room2dgs.captures.scene import Frame
 from room2dgs.captures.seen_points import seen_points
 from room2dgs.captures.selection import evenly_spaced
 from room2dgs.errors import InputError
+from room2dgs.lengths.targets import length_of
 from room2dgs.logs import Log
 from room2dgs.prepare.progress import Progress
 
@@ -116,7 +117,8 @@ def scale_by_length(
 
     Args:
         length: [METRES] of the cameras' path, [height, METRES] of the cameras over the floor, or [PHOTO, PHOTO, METRES]
-            between two cameras. A photo is named, or its number, or its time in the video as 12.5s.
+            between two cameras, METRES with a standard deviation if that is known: 2.04+-0.01. A photo is named, or its
+            number, or its time in the video as 12.5s.
         centres: of the placed photos, in order, by name.
         seconds: of photos of a video.
         height: of the cameras over the floor, in the model's unit; None: no floor is seen.
@@ -124,7 +126,8 @@ def scale_by_length(
     Raises:
         InputError: no such photo, no number, or cameras in one place.
     """
-    metres = _metres(length[-1])
+    metres, own = length_of(length[-1], "prepare.length")
+    own = None if own is None else own / metres
     if len(length) == 1:
         path = np.array([centres[name] for name in natural(centres)])
         found = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
@@ -132,7 +135,8 @@ def scale_by_length(
     elif len(length) == 2 and length[0] == "height":
         if height is None:
             raise InputError("prepare.length=[height,...] needs a floor, and none is seen; give [PHOTO,PHOTO,METRES]")
-        return Scale(metres / height, "length", HEIGHT_SIGMA, len(centres), f"cameras {metres:g} m over the floor")
+        sigma = float(np.hypot(HEIGHT_SIGMA, own or 0.0))
+        return Scale(metres / height, "length", sigma, len(centres), f"cameras {metres:g} m over the floor")
     elif len(length) == 3:
         first, second = (_named(text, centres, seconds) for text in length[:2])
         found = float(np.linalg.norm(centres[first] - centres[second]))
@@ -144,7 +148,7 @@ def scale_by_length(
     )
     if not found > 0.05 * typical:
         raise InputError(f"prepare.length={_shown(length)} names cameras in one place; name two that are far apart")
-    return Scale(metres / found, "length", None, 2 if len(length) == 3 else len(centres), words)
+    return Scale(metres / found, "length", own, 2 if len(length) == 3 else len(centres), words)
 
 
 def height_over_floor(xyz: np.ndarray, centres: np.ndarray) -> float | None:
@@ -172,16 +176,6 @@ def _stands_out(smooth: np.ndarray, i: int) -> bool:
     around = np.concatenate([smooth[max(0, i - 8) : max(0, i - 2)], smooth[i + 3 : i + 9]])
     peak = smooth[i] >= smooth[i - 1] and smooth[i] >= smooth[i + 1]
     return bool(peak and smooth[i] > FLOOR_PEAK * np.median(around))
-
-
-def _metres(text: str) -> float:
-    try:
-        metres = float(text)
-    except ValueError:
-        metres = 0.0
-    if not (np.isfinite(metres) and metres > 0):
-        raise InputError(f"prepare.length ends in {text!r}, which is no length in metres; give [PHOTO,PHOTO,METRES]")
-    return metres
 
 
 def _named(text: str, centres: dict[str, np.ndarray], seconds: dict[str, float]) -> str:

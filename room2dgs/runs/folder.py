@@ -21,6 +21,7 @@ from room2dgs.files import is_temporary, remove_all_leftovers, remove_leftovers,
 from room2dgs.links_out import refuse_links_out
 from room2dgs.logs import LOG_FILE
 from room2dgs.owner import LOCK, FolderGone, owned, refuse_if_owned
+from room2dgs.runs.replacing import refuse_unfinished
 
 CONFIG, MESH, METRICS = "config.yaml", "mesh.ply", "metrics.json"
 TEXTURED = "mesh.glb"
@@ -54,6 +55,7 @@ def new_run(overrides: list[str]) -> Config:
             f"{earlier.parent} holds no run to go on with ({CONFIG} is missing); to start one add scene.path=DIR"
         )
     if resume and earlier and earlier.is_file():
+        refuse_unfinished(earlier.parent)
         config = saved_settings(earlier.parent, overrides)
     else:
         config = absolute(load_config(overrides))
@@ -77,11 +79,14 @@ def wants_to_resume(overrides: list[str]) -> bool:
         raise InputError(f"resume={given} is neither true nor false; give resume=true or leave it out") from None
 
 
-def earlier_run(overrides: list[str]) -> Config:
+def earlier_run(overrides: list[str], unfinished_too: bool = False) -> Config:
     """The settings of the run in `out` (or `run`, which is the same), overrides on top.
 
+    Args:
+        unfinished_too: a run whose files are being replaced, which was stopped, will do.
+
     Raises:
-        InputError: there is no run in `out`, or the settings cannot be.
+        InputError: there is no run in `out`, its files are of two scales, or the settings cannot be.
     """
     overrides = ["out=" + text.removeprefix("run=") if text.startswith("run=") else text for text in overrides]
     out = last_value(overrides, "out")
@@ -90,6 +95,8 @@ def earlier_run(overrides: list[str]) -> Config:
     folder = Path(out).expanduser()
     if not (folder / CONFIG).is_file():
         raise InputError(f"{folder} holds no run ({CONFIG} is missing); give out=DIR of an earlier `room2dgs run`")
+    if not unfinished_too:
+        refuse_unfinished(folder)
     return saved_settings(folder, overrides)
 
 

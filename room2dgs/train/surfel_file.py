@@ -27,6 +27,18 @@ def save_surfels(path: Path, surfels: Splats, meta: dict[str, Any]) -> None:
     write_tensors(path, primitive_of(surfels).file_kind, surfels._asdict(), meta)
 
 
+def scaled_surfel_file(path: Path, to: Path, factor: float) -> None:
+    """The same primitives in a world that is so many times as large, with the same metadata.
+
+    Raises:
+        InputError: as `load_surfels`, or `to` cannot be written.
+    """
+    surfels = load_surfels(path)
+    meta = read_tensors(Path(path), *primitives_by_file())[1]
+    own = {key: value for key, value in meta.items() if key not in ("format", "kind", "crc32")}
+    save_surfels(to, surfels._replace(centers=surfels.centers * factor, scales=surfels.scales * factor), own)
+
+
 def load_surfels(path: Path) -> Splats:
     """Read what `save_surfels` wrote.
 

@@ -145,3 +145,11 @@ def test_scale_by_maps_is_the_photos_median_with_their_spread(tmp_path):
     assert found.metres == pytest.approx(2.5, rel=0.03) and found.photos == 8
     assert 0.1 < found.sigma < 0.12
     assert scale_by_maps(frames, cloud, lambda one: None, "network", 0.1, lambda line: None) is None
+
+
+def test_a_known_length_says_how_sure_it_is():
+    pair = scale_by_length(["3", "27", "2+-0.01"], CENTRES, SECONDS, None)
+    assert pair.metres == scale_by_length(["3", "27", "2"], CENTRES, SECONDS, None).metres
+    assert pair.sigma == pytest.approx(0.005)
+    height = scale_by_length(["height", "1.5+-0.06"], CENTRES, SECONDS, 0.5)
+    assert height.sigma == pytest.approx(0.05)  # 3 % of where the floor is, 4 % of the length
