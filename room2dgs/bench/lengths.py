@@ -47,8 +47,14 @@ class Row:
 
 
 def measured_rows(run: MeasuredRun, capture: str, truth: PlanTruth) -> list[Row]:
-    """All lengths of a made room that a run can be asked for."""
-    return [*_heights(run, capture, truth), *_walls(run, capture, truth), *_tops(run, capture, truth)]
+    """All lengths of a made room that a run can be asked for; none is found where no plan came out."""
+    try:
+        has_plan = bool(run.plan.rooms)
+    except InputError as error:
+        run.source.log(f"{capture}: {error}")
+        has_plan = False
+    rows = [*_heights(run, capture, truth, has_plan), *_walls(run, capture, truth, has_plan)]
+    return [*rows, *(_tops(run, capture, truth) if has_plan else ())]
 
 
 def truth_of(config: Config) -> PlanTruth:
@@ -122,14 +128,15 @@ def _row(capture: str, kind: str, what: str, truth: float, length: Length | None
     return Row(capture, kind, what, truth, length.value, length.sigma)
 
 
-def _heights(run: MeasuredRun, capture: str, truth: PlanTruth) -> Iterator[Row]:
+def _heights(run: MeasuredRun, capture: str, truth: PlanTruth, has_plan: bool) -> Iterator[Row]:
     if truth.heights[0] is not None:
-        yield _row(capture, "height", "height", truth.heights[0], run.plan.height)
+        yield _row(capture, "height", "height", truth.heights[0], run.plan.height if has_plan else None)
 
 
-def _walls(run: MeasuredRun, capture: str, truth: PlanTruth) -> Iterator[Row]:
+def _walls(run: MeasuredRun, capture: str, truth: PlanTruth, has_plan: bool) -> Iterator[Row]:
     """Pairs of walls of the main room that lie opposite each other."""
-    planes = {wall.name: run.plane(Target(wall.name, name=wall.name, plane=True)) for wall in run.plan.walls}
+    walls = run.plan.walls if has_plan else ()
+    planes = {wall.name: run.plane(Target(wall.name, name=wall.name, plane=True)) for wall in walls}
     own = [wall for wall in truth.walls if wall.room == 0]
     for one, other in combinations(range(len(own)), 2):
         distance = _opposite(own[one], own[other])

@@ -14,6 +14,7 @@ BENCHES = {
         "room2dgs.commands.bench_lengths",
         "lengths of runs of made rooms, and their deviations, against truth",
     ),
+    "plan": ("room2dgs.commands.bench_plan", "plans of runs of made rooms against truth: walls, doors, windows"),
     "suite": ("room2dgs.commands.bench_suite", "the same settings on several captures, as one table"),
 }
 

@@ -72,6 +72,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "bench raster": (("--quick", "a minute"),),
     "bench prior": (("room hall out=prior scene.frames=20", "the shipped network on two captures with depth"),),
     "bench lengths": (("runs/a runs/b to=lengths.json", "errors of lengths in made rooms, and how often ± holds"),),
+    "bench plan": (("runs/a runs/b to=plans.json", "walls, doors and windows that were found"),),
     "bench suite": (
         ("room hall out=suite experiment=quick", "two captures, one table"),
         ("scenes=scannet_paper root=/data/scannet out=suite", "the scenes of the paper"),

@@ -64,6 +64,23 @@ class MeasuredRun:
 
         return with_sigmas(plan_of(self.source), self.surface.faces, self.scale)
 
+    @cached_property
+    def plan_with_openings(self) -> FloorPlan:
+        """The plan with doors and windows, where the run kept what its views see.
+
+        Raises:
+            InputError: as `plan`.
+        """
+        from room2dgs.plan.openings import with_openings
+        from room2dgs.plan.sight import rays_of
+        from room2dgs.runs.trust import read_trust
+
+        maps = read_trust(self.source.folder / TRUST)
+        if not maps:
+            return self.plan
+        rays = rays_of(self.source.scene.train, maps).turned(self.plan.level_from_world)
+        return with_openings(self.plan, rays, self.scale.sigma)
+
     def spot(self, target: Target) -> Spot:
         """The mesh at a picked point or pixel.
 

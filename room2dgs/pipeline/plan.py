@@ -65,7 +65,7 @@ def _plan(config: Config, log: Log) -> tuple[FloorPlan, Origin]:
     """The plan in its level frame, measured where the run says how sure it is, and the scene's origin."""
     try:
         measured = measured_run(config, log)
-        return measured.plan, measured.source.origin_m
+        return measured.plan_with_openings, measured.source.origin_m
     except NotSure as error:
         log(f"lengths without deviations: {error}")
         source = source_of(config, log)

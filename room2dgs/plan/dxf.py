@@ -7,8 +7,10 @@ import io
 from room2dgs.plan.floor_plan import FloorPlan
 from room2dgs.plan.label import room_label
 from room2dgs.plan.outline import Side
+from room2dgs.plan.svg import opening_ends
 
-LAYERS = {"WALLS": 7, "OPEN": 8, "DIMENSIONS": 5, "TEXT": 3}
+LAYERS = {"WALLS": 7, "OPEN": 8, "DIMENSIONS": 5, "TEXT": 3, "DOORS": 30, "WINDOWS": 4, "NICHES": 9}
+LAYER_OF = {"door": "DOORS", "passage": "DOORS", "window": "WINDOWS", "niche": "NICHES"}
 TEXT_M = 0.12
 DIMENSION_M = 0.35  # between a wall and its dimension
 SHORTEST_M = 0.15
@@ -58,6 +60,9 @@ def dxf(plan: FloorPlan) -> str:
         for line, at in zip(lines, place.lines, strict=True):
             text = space.add_text(line, height=place.size_m, dxfattribs={"layer": "TEXT"})
             text.set_placement(tuple(at), align=TextEntityAlignment.MIDDLE_CENTER)
+    for one in plan.openings:
+        start, end = (tuple(point) for point in opening_ends(plan, one))
+        space.add_line(start, end, dxfattribs={"layer": LAYER_OF[one.kind], "lineweight": 50})
     stream = io.StringIO()
     document.write(stream)
     return stream.getvalue()

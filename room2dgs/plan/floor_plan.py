@@ -10,6 +10,7 @@ import trimesh
 
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.lengths.length import Length, with_sigma
+from room2dgs.plan.opening import Opening
 from room2dgs.plan.outline import Outline, Side, outlines
 from room2dgs.plan.planes import Plane, level_planes, wall_planes
 from room2dgs.plan.surface import heading, level_surface, turned_about_up
@@ -28,6 +29,7 @@ class FloorPlan:
         rooms: largest first.
         height: from floor to ceiling, with its standard deviation; None: no ceiling, or not measured (`with_sigmas`).
         unit: of lengths: "m", or "units" where the scale of the capture is unknown.
+        openings: doors, windows, passages and niches; none where the run does not say what its views see.
     """
 
     level_from_world: np.ndarray
@@ -37,6 +39,7 @@ class FloorPlan:
     rooms: tuple[Outline, ...]
     height: Length | None = None
     unit: str = "m"
+    openings: tuple[Opening, ...] = ()
 
     @property
     def height_m(self) -> float | None:
@@ -118,6 +121,13 @@ def sentences(plan: FloorPlan) -> list[str]:
         opened = sum(side.wall is None for side in room.sides)
         more = f"; {opened} of {len(room.sides)} sides have no wall" if opened else ""
         lines.append(f"room {number}: {room.area_m2:.2f} m2, {height}, sides {lengths}{more}")
+    for one in plan.openings:
+        wall = plan.wall_name(plan.rooms[one.room].sides[one.side])
+        shut = "closed " if one.closed else ""
+        lines.append(
+            f"{shut}{one.kind} in {wall}: {one.width.text('m')} wide, {one.height.text('m')} high, {one.low_m:.2f} m "
+            f"over the floor, probability {one.probability:.2f}"
+        )
     lines += [f"{one.name}: {one.area_m2:.1f} m2 seen, {one.spread_m * 1000:.1f} mm uneven" for one in plan.planes]
     return lines
 
@@ -148,12 +158,19 @@ def as_json(plan: FloorPlan) -> dict[str, Any]:
         "rooms": [
             {
                 "area_m2": room.area_m2,
-                "sides": [_side(plan, side) for side in room.sides],
+                "sides": [
+                    {**_side(plan, side), **_openings(plan, number, index)} for index, side in enumerate(room.sides)
+                ],
                 "islands": [[_side(plan, side) for side in island] for island in room.islands],
             }
-            for room in plan.rooms
+            for number, room in enumerate(plan.rooms)
         ],
     }
+
+
+def _openings(plan: FloorPlan, room: int, side: int) -> dict[str, Any]:
+    found = [one.as_dict(plan.unit) for one in plan.openings if (one.room, one.side) == (room, side)]
+    return {"openings": found} if found else {}
 
 
 def _side(plan: FloorPlan, side: Side) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from room2dgs.plan.floor_plan import FloorPlan
 from room2dgs.plan.label import room_label
+from room2dgs.plan.opening import Opening
 from room2dgs.plan.outline import Side
 from room2dgs.texts import shown
 
@@ -15,6 +16,7 @@ PX_PER_M = 100.0
 MARGIN_M = 0.8
 TEXT_M, SMALL_M = 0.14, 0.11
 LABEL_M = 0.18  # between a wall and its length
+COLORS = {"door": "#b4632d", "passage": "#f2efe8", "window": "#5aa0d8", "niche": "#c9c2b4"}
 SHORTEST_M = 0.15  # sides without a label
 ROOM_FOR_SIGMA_M = 1.0  # along a side: its length is written with its standard deviation
 
@@ -62,6 +64,8 @@ def svg(plan: FloorPlan, title: str) -> str:
                 line.set("stroke-dasharray", "10 8")
             if side.length_m >= SHORTEST_M:
                 write(*_label(side), TEXT_M, _turn(side))
+        for one in (one for one in plan.openings if one.room == number - 1):
+            _draw(root, one, [place(point) for point in opening_ends(plan, one)])
         lines = [f"room {number}: {room.area_m2:.2f} m²"]
         if plan.height_m is not None:
             lines.append(f"height {plan.height_m:.2f} m" if plan.height is None else f"height {plan.height.text('m')}")
@@ -76,6 +80,26 @@ def _label(side: Side) -> tuple[np.ndarray, str]:
     """Where a side's length stands, outside the room, and what it says."""
     along = (side.end - side.start) / side.length_m
     return (side.start + side.end) / 2 + LABEL_M * np.array([along[1], -along[0]]), side_text(side)
+
+
+def opening_ends(plan: FloorPlan, one: Opening) -> tuple[np.ndarray, np.ndarray]:
+    """(2,) each, in the plan."""
+    side = plan.rooms[one.room].sides[one.side]
+    along = (side.end - side.start) / side.length_m
+    return side.start + one.start_m * along, side.start + one.end_m * along
+
+
+def _draw(root: ET.Element, one: Opening, ends: list[tuple[float, float]]) -> None:
+    """A gap in the wall; a window's pane in it, a door's leaf beside it."""
+    (x1, y1), (x2, y2) = ends
+    item = ET.SubElement(root, "line", x1=f"{x1:.2f}", y1=f"{y1:.2f}", x2=f"{x2:.2f}", y2=f"{y2:.2f}")
+    item.set("stroke", COLORS[one.kind])
+    item.set("stroke-width", "6")
+    item.set("class", one.kind)
+    ET.SubElement(item, "title").text = (
+        f"{'closed ' if one.closed else ''}{one.kind}, {one.width.text('m')} wide, {one.height.text('m')} high, "
+        f"{one.low_m:.2f} m over the floor, probability {one.probability:.2f}"
+    )
 
 
 def side_text(side: Side) -> str:
