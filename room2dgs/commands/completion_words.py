@@ -34,7 +34,7 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
     "open": {"run": ANY},
     "compare": {"to": ANY},
     "export": {"run": ANY, "to": ANY, "up": UPS, "faces": ANY, "max_error_m": ANY},
-    "plan": {"run": ANY, "up": UPS},
+    "plan": {"run": ANY, "up": UPS, "to": ("shell", "ifc")},
     "measure": {"run": ANY, "up": UPS, "scale_sigma": ANY, "to": ANY},
     "scale": {"run": ANY, "up": UPS, "length": ANY},
     "table": {"meshes": ANY, "protocol": tuple(against(MESH, PROTOCOLS.names())), "name": ANY, "out": ANY},

@@ -50,7 +50,10 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("run=runs/room to=colmap out=hand_over", "the prepared capture for another trainer"),
     ),
     "table": (("runs/a runs/b meshes=others out=table", "other methods' meshes beside the runs"),),
-    "plan": (("run=runs/room up=z", "plan.svg, plan.dxf, plan.json"),),
+    "plan": (
+        ("run=runs/room up=z", "plan.svg, plan.dxf, plan.json"),
+        ("run=runs/room to=shell,ifc", "and the room without furniture, and IFC4 for architects"),
+    ),
     "measure": (
         ("run=runs/room", "the dimensions of all rooms"),
         ("run=runs/room wall_1 wall_3", "between two walls of the plan"),

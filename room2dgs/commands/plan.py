@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from room2dgs.commands.own_arguments import own_arguments
+from room2dgs.commands.own_arguments import choices, own_arguments
 from room2dgs.commands.settings_help import asked_for_help, filled
 from room2dgs.commands.short_keys import with_full_keys
 from room2dgs.errors import InputError
-from room2dgs.pipeline.plan import write_plan
+from room2dgs.pipeline.plan import EXTRAS, write_plan
 from room2dgs.runs.folder import earlier_run, last_value
 
-USAGE = "room2dgs plan RUN [out=DIR] [up=auto|x|y|z|-x|-y|-z]"
+USAGE = "room2dgs plan RUN [out=DIR] [to=shell,ifc] [up=auto|x|y|z|-x|-y|-z]"
 
 
 def main(argv: list[str]) -> int:
-    """Find floor, ceiling and walls in an earlier run's mesh; write plan.json, plan.svg and plan.dxf.
+    """Find floor, ceiling, walls, doors and windows of an earlier run; write plan.json, plan.svg and plan.dxf.
 
     To RUN/plan unless out= says otherwise. Lengths are metres between the planes of the walls; sides where no wall was
-    found are called open.
+    found are called open. to=shell adds shell.ply, the room without furniture as a closed mesh; to=ifc adds plan.ifc,
+    the plan as IFC4 (pip install 'room2dgs[plan]').
     """
     if asked_for_help(argv):
         print(f"{USAGE}\n\n{filled(main.__doc__ or '')}")
@@ -26,7 +27,8 @@ def main(argv: list[str]) -> int:
     run, out = last_value(argv, "run"), last_value(argv, "out")
     if not run:
         raise InputError("run is not given; add run=DIR, the folder of an earlier run")
-    _, rest = own_arguments(argv, ("run", "out"))
+    own, rest = own_arguments(argv, ("run", "out", "to"))
+    extras = choices(own, "to", "", EXTRAS) if "to" in own else ()
     config = earlier_run([*with_full_keys(rest, {"up": "export.up"}), f"out={run}"])
-    write_plan(config, Path(out) if out else None)
+    write_plan(config, Path(out) if out else None, extras=extras)
     return 0

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from room2dgs.captures.world_offset import Origin
 from room2dgs.config import Config
@@ -16,16 +20,22 @@ from room2dgs.pipeline.measure import NotSure, measured_run, needed_for_plans, p
 from room2dgs.runs.folder import MESH, at_work_beside, required
 
 if TYPE_CHECKING:
+    from room2dgs.lengths.scale import ScaleTrust
     from room2dgs.plan.floor_plan import FloorPlan
 
 PLAN = "plan"
+PLACES = {"shell": "shell.ply", "ifc": "plan.ifc"}
 
 
-def write_plan(config: Config, out: Path | None = None, log: Log = to_terminal) -> Path:
-    """Finds floor, ceiling and walls in the mesh of the run in config.out, and draws them.
+EXTRAS = ("shell", "ifc")
+
+
+def write_plan(config: Config, out: Path | None = None, log: Log = to_terminal, extras: Sequence[str] = ()) -> Path:
+    """Finds floor, ceiling, walls and openings in the run in config.out, and draws them.
 
     Args:
         out: the folder for the files; None: `plan` in the run's.
+        extras: of `EXTRAS`, what is written besides.
 
     Returns:
         The folder.
@@ -34,39 +44,66 @@ def write_plan(config: Config, out: Path | None = None, log: Log = to_terminal) 
         InputError: a library is missing, the run has no mesh, no way is up, or no floor is found.
     """
     needed_for_plans("shapely", "ezdxf")
+    if "ifc" in extras and importlib.util.find_spec("ifcopenshell") is None:
+        raise InputError("to=ifc needs ifcopenshell; install it with pip install 'room2dgs[plan]'")
     run = Path(config.out)
     required(run / MESH, "mesh")
-    from room2dgs.plan.dxf import dxf
-    from room2dgs.plan.floor_plan import as_json, plan_in_world, sentences
-    from room2dgs.plan.svg import svg
+    from room2dgs.plan.floor_plan import plan_in_world, sentences
+    from room2dgs.plan.quantities import clearance_lines
 
-    plan, origin_m = _plan(config, log)
-    plan = plan_in_world(plan, origin_m)
-    for line in sentences(plan):
+    level, scale, origin_m = _plan(config, log)
+    plan = plan_in_world(level, origin_m)
+    for line in (*sentences(plan), *clearance_lines(plan)):
         log(line)
     out = (out or run / PLAN).expanduser().absolute()
-    texts = {
-        "plan.json": json.dumps(as_json(plan), indent=1) + "\n",
-        "plan.svg": svg(plan, run.name),
-        "plan.dxf": dxf(plan),
-    }
+    files = _files(plan, scale, run.name, extras)
     try:
         with at_work_beside(config, out):
-            for name, text in texts.items():
+            for name, data in files.items():
                 with whole_file(out / name) as temporary:
-                    temporary.write_text(text, encoding="utf-8")
+                    temporary.write_bytes(data)
     except OSError as error:
         raise InputError(f"{out} cannot be written ({error.strerror}); choose another out=DIR") from error
     log(f"floor plan: {out / 'plan.svg'}, {out / 'plan.dxf'}, planes: {out / 'plan.json'}")
+    for extra in extras:
+        log(f"{extra}: {out / PLACES[extra]}")
     return out
 
 
-def _plan(config: Config, log: Log) -> tuple[FloorPlan, Origin]:
-    """The plan in its level frame, measured where the run says how sure it is, and the scene's origin."""
+def _files(plan: FloorPlan, scale: ScaleTrust | None, name: str, extras: Sequence[str]) -> dict[str, bytes]:
+    """Name -> content, of all that is asked for."""
+    from room2dgs.plan.dxf import dxf
+    from room2dgs.plan.floor_plan import as_json
+    from room2dgs.plan.quantities import quantities
+    from room2dgs.plan.svg import svg
+
+    measured = {} if scale is None else quantities(plan, scale)
+    files = {
+        "plan.json": (json.dumps({**as_json(plan), **({"quantities": measured} if measured else {})}, indent=1) + "\n"),
+        "plan.svg": svg(plan, name),
+        "plan.dxf": dxf(plan),
+    }
+    found = {key: text.encode("utf-8") for key, text in files.items()}
+    if "shell" in extras:
+        from room2dgs.mesh.ply_bytes import ply_bytes
+        from room2dgs.plan.shell import shell
+
+        closed = shell(plan)
+        closed.vertices = np.asarray(closed.vertices) @ plan.level_from_world
+        found[PLACES["shell"]] = ply_bytes(closed)
+    if "ifc" in extras:
+        from room2dgs.plan.ifc import ifc
+
+        found[PLACES["ifc"]] = ifc(plan, name).encode("utf-8")
+    return found
+
+
+def _plan(config: Config, log: Log) -> tuple[FloorPlan, ScaleTrust | None, Origin]:
+    """The plan in its level frame, measured where the run says how sure it is; its scale, and the scene's origin."""
     try:
         measured = measured_run(config, log)
-        return measured.plan_with_openings, measured.source.origin_m
+        return measured.plan_with_openings, measured.scale, measured.source.origin_m
     except NotSure as error:
         log(f"lengths without deviations: {error}")
         source = source_of(config, log)
-        return plan_of(source), source.origin_m
+        return plan_of(source), None, source.origin_m

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -268,12 +268,3 @@ def _boundary(away: np.ndarray, opened: np.ndarray) -> tuple[float, float]:
     good = grid[wrong <= wrong.min() + np.sqrt(wrong.min() + 1)]
     at = float(np.mean(grid[wrong == wrong.min()]))
     return at, float(np.hypot(EDGE_SIGMA_M, np.ptp(good) / np.sqrt(12)))
-
-
-def clearances(plan: FloorPlan, openings: Sequence[Opening]) -> list[tuple[str, float, float, float]]:
-    """Name, free width, its deviation and free height of each door and passage: what a person or a chair passes."""
-    found = []
-    for number, one in enumerate((one for one in openings if one.kind in ("door", "passage")), start=1):
-        name = f"{one.kind} {number}, {plan.wall_name(plan.rooms[one.room].sides[one.side])}"
-        found.append((name, one.width.value, one.width.sigma, one.height.value))
-    return found
