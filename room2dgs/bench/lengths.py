@@ -30,7 +30,7 @@ class Row:
     """One length.
 
     Attributes:
-        kind: "walls", "height" or "top".
+        kind: "walls", "height", "doors", "windows" or "top".
         value, sigma: metres, as measured; None: it was not found.
     """
 
@@ -54,7 +54,11 @@ def measured_rows(run: MeasuredRun, capture: str, truth: PlanTruth) -> list[Row]
         run.source.log(f"{capture}: {error}")
         has_plan = False
     rows = [*_heights(run, capture, truth, has_plan), *_walls(run, capture, truth, has_plan)]
-    return [*rows, *(_tops(run, capture, truth) if has_plan else ())]
+    return [
+        *rows,
+        *(_openings(run, capture, truth) if has_plan else ()),
+        *(_tops(run, capture, truth) if has_plan else ()),
+    ]
 
 
 def truth_of(config: Config) -> PlanTruth:
@@ -167,6 +171,17 @@ def _plane_of(wall: TrueWall, planes) -> FoundPlane | None:
         if plane.normal[:2] @ wall.normal > np.cos(np.radians(SAME_DEG)) and off < SAME_M:
             near.append((off, plane))
     return min(near, key=lambda one: one[0])[1] if near else None
+
+
+def _openings(run: MeasuredRun, capture: str, truth: PlanTruth) -> Iterator[Row]:
+    """Widths and heights of doors and windows of the main room, of those that the plan has about there."""
+    from room2dgs.bench.plan import KINDS, overlapping
+
+    for number, one in enumerate(one for one in truth.openings if one.wall.room == 0 and one.kind in KINDS):
+        found = overlapping(run.plan_with_openings, one)
+        what = f"{one.kind} {number}"
+        yield _row(capture, KINDS[one.kind], f"{what}, width", one.end_m - one.start_m, found and found.width)
+        yield _row(capture, KINDS[one.kind], f"{what}, height", one.high_m - one.low_m, found and found.height)
 
 
 def _tops(run: MeasuredRun, capture: str, truth: PlanTruth) -> Iterator[Row]:

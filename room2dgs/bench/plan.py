@@ -17,6 +17,7 @@ from room2dgs.report.table import NOTHING, Table, table
 NEAR_M = 0.1  # of the truth: what is right
 STEP_M = 0.05  # between places on a wall
 ALIGNED = 0.98  # cosine, of walls
+OFF_WALL_M = 0.35  # of an opening from its true wall: the wall may have been seen from its other side
 SAME_ROOM = 0.5  # of the area of both rooms together
 KINDS = {"door": "doors", "passage": "doors", "window": "windows"}
 
@@ -168,6 +169,25 @@ def _hole(plan: FloorPlan, one: Opening) -> _Hole:
     return _Hole(one.kind, _in_world(plan, opening_ends(plan, one)), one.low_m, one.high_m)
 
 
+def overlapping(plan: FloorPlan, one: TrueOpening) -> Opening | None:
+    """What the plan has of the same kind in the same place, over half of both widths."""
+    there = _true_hole(one)
+    for mine in plan.openings:
+        if KINDS.get(mine.kind) == KINDS.get(one.kind) and _overlap(_hole(plan, mine), there) > 0.5:
+            return mine
+    return None
+
+
+def _overlap(one: _Hole, other: _Hole) -> float:
+    """Shared width over the width of both together; 0 where they are of different walls."""
+    along = other.ends[1] - other.ends[0]
+    width = float(np.linalg.norm(along))
+    at = np.sort((one.ends - other.ends[0]) @ along / width)
+    off = np.abs((one.ends - other.ends[0]) @ np.array([-along[1], along[0]]) / width)
+    shared = min(at[1], width) - max(at[0], 0.0)
+    return shared / (max(at[1], width) - min(at[0], 0.0)) if off.max() <= OFF_WALL_M else 0.0
+
+
 def _true_hole(one: TrueOpening) -> _Hole:
     ends = one.wall.start + np.array([[one.start_m], [one.end_m]]) * one.wall.along
     return _Hole(one.kind, ends, one.low_m, one.high_m)
@@ -180,5 +200,5 @@ def _same(one: _Hole, other: _Hole) -> bool:
     along = along / width
     at = np.sort((one.ends - other.ends[0]) @ along)
     off = np.abs((one.ends - other.ends[0]) @ np.array([-along[1], along[0]]))
-    sides = abs(at[0]) <= NEAR_M and abs(at[1] - width) <= NEAR_M and off.max() <= 0.35
+    sides = abs(at[0]) <= NEAR_M and abs(at[1] - width) <= NEAR_M and off.max() <= OFF_WALL_M
     return bool(sides and abs(one.low - other.low) <= NEAR_M and abs(one.high - other.high) <= NEAR_M)

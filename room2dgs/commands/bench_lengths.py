@@ -16,7 +16,7 @@ USAGE = "room2dgs bench lengths RUN... [to=FILE]"
 
 
 def main(argv: list[str]) -> int:
-    """Measure walls, heights and tops of tables in runs of made rooms, and compare them with the truth.
+    """Measure walls, heights, doors, windows and tops of tables in runs of made rooms, and compare them with the truth.
 
     RUN is a run of a capture that `python -m room2dgs.tools.make_captures` made. Poses of made rooms are exact, so the
     scale has no deviation here. to= writes all lengths and figures as JSON.

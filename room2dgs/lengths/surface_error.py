@@ -16,6 +16,7 @@ from room2dgs.runs.trust import Trust
 
 PROPERTY = "expected_error"  # of a vertex in mesh.ply, metres
 UNSEEN_M = 0.05  # where no view tells anything
+BIAS_STEPS = 0.2  # of a voxel: what a fused surface is off by as a whole, which no single view tells
 SHARED = 0.4  # of the views' variance: causes that all views of a place share
 NEAR_SIGMAS, NEAR_M = 2.0, 0.03  # a view whose depth is farther off shows something else
 MEND = "mesh the run again"
@@ -28,10 +29,12 @@ class SurfaceError:
     Attributes:
         sigma_m: (F,) standard deviation along the normal, metres.
         source: what it comes from, in words.
+        bias_steps: standard deviation, in voxels, of what all of a surface is off by together, beside that.
     """
 
     sigma_m: np.ndarray
     source: str
+    bias_steps: float = 0.0
 
 
 def error_of_file(path: Path, mesh: trimesh.Trimesh) -> SurfaceError | None:
@@ -70,7 +73,7 @@ def error_of_views(mesh: trimesh.Trimesh, frames: Sequence[Frame], maps: Mapping
     sigma_m = np.full(len(middle), UNSEEN_M)
     mean = count[seen] / weight[seen]
     sigma_m[seen] = np.sqrt(mean * (SHARED + (1 - SHARED) / count[seen]))
-    return SurfaceError(np.minimum(sigma_m, UNSEEN_M), "the views' expected errors of depth")
+    return SurfaceError(np.minimum(sigma_m, UNSEEN_M), "the views' expected errors of depth", BIAS_STEPS)
 
 
 def _by_view(

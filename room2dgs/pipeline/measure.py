@@ -161,7 +161,7 @@ def measured_run(config: Config, log: Log = to_terminal, scale_sigma: float | No
         error = error_of_views(source.mesh, source.scene.train, maps)
     metrics = read_metrics(out)
     step_m = float(metrics.get("mesh_voxel_m") or STEP_M)
-    surface = MeasuredMesh(source.mesh, error.sigma_m, step_m)
+    surface = MeasuredMesh(source.mesh, error.sigma_m, step_m, error.bias_steps * step_m)
     return MeasuredRun(source, surface, error.source, scale_of_run(config, metrics, source, scale_sigma))
 
 

@@ -82,6 +82,12 @@ def test_the_deviation_of_a_mean_is_that_of_correlated_values():
     assert mean_sigma(place, sigma, weight) == pytest.approx(np.std(drawn @ (weight / weight.sum())), rel=0.02)
 
 
+def test_what_a_surface_is_off_by_as_a_whole_is_not_averaged():
+    faces = wall_faces(4, 2.5, 0.05, 0.001)
+    bare, biased = (plane_sigma(one, np.array([0, 1.0, 0]), 0.0) for one in (faces, faces._replace(bias_m=0.004)))
+    assert biased.surface_m == pytest.approx(np.hypot(bare.surface_m, 0.004))
+
+
 def test_an_uneven_wall_has_a_fit_part():
     faces = wall_faces(4, 2.5, 0.05, 0.001)
     faces.middle[:, 1] = 0.01 * np.sin(faces.middle[:, 0] * 3)
