@@ -209,7 +209,7 @@ def plan_of(source: Source) -> FloorPlan:
 
     if source.up is None:
         raise InputError("export.up=keep does not say which way is up; give up=auto or up=z")
-    return floor_plan(source.mesh, source.up)
+    return floor_plan(source.mesh, source.up, np.stack([frame.camera.centre for frame in source.scene.frames]))
 
 
 def needed_for_plans(*libraries: str) -> None:

@@ -55,12 +55,13 @@ class FloorPlan:
         return "open" if side.wall is None else self.walls[side.wall].name
 
 
-def floor_plan(mesh: trimesh.Trimesh, up: np.ndarray) -> FloorPlan:
+def floor_plan(mesh: trimesh.Trimesh, up: np.ndarray, stood: np.ndarray | None = None) -> FloorPlan:
     """Planes and outline of the rooms in a mesh.
 
     Args:
         mesh: world frame, metres; its faces wind counter-clockwise seen from inside.
         up: (3,) unit, world.
+        stood: (N, 3) where cameras were, world: that is inside a room. None: unknown.
 
     Raises:
         InputError: no floor, or no room.
@@ -74,7 +75,8 @@ def floor_plan(mesh: trimesh.Trimesh, up: np.ndarray) -> FloorPlan:
     sure = np.array([wall.area_m2**3 / (wall.spread_m + LEAST_SPREAD_M) ** 2 for wall in first])
     surface = turned_about_up(surface, heading(normals, sure))
     found = wall_planes(surface, floor, ceiling)
-    rooms = outlines(surface, floor, ceiling, found)
+    inside = np.zeros((0, 2)) if stood is None else (stood @ surface.level_from_world.T)[:, :2]
+    rooms = outlines(surface, floor, ceiling, found, inside)
     used = list(dict.fromkeys(side.wall for room in rooms for side in _sides(room) if side.wall is not None))
     walls = tuple(replace(found[index], name=f"wall_{number}") for number, index in enumerate(used, start=1))
     number = {index: place for place, index in enumerate(used)}

@@ -15,6 +15,7 @@ from room2dgs.plan.surface import LevelSurface
 
 LEVEL_M = 0.05  # from floor or ceiling, a face that is not upright is theirs
 SEEN_SHARE = 0.5  # of a cell: inside
+LEAST_CAMERAS, CAMERAS_SHARE = 2, 0.05  # of all cameras, that stood in a cell: inside
 EDGE_SHARE = 0.001  # of what was seen lies beyond the box in which rooms are sought, on each side
 MIN_ROOM_M2 = 1.0
 ON_WALL_M = 0.02
@@ -56,8 +57,13 @@ class Outline:
     area_m2: float
 
 
-def outlines(surface: LevelSurface, floor: Plane, ceiling: Plane | None, walls: Sequence[Plane]) -> list[Outline]:
+def outlines(
+    surface: LevelSurface, floor: Plane, ceiling: Plane | None, walls: Sequence[Plane], stood: np.ndarray
+) -> list[Outline]:
     """Rooms, largest first.
+
+    Args:
+        stood: (N, 2) where cameras were, level frame; may be empty.
 
     Raises:
         InputError: no room came out.
@@ -71,7 +77,8 @@ def outlines(surface: LevelSurface, floor: Plane, ceiling: Plane | None, walls: 
     cut = [_across(wall, low, high) for wall in walls]
     lines = [shapely.LineString(ends) for ends in cut if ends is not None]
     whole = shapely.unary_union([shapely.box(*low, *high).exterior, *lines])
-    inside = [cell for cell in shapely.polygonize([whole]).geoms if seen.share(cell) >= SEEN_SHARE]
+    cells = shapely.polygonize([whole]).geoms
+    inside = [cell for cell in cells if seen.share(cell) >= SEEN_SHARE or _stood_in(cell, stood)]
     joined = shapely.union_all(inside, grid_size=1e-6)
     rooms = [part for part in getattr(joined, "geoms", [joined]) if part.area >= MIN_ROOM_M2]
     if not rooms:
@@ -103,6 +110,14 @@ def _seen(surface: LevelSurface, floor: Plane, ceiling: Plane | None) -> _Seen:
     below = surface.upward | (level & (np.abs(height - floor.offset_m) < LEVEL_M))
     above = level & (np.abs(height + ceiling.offset_m) < LEVEL_M) if ceiling else surface.downward
     return _Seen(rows[below], rows[above])
+
+
+def _stood_in(cell, stood: np.ndarray) -> bool:
+    """Whether cameras were there: then it is inside, however little of floor and ceiling they saw."""
+    import shapely
+
+    many = int(shapely.contains_xy(cell, stood).sum()) if len(stood) else 0
+    return many >= max(LEAST_CAMERAS, CAMERAS_SHARE * len(stood))
 
 
 def _area(cell, rows: np.ndarray) -> float:

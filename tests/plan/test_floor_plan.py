@@ -225,3 +225,17 @@ def test_a_closed_door_before_a_wall_does_not_move_it():
     rough = np.random.default_rng(1).normal(scale=0.004, size=whole.vertices.shape)
     plan = floor_plan(trimesh.Trimesh(whole.vertices + rough, whole.faces, process=False), Z_UP)
     assert sorted(side.length_m for side in plan.rooms[0].sides) == pytest.approx([3, 3, 4, 4], abs=0.004)
+
+
+def test_where_one_stood_is_inside_though_neither_floor_nor_ceiling_was_seen():
+    """A corridor with strips of floor along its walls; without the cameras there is no room."""
+    strips = [(0, 0, 0.3, 6), (1.4, 0, 1.7, 6)]
+    walls = room_of([(0, 0), (1.7, 0), (1.7, 6), (0, 6)], 2.6, strips, ceiling=False)
+    with pytest.raises(InputError, match="no room"):
+        floor_plan(walls, Z_UP)
+    stood = np.column_stack([np.full(20, 0.9), np.linspace(1, 5, 20), np.full(20, 1.5)])
+    (room,) = floor_plan(walls, Z_UP, stood).rooms
+    assert room.area_m2 == pytest.approx(1.7 * 6, abs=0.01)
+    outside = np.column_stack([np.full(20, 9.0), np.linspace(1, 5, 20), np.full(20, 1.5)])
+    with pytest.raises(InputError, match="no room"):
+        floor_plan(walls, Z_UP, outside)
