@@ -179,9 +179,10 @@ def _openings(run: MeasuredRun, capture: str, truth: PlanTruth) -> Iterator[Row]
 
     for number, one in enumerate(one for one in truth.openings if one.wall.room == 0 and one.kind in KINDS):
         found = overlapping(run.plan_with_openings, one)
+        width, height = (None, None) if found is None else (found.width, found.height)
         what = f"{one.kind} {number}"
-        yield _row(capture, KINDS[one.kind], f"{what}, width", one.end_m - one.start_m, found and found.width)
-        yield _row(capture, KINDS[one.kind], f"{what}, height", one.high_m - one.low_m, found and found.height)
+        yield _row(capture, KINDS[one.kind], f"{what}, width", one.end_m - one.start_m, width)
+        yield _row(capture, KINDS[one.kind], f"{what}, height", one.high_m - one.low_m, height)
 
 
 def _tops(run: MeasuredRun, capture: str, truth: PlanTruth) -> Iterator[Row]:

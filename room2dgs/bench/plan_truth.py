@@ -105,14 +105,11 @@ def _truth(found: dict[str, Any]) -> PlanTruth:
         outlines.append(outline)
         heights.append(None if room["height_m"] is None else float(room["height_m"]))
         walls += own
-        openings += [
-            TrueOpening(
-                str(one["kind"]),
-                own[one["wall"]],
-                *(float(one[key]) for key in ("start_m", "end_m", "low_m", "high_m")),
-                bool(one["cut"]),
-            )
-            for one in room["openings"]
-        ]
+        openings += [_opening(one, own) for one in room["openings"]]
     tops = tuple((str(top["what"]), np.array(top["corners"], np.float64)) for top in found["tops"])
     return PlanTruth(tuple(outlines), tuple(heights), tuple(walls), tuple(openings), tops)
+
+
+def _opening(one: dict[str, Any], walls: list[TrueWall]) -> TrueOpening:
+    start_m, end_m, low_m, high_m = (float(one[key]) for key in ("start_m", "end_m", "low_m", "high_m"))
+    return TrueOpening(str(one["kind"]), walls[one["wall"]], start_m, end_m, low_m, high_m, bool(one["cut"]))
