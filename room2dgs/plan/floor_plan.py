@@ -116,10 +116,12 @@ def plan_in_world(plan: FloorPlan, origin_m: Origin) -> FloorPlan:
 
 def sentences(plan: FloorPlan) -> list[str]:
     """The plan in a few lines."""
-    height = "no ceiling was seen" if plan.height_m is None else f"height {_text(plan.height, plan.height_m)}"
+    height = (
+        "no ceiling was seen" if plan.height_m is None else f"height {_text(plan.height, plan.height_m, plan.unit)}"
+    )
     lines = []
     for number, room in enumerate(plan.rooms, start=1):
-        lengths = " x ".join(_text(side.measured, side.length_m) for side in room.sides)
+        lengths = " x ".join(_text(side.measured, side.length_m, plan.unit) for side in room.sides)
         opened = sum(side.wall is None for side in room.sides)
         more = f"; {opened} of {len(room.sides)} sides have no wall" if opened else ""
         lines.append(f"room {number}: {room.area_m2:.2f} m2, {height}, sides {lengths}{more}")
@@ -127,16 +129,16 @@ def sentences(plan: FloorPlan) -> list[str]:
         wall = plan.wall_name(plan.rooms[one.room].sides[one.side])
         shut = "closed " if one.closed else ""
         lines.append(
-            f"{shut}{one.kind} in {wall}: {one.width.text('m')} wide, {one.height.text('m')} high, {one.low_m:.2f} m "
-            f"over the floor, probability {one.probability:.2f}"
+            f"{shut}{one.kind} in {wall}: {one.width.text(plan.unit)} wide, {one.height.text(plan.unit)} high, "
+            f"{one.low_m:.2f} m over the floor, probability {one.probability:.2f}"
         )
     lines += [f"{one.name}: {one.area_m2:.1f} m2 seen, {one.spread_m * 1000:.1f} mm uneven" for one in plan.planes]
     return lines
 
 
-def _text(measured: Length | None, length_m: float) -> str:
+def _text(measured: Length | None, length_m: float, unit: str) -> str:
     """With its standard deviation where that is known."""
-    return f"{length_m:.3f} m" if measured is None else with_sigma(measured.value, measured.sigma, "m")
+    return f"{length_m:.3f} m" if measured is None else with_sigma(measured.value, measured.sigma, unit)
 
 
 def as_json(plan: FloorPlan) -> dict[str, Any]:

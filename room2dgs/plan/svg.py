@@ -63,12 +63,14 @@ def svg(plan: FloorPlan, title: str) -> str:
             if side.wall is None:
                 line.set("stroke-dasharray", "10 8")
             if side.length_m >= SHORTEST_M:
-                write(*_label(side), TEXT_M, _turn(side))
+                write(*_label(side, plan.unit), TEXT_M, _turn(side))
         for one in (one for one in plan.openings if one.room == number - 1):
-            _draw(root, one, [place(point) for point in opening_ends(plan, one)])
+            _draw(root, one, [place(point) for point in opening_ends(plan, one)], plan.unit)
         lines = [f"room {number}: {room.area_m2:.2f} m²"]
         if plan.height_m is not None:
-            lines.append(f"height {plan.height_m:.2f} m" if plan.height is None else f"height {plan.height.text('m')}")
+            lines.append(
+                f"height {plan.height_m:.2f} m" if plan.height is None else f"height {plan.height.text(plan.unit)}"
+            )
         label = room_label(room, lines, TEXT_M)
         for text, at in zip(lines, label.lines, strict=True):
             write(at, text, label.size_m)
@@ -76,10 +78,10 @@ def svg(plan: FloorPlan, title: str) -> str:
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _label(side: Side) -> tuple[np.ndarray, str]:
+def _label(side: Side, unit: str) -> tuple[np.ndarray, str]:
     """Where a side's length stands, outside the room, and what it says."""
     along = (side.end - side.start) / side.length_m
-    return (side.start + side.end) / 2 + LABEL_M * np.array([along[1], -along[0]]), side_text(side)
+    return (side.start + side.end) / 2 + LABEL_M * np.array([along[1], -along[0]]), side_text(side, unit)
 
 
 def opening_ends(plan: FloorPlan, one: Opening) -> tuple[np.ndarray, np.ndarray]:
@@ -89,7 +91,7 @@ def opening_ends(plan: FloorPlan, one: Opening) -> tuple[np.ndarray, np.ndarray]
     return side.start + one.start_m * along, side.start + one.end_m * along
 
 
-def _draw(root: ET.Element, one: Opening, ends: list[tuple[float, float]]) -> None:
+def _draw(root: ET.Element, one: Opening, ends: list[tuple[float, float]], unit: str) -> None:
     """A gap in the wall; a window's pane in it, a door's leaf beside it."""
     (x1, y1), (x2, y2) = ends
     item = ET.SubElement(root, "line", x1=f"{x1:.2f}", y1=f"{y1:.2f}", x2=f"{x2:.2f}", y2=f"{y2:.2f}")
@@ -97,16 +99,16 @@ def _draw(root: ET.Element, one: Opening, ends: list[tuple[float, float]]) -> No
     item.set("stroke-width", "6")
     item.set("class", one.kind)
     ET.SubElement(item, "title").text = (
-        f"{'closed ' if one.closed else ''}{one.kind}, {one.width.text('m')} wide, {one.height.text('m')} high, "
+        f"{'closed ' if one.closed else ''}{one.kind}, {one.width.text(unit)} wide, {one.height.text(unit)} high, "
         f"{one.low_m:.2f} m over the floor, probability {one.probability:.2f}"
     )
 
 
-def side_text(side: Side) -> str:
+def side_text(side: Side, unit: str) -> str:
     """Its length, with one standard deviation where there is room for it."""
     if side.measured is None or side.length_m < ROOM_FOR_SIGMA_M:
         return f"{side.length_m:.2f} m"
-    return side.measured.text("m")
+    return side.measured.text(unit)
 
 
 def _turn(side: Side) -> float:

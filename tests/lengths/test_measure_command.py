@@ -69,6 +69,9 @@ def test_an_unknown_scale_gives_units(run, capsys):
     record(run, {"capture": {"metric": False}, "unit": {"metres": 1.0, "source": "assumed"}})
     height = measured(capsys, run, "up=z", "height")
     assert height["unit"] == "units" and height["parts"]["scale"] == 0 and "unknown" in height["scale"]
+    assert cli.main(["plan", str(run), "up=z"]) == 0
+    assert "height 2.5 ± 0.00" in capsys.readouterr().out
+    assert "units" in (run / "plan/plan.svg").read_text()
 
 
 def test_what_cannot_be_measured_is_said(run, capsys, make):
