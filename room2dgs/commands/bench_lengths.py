@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from room2dgs.commands.own_arguments import own_arguments
-from room2dgs.commands.settings_help import asked_for_help
+from room2dgs.commands.settings_help import asked_for_help, filled
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.report.table import terminal
@@ -22,7 +22,7 @@ def main(argv: list[str]) -> int:
     scale has no deviation here. to= writes all lengths and figures as JSON.
     """
     if asked_for_help(argv):
-        print(f"{USAGE}\n\n{main.__doc__}")
+        print(f"{USAGE}\n\n{filled(main.__doc__ or '')}")
         return 0
     own, runs = own_arguments(argv, ("to",))
     if not runs:

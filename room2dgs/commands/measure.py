@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from room2dgs.commands.own_arguments import own_arguments
-from room2dgs.commands.settings_help import asked_for_help
+from room2dgs.commands.settings_help import asked_for_help, filled
 from room2dgs.commands.short_keys import with_full_keys
 from room2dgs.config.keys import leaf_keys
 from room2dgs.errors import InputError
@@ -30,7 +30,7 @@ def main(argv: list[str]) -> int:
     that were given as metres; to= writes a file as well.
     """
     if asked_for_help(argv):
-        print(f"{USAGE}\n\n{main.__doc__}")
+        print(f"{USAGE}\n\n{filled(main.__doc__ or '')}")
         return 0
     if not last_value(argv, "run"):
         raise InputError("run is not given; add run=DIR, the folder of an earlier run")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from room2dgs.commands.own_arguments import own_arguments
-from room2dgs.commands.settings_help import asked_for_help
+from room2dgs.commands.settings_help import asked_for_help, filled
 from room2dgs.commands.short_keys import with_full_keys
 from room2dgs.errors import InputError
 from room2dgs.logs import to_terminal
@@ -25,7 +25,7 @@ def main(argv: list[str]) -> int:
     same command without ends and length goes on.
     """
     if asked_for_help(argv):
-        print(f"{USAGE}\n\n{main.__doc__}")
+        print(f"{USAGE}\n\n{filled(main.__doc__ or '')}")
         return 0
     run = last_value(argv, "run")
     if not run:

@@ -37,7 +37,7 @@ def compare_runs(first: Path, second: Path, to: Path, log: Log = to_terminal) ->
         mesh = run_mesh(scene, config, out)
         if mesh is None:
             raise InputError(f"{out / MESH} has no faces; make it anew with `room2dgs mesh out={out}`")
-        facts = room_facts(scene, None, config, RunFolder(out, log))
+        facts, _ = room_facts(scene, None, config, RunFolder(out, log))
         return Side(out.name, config, read_metrics(out), scene, mesh, facts)
 
     sides = side(first), side(second)

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from room2dgs.lengths.surface import FoundPlane, MeasuredMesh, Spot
     from room2dgs.lengths.targets import Target
     from room2dgs.plan.floor_plan import FloorPlan
-    from room2dgs.report.table import Table
 
 PREPARED = "prepare.json"  # in a capture that `room2dgs prepare` made
 STEP_M = 0.01  # of a mesh that says nothing of its voxels
@@ -133,11 +132,14 @@ class MeasuredRun:
         return point_to_point(self.spot(one), self.spot(other), self.scale.sigma, self.surface.step_m)
 
 
-def measured_run(config: Config, log: Log = to_terminal, scale_sigma: float | None = None) -> MeasuredRun:
+def measured_run(
+    config: Config, log: Log = to_terminal, scale_sigma: float | None = None, source: Source | None = None
+) -> MeasuredRun:
     """The run in config.out.
 
     Args:
         scale_sigma: relative deviation of poses that were given as metres; None: `GIVEN_SIGMA`.
+        source: its parts, where some are at hand; None: all are read.
 
     Raises:
         NotSure: nothing tells how sure its mesh is.
@@ -149,7 +151,7 @@ def measured_run(config: Config, log: Log = to_terminal, scale_sigma: float | No
 
     out = Path(config.out)
     path = required(out / MESH, "mesh")
-    source = source_of(config, log)
+    source = source or source_of(config, log)
     error = error_of_file(path, source.mesh)
     if error is None:
         maps = read_trust(out / TRUST)
@@ -165,16 +167,23 @@ def measured_run(config: Config, log: Log = to_terminal, scale_sigma: float | No
     return MeasuredRun(source, surface, error.source, scale_of_run(config, metrics, source, scale_sigma))
 
 
-def dimensions_section(config: Config, log: Log = to_terminal) -> Table | None:
-    """The rooms' dimensions for a report; None where there is no plan, or nothing tells how sure it is."""
-    from room2dgs.plan.dimensions import dimensions_table
+def level_plan(source: Source, config: Config, log: Log) -> tuple[FloorPlan, ScaleTrust | None]:
+    """The plan of the run in config.out in its level frame; with openings, measured lengths and what their scale is
+    worth, where the run says how sure it is.
 
+    Args:
+        source: the run's parts.
+
+    Raises:
+        InputError: as `plan_of`, or a damaged file.
+    """
+    needed_for_plans("shapely")
     try:
-        run = measured_run(config, log)
-        return dimensions_table(run.plan, run.scale)
-    except InputError as error:
-        log(f"dimensions: none, {error}")
-        return None
+        measured = measured_run(config, log, source=source)
+        return measured.plan_with_openings, measured.scale
+    except NotSure as error:
+        log(f"lengths without deviations: {error}")
+        return plan_of(source), None
 
 
 def scale_of_run(config: Config, metrics: dict[str, Any], source: Source, sigma: float | None = None) -> ScaleTrust:

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from room2dgs.captures.world_offset import Origin
 from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.logs import Log, to_terminal
 from room2dgs.pipeline.export import source_of
-from room2dgs.pipeline.measure import NotSure, measured_run, needed_for_plans, plan_of
+from room2dgs.pipeline.measure import level_plan, needed_for_plans
 from room2dgs.runs.folder import MESH, at_work_beside, required
 
 if TYPE_CHECKING:
@@ -51,8 +50,9 @@ def write_plan(config: Config, out: Path | None = None, log: Log = to_terminal, 
     from room2dgs.plan.floor_plan import plan_in_world, sentences
     from room2dgs.plan.quantities import clearance_lines
 
-    level, scale, origin_m = _plan(config, log)
-    plan = plan_in_world(level, origin_m)
+    source = source_of(config, log)
+    level, scale = level_plan(source, config, log)
+    plan = plan_in_world(level, source.origin_m)
     for line in (*sentences(plan), *clearance_lines(plan)):
         log(line)
     out = (out or run / PLAN).expanduser().absolute()
@@ -96,14 +96,3 @@ def _files(plan: FloorPlan, scale: ScaleTrust | None, name: str, extras: Sequenc
 
         found[PLACES["ifc"]] = ifc(plan, name).encode("utf-8")
     return found
-
-
-def _plan(config: Config, log: Log) -> tuple[FloorPlan, ScaleTrust | None, Origin]:
-    """The plan in its level frame, measured where the run says how sure it is; its scale, and the scene's origin."""
-    try:
-        measured = measured_run(config, log)
-        return measured.plan_with_openings, measured.scale, measured.source.origin_m
-    except NotSure as error:
-        log(f"lengths without deviations: {error}")
-        source = source_of(config, log)
-        return plan_of(source), None, source.origin_m

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from room2dgs.captures.scene import Scene
 from room2dgs.config import Config
 from room2dgs.pipeline.exposure import with_noted_exposure
-from room2dgs.pipeline.measure import dimensions_section
 from room2dgs.pipeline.room_facts import room_facts
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.surfels import render_frames, use_threads
@@ -44,7 +43,7 @@ def write_run_report(scene: Scene, surfels: Splats | None, config: Config, run: 
             if surfels is None
             else partial(render_frames, surfels, config=config)
         )
-        facts, dimensions = room_facts(scene, surfels, config, run), dimensions_section(config, run.log)
+        facts, dimensions = room_facts(scene, surfels, config, run)
         path = write_report(scene, surfels, draw, config, run.path, facts, dimensions)
     size_mb = path.stat().st_size / 1e6
     run.record({"report_mb": round(size_mb, 2)})
