@@ -40,6 +40,27 @@ class RasterFrame:
         The gradients of the frame's last view, which must be number `view`; alpha and depth are its maps. to_pose, to_K and to_background are float64, all else float32.
         """
 
+class GaussianFrame:
+    """One rendered view: what its backward pass needs."""
+
+    def __init__(self) -> None: ...
+
+    @property
+    def visible(self) -> int:
+        """Surfels that reach a pixel."""
+
+    @property
+    def entries(self) -> int:
+        """(surfel, tile) pairs."""
+
+    def forward(self, centers: Annotated[NDArray, dict(writable=False)], rotations: Annotated[NDArray, dict(writable=False)], scales: Annotated[NDArray, dict(writable=False)], opacities: Annotated[NDArray, dict(writable=False)], sh: Annotated[NDArray, dict(writable=False)], cam_from_world: Annotated[NDArray, dict(writable=False)], K: Annotated[NDArray, dict(writable=False)], width: int, height: int, near: float, opacity_floor: float, background: Annotated[NDArray, dict(writable=False)], color: NDArray, alpha: NDArray, depth: NDArray, median: NDArray, normal: NDArray | None, distortion: NDArray | None, filter_px2: float, compensated: bool) -> int:
+        """As RasterFrame's, of 3D Gaussians: scales are (n, 3)."""
+
+    def backward(self, view: int, centers: Annotated[NDArray, dict(writable=False)], rotations: Annotated[NDArray, dict(writable=False)], scales: Annotated[NDArray, dict(writable=False)], opacities: Annotated[NDArray, dict(writable=False)], sh: Annotated[NDArray, dict(writable=False)], alpha: Annotated[NDArray, dict(writable=False)], depth: Annotated[NDArray, dict(writable=False)], g_color: Annotated[NDArray, dict(writable=False)] | None, g_alpha: Annotated[NDArray, dict(writable=False)] | None, g_depth: Annotated[NDArray, dict(writable=False)] | None, g_median: Annotated[NDArray, dict(writable=False)] | None, g_normal: Annotated[NDArray, dict(writable=False)] | None, g_distortion: Annotated[NDArray, dict(writable=False)] | None, to_centers: NDArray, to_rotations: NDArray, to_scales: NDArray, to_opacities: NDArray, to_sh: NDArray, to_center_px: NDArray, to_pose: NDArray, to_K: NDArray, to_background: NDArray | None) -> None:
+        """
+        The gradients of the frame's last view, which must be number `view`; alpha and depth are its maps. to_pose, to_K and to_background are float64, all else float32.
+        """
+
 def rgb_loss(rendered: Annotated[NDArray, dict(writable=False)], target: Annotated[NDArray, dict(writable=False)], dssim: float, gradient: NDArray | None = None) -> tuple:
     """
     Returns (L, D) = (mean |rendered - target|, mean 1 - SSIM); writes the gradient of (1 - dssim) L + dssim D.

@@ -23,12 +23,24 @@ Camera camera_of(const ViewArrays& view) {
   return c;
 }
 
-bool draw(RasterFrame& f, const Arguments&, const ViewArrays& view, const SurfelArrays& surfels, const Images& out) {
-  const Camera camera = camera_of(view);
+void draw_with(RasterFrame& f, const Camera& camera, const ViewArrays& view, const SurfelArrays& splats, const Images& out) {
   f.view = 0;
   std::copy(view.background, view.background + 3, f.background);
   nb::gil_scoped_release release;
-  f.forward(camera, surfels, out);
+  f.forward(camera, splats, out);
+}
+
+bool draw(RasterFrame& f, const Arguments&, const ViewArrays& view, const SurfelArrays& surfels, const Images& out) {
+  draw_with(f, camera_of(view), view, surfels, out);
+  return true;
+}
+
+bool draw_gaussians(GaussianFrame& f, const Arguments&, const ViewArrays& view, const SurfelArrays& gaussians,
+                    const Images& out, double filter_px2, bool compensated) {
+  require(filter_px2 >= 0.01 && filter_px2 <= 1, "filter_px2 is " + std::to_string(filter_px2) + ", not from 0.01 to 1");
+  Camera camera = camera_of(view);
+  camera.filter_px2 = filter_px2, camera.compensated = compensated;
+  draw_with(f, camera, view, gaussians, out);
   return true;
 }
 
@@ -44,22 +56,29 @@ void run_back(RasterFrame& f, const BackwardArrays& a) {
   a.to_K[0] = camera.fx, a.to_K[4] = camera.fy, a.to_K[2] = camera.cx, a.to_K[5] = camera.cy;
 }
 
+template <class Frame, class Draw, class... Extras>
+void bind_frame(nb::module_& m, const char* name, Draw draw_view, const char* about, const Extras&... extras) {
+  auto frame =
+      nb::class_<Frame>(m, name, "One rendered view: what its backward pass needs.")
+          .def(nb::init<>())
+          .def_prop_ro("visible", [](Frame& f) { Claim claim(f); return f.visible; }, "Surfels that reach a pixel.")
+          .def_prop_ro("entries", [](Frame& f) { Claim claim(f); return f.entries; }, "(surfel, tile) pairs.");
+  const auto start = [](const Frame&, const Input&) { return Arguments(); };
+  def_forward(frame, about, start, draw_view, extras...);
+  def_backward(
+      frame, start, [](const Frame& f) { return std::pair<int64_t, int64_t>(f.camera.width, f.camera.height); },
+      run_back);
+}
+
 }  // namespace
 
 void bind_splat(nb::module_& m) {
-  auto frame =
-      nb::class_<RasterFrame>(m, "RasterFrame", "One rendered view: what its backward pass needs.")
-          .def(nb::init<>())
-          .def_prop_ro("visible", [](RasterFrame& f) { Claim claim(f); return f.visible; }, "Surfels that reach a pixel.")
-          .def_prop_ro("entries", [](RasterFrame& f) { Claim claim(f); return f.entries; }, "(surfel, tile) pairs.");
-  const auto start = [](const RasterFrame&, const Input&) { return Arguments(); };
-  def_forward(frame,
-              "Draws a view into the maps. Gives its number, which `backward` asks for. cam_from_world and K are "
-              "float64, all else float32.",
-              start, draw);
-  def_backward(
-      frame, start, [](const RasterFrame& f) { return std::pair<int64_t, int64_t>(f.camera.width, f.camera.height); },
-      run_back);
+  bind_frame<RasterFrame>(m, "RasterFrame", draw,
+                          "Draws a view into the maps. Gives its number, which `backward` asks for. cam_from_world and K "
+                          "are float64, all else float32.");
+  bind_frame<GaussianFrame>(m, "GaussianFrame", draw_gaussians,
+                            "As RasterFrame's, of 3D Gaussians: scales are (n, 3).",
+                            extra<double>(nb::arg("filter_px2")), extra<bool>(nb::arg("compensated")));
 }
 
 }  // namespace room2dgs

@@ -25,8 +25,14 @@ class Claim {
   Frame& frame_;
 };
 
-inline SurfelArrays surfels_of(Arguments& check, const Input& centers, const Input& rotations, const Input& scales,
-                        const Input& opacities, const Input& sh) {
+// How many scales has what a frame draws?
+template <class Frame>
+constexpr int64_t kScalesOf = 2;
+template <>
+inline constexpr int64_t kScalesOf<GaussianFrame> = 3;
+
+inline SurfelArrays surfels_of(Arguments& check, int64_t scale_count, const Input& centers, const Input& rotations,
+                               const Input& scales, const Input& opacities, const Input& sh) {
   const int64_t n = lengths("centers", centers, 2)[0], terms = lengths("sh", sh, 3)[1];
   require(n <= kMaxSurfels, std::to_string(n) + " surfels are more than " + std::to_string(kMaxSurfels));
   require(terms == 1 || terms == 4 || terms == 9 || terms == 16,
@@ -34,7 +40,7 @@ inline SurfelArrays surfels_of(Arguments& check, const Input& centers, const Inp
   return {n,
           check.input<float>("centers", centers, {n, 3}),
           check.input<float>("rotations", rotations, {n, 4}),
-          check.input<float>("scales", scales, {n, 2}),
+          check.input<float>("scales", scales, {n, scale_count}),
           check.input<float>("opacities", opacities, {n}),
           check.input<float>("sh", sh, {n, terms, 3}),
           static_cast<int>(terms)};
@@ -112,7 +118,7 @@ void def_forward(nb::class_<Frame>& type, const char* about, Start start, Draw d
                               static_cast<int>(width),
                               static_cast<int>(height),
                               centers.device_id()};
-        const SurfelArrays surfels = surfels_of(check, centers, rotations, scales, opacities, sh);
+        const SurfelArrays surfels = surfels_of(check, kScalesOf<Frame>, centers, rotations, scales, opacities, sh);
         const Images out = images_of(check, width, height, color, alpha, depth, median, normal, distortion);
         require(normal || !distortion, "distortion is drawn with the normal or not at all: normal is None");
         if (!draw(f, check, view, surfels, out, more...)) return 0;
@@ -143,7 +149,7 @@ void def_backward(nb::class_<Frame>& type, Start start, Size size, Run run, cons
         require_view(f);
         require(view == static_cast<int64_t>(f.view), "the frame has drawn another view since: its backward pass is lost");
         Arguments check = start(f, centers);
-        const SurfelArrays surfels = surfels_of(check, centers, rotations, scales, opacities, sh);
+        const SurfelArrays surfels = surfels_of(check, kScalesOf<Frame>, centers, rotations, scales, opacities, sh);
         const int64_t n = f.count, terms = surfels.sh_count;
         require(surfels.count == n, std::to_string(surfels.count) + " surfels come back, " + std::to_string(n) +
                                         " were drawn");
@@ -161,7 +167,7 @@ void def_backward(nb::class_<Frame>& type, Start start, Size size, Run run, cons
                                   check.input<float>("g_distortion", g_distortion, {height, width})};
         const SurfelGradients to{check.output<float>("to_centers", to_centers, {n, 3}),
                                  check.output<float>("to_rotations", to_rotations, {n, 4}),
-                                 check.output<float>("to_scales", to_scales, {n, 2}),
+                                 check.output<float>("to_scales", to_scales, {n, kScalesOf<Frame>}),
                                  check.output<float>("to_opacities", to_opacities, {n}),
                                  check.output<float>("to_sh", to_sh, {n, terms, 3}),
                                  check.output<float>("to_center_px", to_center_px, {n, 2})};

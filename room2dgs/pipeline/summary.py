@@ -23,7 +23,8 @@ def summary(out: Path) -> list[str]:
         lines.append(f"F-score @ 5 cm {f_score:.3f} (precision {precision:.3f}, recall {recall:.3f})")
     seconds = metrics["seconds"]
     stages = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
-    surfels = f"{metrics['primitives']:,} surfels; " if metrics.get("primitives") is not None else ""
+    called = metrics.get("primitives_called") or "surfels"
+    surfels = f"{metrics['primitives']:,} {called}; " if metrics.get("primitives") is not None else ""
     lines.append(f"{surfels}{sum(seconds.values()):.0f} s in all: {stages}")
     lines.append(f"peak memory {metrics['peak_memory_mb'] / 1000:.2f} GB")
     lines.append(f"mesh      {out / MESH}")

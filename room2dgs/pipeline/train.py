@@ -39,6 +39,7 @@ def train_surfels(
     Raises:
         InputError: as `train`.
     """
+    from room2dgs.primitives.registry import new_primitive
     from room2dgs.train import train
 
     use_threads(config)
@@ -52,6 +53,7 @@ def train_surfels(
         {
             **cleared(run.path, IMAGE_SCORES),
             "primitives": result.surfels,
+            "primitives_called": new_primitive(config).called,
             "seeds": result.seeds,
             "iterations": result.iterations,
             "training_seconds": result.seconds,

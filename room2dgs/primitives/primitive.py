@@ -76,6 +76,7 @@ class Primitive(ABC):
         splats: the named tuple of activated primitives (`Splats`); no other kind has the same.
         parameters: names of the raw parameters, in the order in which they are optimised; SH_REST only above degree 0.
         file_kind: what a file of them says that it holds.
+        called: what logs and pages call several of them, one word.
         shapes: of one activated primitive, by field; `BASES` stands for the number of harmonics.
     """
 
@@ -84,6 +85,7 @@ class Primitive(ABC):
     splats: ClassVar[Callable[..., Any]]
     parameters: ClassVar[tuple[str, ...]] = (ROTATIONS, RAW_SCALES, OPACITY_LOGITS, SH_DC, SH_REST)
     file_kind: ClassVar[str]
+    called: ClassVar[str] = "surfels"
     shapes: ClassVar[Mapping[str, tuple[int, ...]]]
 
     @abstractmethod

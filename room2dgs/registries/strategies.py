@@ -25,3 +25,9 @@ STRATEGIES.register(
     "Single primitives are cloned, split and pruned, as 2DGS does.",
     needs={"seeds.per_seed": 1, "seeds.decoder": "explicit"},
 )
+STRATEGIES.register(
+    "mcmc",
+    f"{_AT}.mcmc:mcmc_strategy",
+    "Transparent primitives move to opaque ones and noise explores, up to strategy.max_surfels, as 3DGS-MCMC does.",
+    needs={"seeds.per_seed": 1, "seeds.decoder": "explicit"},
+)

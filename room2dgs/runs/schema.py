@@ -133,7 +133,7 @@ BY_KEY = {
     **dict.fromkeys(("primitives", "seeds", "iterations", "points", "stereo_coverage"), NUMBER),
     **dict.fromkeys(("mesh_faces", "mesh_vertices", "mesh_voxel_m", "peak_memory_mb", "report_mb"), NUMBER),
     "threshold_m": Kind("number above 0", lambda value: is_number(value) and value > 0 and math.isfinite(1 / value)),
-    **dict.fromkeys(("protocol", "priors", "depth_source", "commit"), TEXT),
+    **dict.fromkeys(("protocol", "priors", "depth_source", "commit", "primitives_called"), TEXT),
     **dict.fromkeys(("seconds", "cpu_seconds", "stage_peak_memory_mb", "training_seconds", "eval_seconds"), NUMBERS),
     "prior_seconds": Kind("object of objects of numbers", _each(_each(is_number))),
     "versions": Kind("object of texts", _each(_is_text)),

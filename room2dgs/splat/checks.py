@@ -13,15 +13,16 @@ from torch import Tensor
 
 from room2dgs.geometry.arguments import check_has_values, number
 from room2dgs.splat.constants import OPACITY_FLOOR, SH_DEGREE_OF
-from room2dgs.splat.types import Surfels
+from room2dgs.splat.types import Gaussians, Surfels
 
 MAX_SIDE_PX = 16384
+SCALES_OF = {Surfels: 2, Gaussians: 3}
 SKEW_MAX_PX = 1e-6  # rounding of a product of matrices, not a skew
 RIGID_TOLERANCE = 1e-3  # of R R^T - I
 
 
 def check_shapes(
-    surfels: Surfels,
+    surfels: Surfels | Gaussians,
     K: Tensor,
     cam_from_world: Tensor,
     width: int,
@@ -35,23 +36,29 @@ def check_shapes(
         TypeError: something is no tensor, or no number of pixels.
         ValueError: one of them does not fit.
     """
+    kind = type(surfels).__name__.lower()
     tensors = {**surfels._asdict(), "K": K, "cam_from_world": cam_from_world}
     optional = {"background": background, "center_px": center_px}
     check_tensors(**tensors, **{name: tensor for name, tensor in optional.items() if tensor is not None})
     if not surfels.centers.ndim:
-        raise ValueError("surfels.centers has no rows")
+        raise ValueError(f"{kind}.centers has no rows")
     count = surfels.centers.shape[0]
-    shapes = {"centers": (count, 3), "rotations": (count, 4), "scales": (count, 2), "opacities": (count,)}
+    shapes = {
+        "centers": (count, 3),
+        "rotations": (count, 4),
+        "scales": (count, SCALES_OF[type(surfels)]),
+        "opacities": (count,),
+    }
     for name, shape in shapes.items():
-        _check_shape("surfels." + name, getattr(surfels, name), shape)
+        _check_shape(f"{kind}.{name}", getattr(surfels, name), shape)
     sh = surfels.sh
     if sh.ndim != 3 or sh.shape[0] != count or sh.shape[1] not in SH_DEGREE_OF or sh.shape[2] != 3:
-        raise ValueError(f"surfels.sh has shape {tuple(sh.shape)}, not ({count}, 1 | 4 | 9 | 16, 3)")
+        raise ValueError(f"{kind}.sh has shape {tuple(sh.shape)}, not ({count}, 1 | 4 | 9 | 16, 3)")
     dtype, device = surfels.centers.dtype, surfels.centers.device
-    for name, tensor in zip(Surfels._fields, surfels, strict=True):
+    for name, tensor in zip(surfels._fields, surfels, strict=True):
         if not tensor.dtype.is_floating_point or tensor.dtype != dtype or tensor.device != device:
             raise ValueError(
-                f"surfels.{name} is {tensor.dtype} on {tensor.device}, but surfels.centers {dtype} on {device}"
+                f"{kind}.{name} is {tensor.dtype} on {tensor.device}, but {kind}.centers {dtype} on {device}"
             )
     others = {
         "K": (K, (3, 3)), "cam_from_world": (cam_from_world, (4, 4)), "background": (background, (3,)),

@@ -1,6 +1,7 @@
 """Numbers that the reference and the compiled kernels must share.
 
-surfel.h and pixel.h have the same ones, frame_arguments.h the floor, which is the least that a caller may give.
+surfel.h, gaussian.h, pixel.h and gaussian_pixel.h have the same ones, frame_arguments.h the floor, which is the least
+that a caller may give.
 """
 
 from __future__ import annotations
@@ -15,3 +16,7 @@ EDGE_ON = 1e-3  # |cos| between normal and view ray below which a disc is edge-o
 QUATERNION_MIN = 1e-30  # a smaller quaternion has no direction that float32 could pass a gradient to: no disc
 DISTORTION_NEAR_M, DISTORTION_FAR_M = 0.2, 100.0  # 2DGS's depth map for the distortion loss
 SH_DEGREE_OF = {1: 0, 4: 1, 9: 2, 16: 3}  # coefficients -> degree
+GAUSSIAN_FILTER_PX2 = 0.3  # variance of a pixel's filter of 3D Gaussians (3DGS)
+MIP_FILTER_PX2 = 0.1  # the same of Mip-Splatting, which makes up for it by the opacity
+GAUSSIAN_DEN_MIN = 0.125  # a Gaussian's depth along a ray is at most its centre's over this
+BEYOND_VIEW = 0.3  # of half the view: further out a Gaussian's linear map is taken at the view's edge (3DGS)

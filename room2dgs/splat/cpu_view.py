@@ -1,6 +1,11 @@
-"""One view by the compiled kernels (`_C`), forward and back: tensors in, tensors out, no autograd."""
+"""One view by the compiled kernels (`_C`), forward and back: tensors in, tensors out, no autograd.
+
+`kind` is of the frames that draw it, and `more` what their `forward` takes besides.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -15,18 +20,18 @@ CPU = frames.Kind(_C.RasterFrame, torch.device("cpu"))
 
 def forward(
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, center_px,
-    width, height, near_m, opacity_floor, with_normal, with_distortion,
+    width, height, near_m, opacity_floor, with_normal, with_distortion, *, kind=CPU, more=(),
 ):  # fmt: skip
     """Images as in `Rendering`, and the state that the backward pass needs (`frames`)."""
     check_values(K, cam_from_world, background, near_m, opacity_floor)
     check_center_px(center_px)
     images = empty_images(centers, width, height)
-    frame = frames.acquire(CPU)
+    frame = frames.acquire(kind)
     number = _draw(
         frame, (centers, rotations, scales, opacities, sh), cam_from_world, K, background, images,
-        width, height, near_m, opacity_floor, with_normal, with_distortion,
+        width, height, near_m, opacity_floor, with_normal, with_distortion, more,
     )  # fmt: skip
-    return *images, frames.keep(CPU, frame, number)
+    return *images, frames.keep(kind, frame, number)
 
 
 def empty_images(like: Tensor, width: int, height: int) -> list[Tensor]:
@@ -37,7 +42,7 @@ def empty_images(like: Tensor, width: int, height: int) -> list[Tensor]:
 
 def _draw(
     frame, parameters, cam_from_world, K, background, images, width, height, near_m, opacity_floor, with_normal,
-    with_distortion,
+    with_distortion, more: tuple[Any, ...],
 ) -> int:  # fmt: skip
     """Fill the images and the frame; gives the view's number there."""
     *others, normal, distortion = images
@@ -46,6 +51,7 @@ def _draw(
         width, height, near_m, opacity_floor,
         background.detach().to(torch.float32).contiguous(), *others,
         normal if with_normal or with_distortion else None, distortion if with_distortion else None,
+        *more,
     )  # fmt: skip
     if not with_distortion:
         distortion.zero_()
@@ -61,7 +67,7 @@ def _doubles(matrix: Tensor) -> Tensor:
 def backward(
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state,
     to_color, to_alpha, to_depth, to_median, to_normal, to_distortion,
-    width, height, near_m, opacity_floor, with_normal, with_distortion, with_background,
+    width, height, near_m, opacity_floor, with_normal, with_distortion, with_background, *, kind=CPU, more=(),
 ):  # fmt: skip
     """Gradients of the surfels' five tensors, the pose, K, the background (if wanted) and the projected centres."""
     parameters = [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)]
@@ -69,10 +75,10 @@ def backward(
     if known is not None:
         frame, number = known
     else:  # the state is a copy
-        frame = frames.acquire(CPU)
+        frame = frames.acquire(kind)
         number = _draw(
             frame, parameters, cam_from_world, K, background, empty_images(centers, width, height),
-            width, height, near_m, opacity_floor, with_normal, with_distortion,
+            width, height, near_m, opacity_floor, with_normal, with_distortion, more,
         )  # fmt: skip
     flowing = [
         x.contiguous() if x is not None and wanted else None
@@ -90,7 +96,7 @@ def backward(
         to_background if with_background and to_color is not None else None,
     )  # fmt: skip
     if known is None:
-        frames.release(CPU, frame)
+        frames.release(kind, frame)
     *to, to_center_px = to
     return (
         *to,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -134,22 +134,30 @@ def render(
         ),
         dim=-1,
     )
+
+    def tile(pixels: Tensor) -> tuple[Tensor, ...]:
+        near_tile = _meets_tile(pixels, K, bearing, reach)
+        return _composite(Projected(*(v[near_tile] for v in projected)), pixels, background, near_m, opacity_floor)
+
+    return in_tiles(tile, width, height, K)
+
+
+def in_tiles(tile: Callable[[Tensor], tuple[Tensor, ...]], width: int, height: int, like: Tensor) -> Rendering:
+    """A rendering from its tiles; `tile` gives the images at some pixels, (m, 2) to (m, ...) each, of `like`'s type."""
     rows = []
     for y in range(0, height, TILE):
         row = []
         for x in range(0, width, TILE):
             h, w = min(TILE, height - y), min(TILE, width - x)
             ys, xs = torch.meshgrid(torch.arange(h) + y + 0.5, torch.arange(w) + x + 0.5, indexing="ij")
-            pixels = torch.stack([xs, ys], dim=-1).reshape(-1, 2).to(dtype=dtype, device=device)
-            near_tile = _meets_tile(pixels, K, bearing, reach)
-            part = _composite(Projected(*(v[near_tile] for v in projected)), pixels, background, near_m, opacity_floor)
-            row.append([v.reshape(h, w, *v.shape[1:]) for v in part])
+            pixels = torch.stack([xs, ys], dim=-1).reshape(-1, 2).to(like)
+            row.append([v.reshape(h, w, *v.shape[1:]) for v in tile(pixels)])
         rows.append([torch.cat(parts, dim=1) for parts in zip(*row, strict=True)])
     return Rendering(*(torch.cat(parts, dim=0) for parts in zip(*rows, strict=True)))
 
 
-def depth_order(projected: Projected) -> Tensor:
-    """Indices of the visible surfels, front to back: by depth in float32, equal ones by index.
+def depth_order(projected: Any) -> Tensor:
+    """Indices of what is `visible`, front to back: by `depth` in float32, equal ones by index.
 
     Finer differences than float32 has are rounding; so all dtypes, and the kernels, blend in one order.
     """
@@ -190,20 +198,31 @@ def _composite(
     on_plane = hit & (rho_plane <= rho_filter)
     rho = torch.where(on_plane, rho_plane, rho_filter)
     z = torch.where(on_plane, s.depth[:, None] / safe, s.depth[:, None].expand_as(safe))
-    raw = s.opacity[:, None] * torch.exp(-0.5 * rho)
+    return blended(s.opacity, s.color, s.normal, rho, z, background, opacity_floor)
+
+
+def blended(
+    opacity: Tensor, color: Tensor, normal: Tensor, rho: Tensor, z: Tensor, background: Tensor, opacity_floor: float
+) -> tuple[Tensor, ...]:
+    """Blend n depth-sorted splats over m pixels; returns colour, alpha, depth, median, normal, distortion.
+
+    Args:
+        opacity: (n,); color, normal: (n, 3).
+        rho, z: (n, m) squared distance in standard deviations, and z-depth of each hit.
+    """
+    raw = opacity[:, None] * torch.exp(-0.5 * rho)
     alpha = torch.where(raw >= opacity_floor, raw.clamp_max(ALPHA_MAX), torch.zeros_like(raw))
     after = torch.cumprod(1 - alpha, dim=0)
     before = torch.cat([torch.ones_like(after[:1]), after[:-1]], dim=0)
-    blended = (alpha > 0) & (before >= TRANSMITTANCE_MIN)
-    w = torch.where(blended, before * alpha, torch.zeros_like(alpha))
+    hit = (alpha > 0) & (before >= TRANSMITTANCE_MIN)
+    w = torch.where(hit, before * alpha, torch.zeros_like(alpha))
     total = w.sum(dim=0)
     # the transmittance that is left includes nothing behind the stop
-    color = torch.einsum("nm,nc->mc", w, s.color) + (1 - total)[:, None] * background
+    image = torch.einsum("nm,nc->mc", w, color) + (1 - total)[:, None] * background
     expected = torch.where(total > 0, (w * z).sum(dim=0) / torch.where(total > 0, total, 1.0), 0.0)
-    crossing = blended & (before > 0.5) & (after <= 0.5)
+    crossing = hit & (before > 0.5) & (after <= 0.5)
     median = torch.where(crossing, z, torch.zeros_like(z)).sum(dim=0)
-    normal = torch.einsum("nm,nc->mc", w, s.normal)
-    return color, total, expected, median, normal, _distortion(w, z, blended)
+    return image, total, expected, median, torch.einsum("nm,nc->mc", w, normal), _distortion(w, z, hit)
 
 
 def _distortion(w: Tensor, z: Tensor, blended: Tensor) -> Tensor:

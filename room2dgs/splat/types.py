@@ -42,6 +42,24 @@ class Surfels(NamedTuple):
         return f"Surfels({count:,}, from ({low}) to ({high}) m, colours of degree {degree})"
 
 
+class Gaussians(NamedTuple):
+    """3D Gaussians in the world frame, activated; what `Surfels` says of values and NaN holds for them.
+
+    Attributes:
+        centers: (N, 3) metres.
+        rotations: (N, 4) quaternions (w, x, y, z), normalised inside; the matrix's columns are the axes.
+        scales: (N, 3) standard deviations > 0 along the axes, metres.
+        opacities: (N,) in (0, 1).
+        sh: (N, K, 3) spherical-harmonics coefficients as surfels have them.
+    """
+
+    centers: Tensor
+    rotations: Tensor
+    scales: Tensor
+    opacities: Tensor
+    sh: Tensor
+
+
 class Rendering(NamedTuple):
     """One view. With w_i = T_i alpha_i the weight of the i-th surfel along the pixel's ray:
 

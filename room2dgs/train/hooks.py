@@ -49,6 +49,9 @@ class Densification(Hook):
     def before_iteration(self, trainer: Trainer, iteration: Iteration) -> None:
         iteration.screen_gradients = self._strategy.before_backward(iteration.number)
 
+    def after_backward(self, trainer: Trainer, iteration: Iteration) -> None:
+        self._strategy.add_gradients(trainer.model)
+
     def after_step(self, trainer: Trainer, iteration: Iteration) -> None:
         if iteration.screen_gradients:
             self._strategy.after_backward(iteration.step)

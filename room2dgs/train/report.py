@@ -45,7 +45,7 @@ class Report(Hook):
             self._means.add({"psnr_db": psnr_db(step.color, step.target)})
         if done % self._config.log_every == 0 or trainer.finished:
             self.losses = self._means.pop()
-            self._figures = self._line(done, surfels)
+            self._figures = self._line(done, f"{surfels} {trainer.model.primitive.called}")
             self._log(f"{where}: {self._figures}")
             self._scalars.add({f"train/{name}": value for name, value in self.losses.items()}, done)
             self._scalars.add({"train/surfels": float(surfels)}, done)
@@ -59,7 +59,7 @@ class Report(Hook):
             self._log(f"{where}: held-out PSNR {self.test_psnr_db:.2f} dB")
             self._scalars.add({"test/psnr_db": self.test_psnr_db}, done)
 
-    def _line(self, done: int, surfels: int) -> str:
+    def _line(self, done: int, surfels: str) -> str:
         now = time.perf_counter()
         rate = (done - self._since[1]) / max(now - self._since[0], 1e-9)
         self._since = (now, done)
@@ -67,7 +67,4 @@ class Report(Hook):
         names = [name for name in self.losses if name not in ("loss", "psnr_db")]
         terms = ", ".join(f"{name} {self.losses[name]:.4f}" for name in names)
         psnr = f", PSNR {self.losses['psnr_db']:.2f} dB" if "psnr_db" in self.losses else ""
-        return (
-            f"loss {self.losses['loss']:.4f} ({terms}){psnr}, {surfels} surfels, "
-            f"{rate:.1f} it/s, {left / 60:.1f} min left"
-        )
+        return f"loss {self.losses['loss']:.4f} ({terms}){psnr}, {surfels}, {rate:.1f} it/s, {left / 60:.1f} min left"

@@ -30,7 +30,8 @@ class Thinning(Hook):
         needed = _contributions(trainer, image_fraction(iteration.number, config.train, trainer.views.widest))
         _drop_least(trainer.model, config.strategy.thin, needed)
         trainer.log(
-            f"iteration {iteration.done}: {trainer.model.count:,} of {before:,} surfels of {seeds:,} seeds "
+            f"iteration {iteration.done}: {trainer.model.count:,} of {before:,} {trainer.model.primitive.called} of "
+            f"{seeds:,} seeds "
             f"hold {100 * (1 - config.strategy.thin):g} % of what the views show; the others go"
         )
         trainer.clock.lap("strategy")

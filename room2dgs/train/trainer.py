@@ -166,7 +166,7 @@ class Trainer:
             log(f"no whole checkpoint in {checkpoint.folder_of(out)}; starting from the beginning")
         self.model = model_on(new_model(scene, points, config, priors), device)
         log(
-            f"{len(points)} points, {self.model.seeds} seeds, {self.model.count} surfels, "
+            f"{len(points)} points, {self.model.seeds} seeds, {self.model.count} {self.model.primitive.called}, "
             f"{len(scene.train)} training views"
         )
 

@@ -26,7 +26,7 @@ def test_the_table_of_calls_is_complete():
     measuring = {name for name in dir(_C.bench) if not name.startswith("_")}
     plain = {name for name, call in CALLS.items() if not call.method and not call.bench}
     # dense stereo, fusion, colouring, Adam and the kernels for CUDA stand with their own tests
-    others = {"RasterFrame", "bench", "isa", "threads", "set_threads"}
+    others = {"RasterFrame", "GaussianFrame", "bench", "isa", "threads", "set_threads"}
     others |= {"StereoPhoto", "PatchMatch", "agree", "touched_blocks", "fuse_depth", "adam", "device"}
     others |= {"draw_faces", "look_up", "blend_views"}
     assert plain | others == functions

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from room2dgs import _C, splat
 from room2dgs.splat import Rendering, Surfels, operators, reference
 from room2dgs.splat.constants import OPACITY_FLOOR
-from room2dgs.tools.numerics.pairs import pairs_of, smooth
+from room2dgs.tools.numerics.kinds import smooth
 from room2dgs.tools.numerics.scenes import HardScene
 
 BACKGROUND = torch.tensor([0.1, 0.4, 0.7])
@@ -66,7 +66,7 @@ def test_no_visible_pixel_is_lost(seed, distance, scale, floor):
     K = torch.tensor([[60.0, 0, 40.2], [0, 60.0, 29.5], [0, 0, 1]])
     exact = Surfels(*(x.double() for x in surfels))
     scene = HardScene(surfels, K, torch.eye(4).double(), 80, 60)
-    kept = smooth(pairs_of(scene), scene)
+    kept = smooth(scene)
     expected = reference.render(exact, K.double(), torch.eye(4).double(), 80, 60)
     actual = splat.render(surfels, K, torch.eye(4), 80, 60)
     lost = ((expected.alpha > 0) != (actual.alpha > 0)) & kept

@@ -8,7 +8,7 @@ import torch
 from room2dgs.splat import render
 from room2dgs.splat.contribution import contributions, least_needed
 from room2dgs.splat.footprint import footprint
-from room2dgs.splat.rasterization import rasterization_2dgs
+from room2dgs.splat.gsplat_2dgs import rasterization_2dgs
 from room2dgs.splat.reference import render as plain
 from room2dgs.splat.types import Surfels
 

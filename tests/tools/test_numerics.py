@@ -14,13 +14,17 @@ from hypothesis import strategies as st
 from room2dgs import splat
 from room2dgs.errors import InputError
 from room2dgs.losses import depth_prior
+from room2dgs.primitives.gaussian3d import MipGaussians
 from room2dgs.report.table import terminal
+from room2dgs.splat import Gaussians
 from room2dgs.tools.numerics import compare as comparing
 from room2dgs.tools.numerics import tradeoff, variant_score
 from room2dgs.tools.numerics.__main__ import main
 from room2dgs.tools.numerics.alternatives import choices
 from room2dgs.tools.numerics.compare import compare
+from room2dgs.tools.numerics.gaussians import thickened
 from room2dgs.tools.numerics.invariances import invariances
+from room2dgs.tools.numerics.measure import ALL_SCENES
 from room2dgs.tools.numerics.scenes import ILL_CONDITIONED, SCENES, HardScene, intrinsics, pose, random_surfels
 from room2dgs.tools.numerics.stages import STAGES
 from room2dgs.tools.numerics.terms import TERMS, compare_term
@@ -36,9 +40,9 @@ def one_thread():
     torch.set_num_threads(before)
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", ALL_SCENES)
 def test_kernels_equal_the_float64_reference(name):
-    scene = SCENES[name]()
+    scene = ALL_SCENES[name]()
     found = compare(scene, name in ILL_CONDITIONED)
     assert found.passed, found
     assert found.left_out < 0.05  # what lies beside jumps is not compared
@@ -70,8 +74,9 @@ def test_stages_survive_where_there_is_nothing_to_go_by(name):
     angle=st.floats(0, 3.1),
     from_origin=st.sampled_from([0.0, 10.0, 1e4]),
     floor=st.sampled_from([1 / 255, 1 / 32, 0.3]),
+    kind=st.sampled_from([None, Gaussians, MipGaussians]),
 )
-def test_cases_drawn_at_random(seed, unit, distance, size, stretch, opacity, focal, angle, from_origin, floor):
+def test_cases_drawn_at_random(seed, unit, distance, size, stretch, opacity, focal, angle, from_origin, floor, kind):
     """Any unit, distance, size, shape, opacity, focal length and place, all at once; exponents of ten."""
     unit = 10.0**unit
     surfels = random_surfels(40, seed, (0.3, 1.0), distance, opacity=opacity)
@@ -83,7 +88,7 @@ def test_cases_drawn_at_random(seed, unit, distance, size, stretch, opacity, foc
     centers = (unit * (surfels.centers.double() @ turned[:3, :3]) + away).float()
     K = intrinsics(10**focal, 1.1 * 10**focal, 13.3, 9.1)
     scene = HardScene(surfels._replace(centers=centers, scales=unit * scales), K, turned, 29, 19, 0.05 * unit, floor)
-    found = compare(scene)
+    found = compare(scene if kind is None else thickened(scene, seed, kind))
     assert found.passed, found
 
 
@@ -124,7 +129,8 @@ def test_the_command_prints_writes_and_judges(tmp_path, capsys, monkeypatch):
     said = capsys.readouterr().out
     assert "within their bounds" in said and "commit" in said and "one pixel" in page.read_text()
     found = json.loads(out.read_text())
-    assert {row["case"] for row in found["raster"]} == {"one pixel", "below a pixel"}
+    cases = {f"{name}{kind}" for name in ("one pixel", "below a pixel") for kind in ("", ", 3D", ", 3D mip")}
+    assert {row["case"] for row in found["raster"]} == cases
     assert found["machine"]["cores"] and found["failed"] == []
     assert found["raster"][0]["gradients"].keys() == set(comparing.GRADIENTS)
 

@@ -9,7 +9,7 @@ import torch
 from room2dgs import splat
 from room2dgs.tools.gpu_check.rendering import renderer
 from room2dgs.tools.numerics.compare import compare, differentiate, image_weights, relative_error
-from room2dgs.tools.numerics.pairs import pairs_of, smooth
+from room2dgs.tools.numerics.kinds import smooth
 from room2dgs.tools.numerics.scenes import ILL_CONDITIONED, SCENES, HardScene
 
 Row = dict[str, Any]
@@ -31,7 +31,7 @@ def corpus_row(name: str, backend: str) -> Row:
 
 def against_cpu(scene: HardScene, render: Any) -> float:
     """The worst relative error of images and gradients from those of the CPU's kernels, away from jumps."""
-    kept = smooth(pairs_of(scene), scene)
+    kept = smooth(scene)
     weights = [w * (kept[..., None] if w.ndim == 3 else kept) for w in image_weights(scene.width, scene.height)]
     ours, to_ours = differentiate(render, scene, weights, torch.float32)
     theirs, to_theirs = differentiate(splat.render, scene, weights, torch.float32)

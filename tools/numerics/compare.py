@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from room2dgs import splat
 from room2dgs.splat import Rendering, Surfels, reference
-from room2dgs.tools.numerics.pairs import pairs_of, smooth
+from room2dgs.tools.numerics.kinds import kind_of, smooth
 from room2dgs.tools.numerics.scenes import NEAR_M, HardScene
 
 TOLERANCE = 1e-4
@@ -86,7 +85,7 @@ def differentiate(
     render: Callable[..., Rendering], scene: HardScene, weights: list[Tensor], dtype: torch.dtype
 ) -> tuple[Rendering, dict[str, Tensor]]:
     """Images, and the gradient of their weighted sum to every input; the pose stays float64."""
-    surfels = Surfels(*(x.to(dtype, copy=True).requires_grad_() for x in scene.surfels))
+    surfels = type(scene.surfels)(*(x.to(dtype, copy=True).requires_grad_() for x in scene.surfels))
     K, background = (x.to(dtype, copy=True).requires_grad_() for x in (scene.K, torch.tensor(BACKGROUND)))
     pose = scene.cam_from_world.clone().requires_grad_()
     center_px = torch.zeros(len(surfels.centers), 2, dtype=dtype, requires_grad=True)
@@ -100,7 +99,7 @@ def differentiate(
     return Rendering(*(x.detach() for x in images)), dict(zip(GRADIENTS, gradients, strict=True))
 
 
-def perturbed(p: reference.Projected, seed: int) -> reference.Projected:
+def perturbed(p: Any, seed: int) -> Any:
     """A surfel's numbers, each off by one rounding of float32 up or down; of the centre, by that of a pixel's place."""
     g = torch.Generator().manual_seed(seed)
 
@@ -118,25 +117,25 @@ def condition(
     """By how much each of the float64 reference's results changes when its numbers are `perturbed`: relative errors."""
     worst = dict.fromkeys(NAMES, 0.0)
     for seed in range(DRAWS):
-        render = partial(reference.render, stored=partial(perturbed, seed=seed))
+        render = partial(kind_of(scene).reference, stored=partial(perturbed, seed=seed))
         images, gradients = differentiate(render, scene, weights, torch.float64)
         for name, error in (_image_errors(images, expected, kept) | _gradient_errors(gradients, to_expect)).items():
             worst[name] = max(worst[name], error)
     return worst
 
 
-def compare(scene: HardScene, conditioned: bool = True, render: Callable[..., Rendering] = splat.render) -> Comparison:
+def compare(scene: HardScene, conditioned: bool = True, render: Callable[..., Rendering] | None = None) -> Comparison:
     """Kernels and reference on one scene.
 
     Args:
-        render: with the arguments of `splat.render`.
+        render: with the arguments of `splat.render`; None: the scene's own kernels.
         conditioned: what float32 cannot hold may be off by more than 1e-4, see `Comparison.bounds`.
     """
-    pairs = pairs_of(scene)
-    kept = smooth(pairs, scene)
+    render = render or kind_of(scene).render
+    kept = smooth(scene)
     everywhere = image_weights(scene.width, scene.height, unit=scene.near_m / NEAR_M)
     weights = [w * (kept[..., None] if w.ndim == 3 else kept) for w in everywhere]
-    expected, to_expect = differentiate(reference.render, scene, weights, torch.float64)
+    expected, to_expect = differentiate(kind_of(scene).reference, scene, weights, torch.float64)
     actual, gradients = differentiate(render, scene, weights, torch.float32)
     # beside a jump either side may be taken, but nothing may break
     beside, to_all = differentiate(render, scene, everywhere, torch.float32)
@@ -180,17 +179,16 @@ def large(scene: HardScene) -> Comparison:
         K[0, 2] -= x
         K[1, 2] -= y
         part = scene._replace(K=K, width=w, height=h)
-        pairs = pairs_of(part)
-        kept = smooth(pairs, part)
+        kept = smooth(part)
         here = [g * (kept[..., None] if g.ndim == 3 else kept) for g in image_weights(w, h, index)]
-        images, gradients = differentiate(reference.render, part, here, torch.float64)
+        images, gradients = differentiate(kind_of(part).reference, part, here, torch.float64)
         for whole, g in zip(weights, here, strict=True):
             whole[y : y + h, x : x + w] = g
         places.append((slice(y, y + h), slice(x, x + w), kept))
         expected.append(images)
         for name, value in gradients.items():
             to_expect[name] = to_expect.get(name, torch.zeros(())) + value
-    actual, gradients = differentiate(splat.render, scene, weights, torch.float32)
+    actual, gradients = differentiate(kind_of(scene).render, scene, weights, torch.float32)
     errors = {
         name: max(
             relative_error(getattr(actual, name)[rows, columns][kept], getattr(there, name)[kept])

@@ -13,7 +13,7 @@ from torch import Tensor
 from room2dgs import splat
 from room2dgs.splat import Rendering, Surfels
 from room2dgs.tools.numerics.compare import POWERS, differentiate, image_weights, relative_error
-from room2dgs.tools.numerics.pairs import pairs_of, smooth
+from room2dgs.tools.numerics.kinds import kind_of, smooth
 from room2dgs.tools.numerics.scenes import NEAR_M, HardScene
 
 UNIT = 1024.0  # a power of two: metres to (almost) millimetres, without rounding
@@ -49,7 +49,7 @@ def invariances(scene: HardScene) -> Invariances:
 
 
 def _moved(scene: HardScene) -> float:
-    kept = smooth(pairs_of(scene), scene)
+    kept = smooth(scene)
     weights = image_weights(scene.width, scene.height, unit=scene.near_m / NEAR_M)
     weights = [w * (kept[..., None] if w.ndim == 3 else kept) for w in weights]
     shift = _power_above(scene.surfels.centers) * torch.tensor([4.0, -2.0, 1.0], dtype=torch.float64)
@@ -62,7 +62,7 @@ def _moved(scene: HardScene) -> float:
     there = scene._replace(surfels=s._replace(centers=centers, rotations=rotations), cam_from_world=pose)
     turned = [w @ CYCLE.T.float() if k == 4 else w for k, w in enumerate(weights)]  # normals are in the world
     (images, gradients), (images_there, gradients_there) = (
-        differentiate(splat.render, *which, torch.float32) for which in ((scene, weights), (there, turned))
+        differentiate(kind_of(scene).render, *which, torch.float32) for which in ((scene, weights), (there, turned))
     )
     images_there = images_there._replace(normal=images_there.normal @ CYCLE.float())
     back = {
@@ -82,9 +82,9 @@ def _scaled(scene: HardScene, weights: list[Tensor]) -> float:
         s._replace(centers=s.centers * UNIT, scales=s.scales * UNIT), scene.K, pose, scene.width, scene.height,
         scene.near_m * UNIT, scene.opacity_floor,
     )  # fmt: skip
-    images, gradients = differentiate(splat.render, scene, weights, torch.float32)
+    images, gradients = differentiate(kind_of(scene).render, scene, weights, torch.float32)
     lighter = [w * UNIT**-p for w, p in zip(weights, POWERS, strict=True)]
-    images_there, gradients_there = differentiate(splat.render, there, lighter, torch.float32)
+    images_there, gradients_there = differentiate(kind_of(there).render, there, lighter, torch.float32)
     images_there = Rendering(*(x * UNIT**-p for x, p in zip(images_there, POWERS, strict=True)))
     for name in ("centers", "scales"):
         gradients_there[name] = gradients_there[name] * UNIT
@@ -97,9 +97,9 @@ def _reordered(scene: HardScene, weights: list[Tensor]) -> float | None:
     if len(depth.unique()) < len(depth):
         return None
     order = torch.randperm(len(depth), generator=torch.Generator().manual_seed(2))
-    there = scene._replace(surfels=Surfels(*(x[order] for x in scene.surfels)))
-    images, gradients = differentiate(splat.render, scene, weights, torch.float32)
-    images_there, gradients_there = differentiate(splat.render, there, weights, torch.float32)
+    there = scene._replace(surfels=type(scene.surfels)(*(x[order] for x in scene.surfels)))
+    images, gradients = differentiate(kind_of(scene).render, scene, weights, torch.float32)
+    images_there, gradients_there = differentiate(kind_of(there).render, there, weights, torch.float32)
     back = torch.argsort(order)
     for name in (*Surfels._fields, "center_px"):
         gradients_there[name] = gradients_there[name][back]
@@ -112,7 +112,7 @@ def _threads(scene: HardScene) -> float:
     try:
         for count in THREADS:
             splat.set_threads(count)
-            found.append(differentiate(splat.render, scene, weights, torch.float32))
+            found.append(differentiate(kind_of(scene).render, scene, weights, torch.float32))
     finally:
         splat.set_threads()
     one, several = found

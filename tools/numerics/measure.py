@@ -7,18 +7,20 @@ from typing import Any
 
 from room2dgs.tools.numerics.alternatives import choices
 from room2dgs.tools.numerics.compare import compare, large
+from room2dgs.tools.numerics.gaussians import GAUSSIAN_SCENES
 from room2dgs.tools.numerics.invariances import invariances
 from room2dgs.tools.numerics.scenes import ILL_CONDITIONED, LARGE, SCENES, four_k
 from room2dgs.tools.numerics.stages import STAGES
 from room2dgs.tools.numerics.terms import TERMS, compare_term
 
 Row = dict[str, Any]
+ALL_SCENES = SCENES | GAUSSIAN_SCENES
 SIDE_BY_SIDE_PAIRS = 10**6  # of surfels and pixels; more take gigabytes
 
 
 def raster_row(name: str) -> Row:
     """One scene: images and gradients against float64, invariances, the forms that we do not use."""
-    scene = SCENES[name]()
+    scene = ALL_SCENES[name]()
     found, still = compare(scene, name in ILL_CONDITIONED), invariances(scene)
     row: Row = {
         "case": name, "size": f"{scene.width}x{scene.height}", "surfels": len(scene.surfels.centers),
@@ -26,7 +28,8 @@ def raster_row(name: str) -> Row:
         "finite": found.finite, "invariances": still._asdict(),
     }  # fmt: skip
     row["passed"] = found.passed and still.within(found.bound)
-    if len(scene.surfels.centers) * scene.width * scene.height < SIDE_BY_SIDE_PAIRS and (other := choices(scene)):
+    pairs = len(scene.surfels.centers) * scene.width * scene.height
+    if name in SCENES and pairs < SIDE_BY_SIDE_PAIRS and (other := choices(scene)):
         row["forms"] = other._asdict()
     return row
 
@@ -63,7 +66,7 @@ def measured(only: str = "", quick: bool = False, tell: Callable[[str], None] = 
         tell: gets the name of each case before it runs.
     """
     kinds: tuple[tuple[str, Any, Callable[[str], Row]], ...] = (
-        ("raster", SCENES, raster_row), ("terms", TERMS, term_row), ("stages", STAGES, stage_row),
+        ("raster", ALL_SCENES, raster_row), ("terms", TERMS, term_row), ("stages", STAGES, stage_row),
     )  # fmt: skip
     found: dict[str, list[Row]] = {}
     for kind, names, row_of in kinds:

@@ -77,11 +77,6 @@ def pairs_of(scene: HardScene) -> Pairs:
     return Pairs(p, delta, safe, u, v, hit, plane, screen, raw, counted, jump.any(0))
 
 
-def smooth(pairs: Pairs, scene: HardScene) -> Tensor:
-    """(H, W) bool: pixels that are at no jump."""
-    return ~pairs.jump.reshape(scene.height, scene.width)
-
-
 def _cosine(surfels: Surfels, cam_from_world: Tensor, order: Tensor) -> Tensor:
     centers = surfels.centers[order] @ cam_from_world[:3, :3].T + cam_from_world[:3, 3]
     normals = (cam_from_world[:3, :3] @ rotation_matrices(surfels.rotations[order]))[:, :, 2]

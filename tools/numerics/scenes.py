@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -20,7 +20,7 @@ class HardScene(NamedTuple):
     """What is drawn.
 
     Attributes:
-        surfels: float32.
+        surfels: float32; or 3D Gaussians (numerics/gaussians.py).
         K: (3, 3) float32.
         cam_from_world: (4, 4) float64.
         width, height: pixels.
@@ -28,7 +28,7 @@ class HardScene(NamedTuple):
         opacity_floor: fainter hits are skipped.
     """
 
-    surfels: Surfels
+    surfels: Any
     K: Tensor
     cam_from_world: Tensor
     width: int

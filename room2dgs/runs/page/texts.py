@@ -73,7 +73,7 @@ def facts(scene: Scene, metrics: dict[str, Any]) -> list[dict[str, str]]:
         found.append((f"{metrics['psnr_db']:.1f} dB", f"PSNR of {len(metrics.get('test_views') or ())} held-out views"))
     found.append((str(len(scene.train)), "training photos"))
     if metrics.get("primitives") is not None:
-        found.append((f"{metrics['primitives']:,}", "surfels"))
+        found.append((f"{metrics['primitives']:,}", metrics.get("primitives_called") or "surfels"))
     if metrics.get("mesh_faces") is not None:
         found.append((f"{metrics['mesh_faces']:,}", "triangles"))
     seconds = sum(part(metrics, "seconds").values())

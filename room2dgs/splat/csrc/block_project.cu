@@ -138,10 +138,10 @@ struct SurfelsBackward {
           const auto put = [&](float* array, int numbers, int k, double gradient) {
             array[numbers * i + k] = static_cast<float>(gradient);
           };
-          surfel_backward<double>(view->camera, load_surfel(surfels, i), surfels.opacities[i], sum, sh_of(surfels, i),
+          splat_backward<double>(view->camera, load_surfel(surfels, i), surfels.opacities[i], sum, sh_of(surfels, i),
                                   surfels.sh_count, to, put, g);
         } else {
-          zero_gradients(to, i, 3 * surfels.sh_count);
+          zero_gradients(to, i, 2, 3 * surfels.sh_count);
         }
       }
       double* all = mine[thread].value;

@@ -30,6 +30,10 @@ const Kernels& kernels() {
   static const Kernels table = R2_BEST(raster_kernels)();
   return table;
 }
+const Kernels& gaussian_kernels() {
+  static const Kernels table = R2_BEST(gaussian_kernels)();
+  return table;
+}
 
 void RasterFrame::project(const Camera& view, const SurfelArrays& surfels) {
   camera = view;
@@ -40,7 +44,7 @@ void RasterFrame::project(const Camera& view, const SurfelArrays& surfels) {
   if (static_cast<int64_t>(spans.size()) < blocks) spans.resize(blocks);
   parallel_for(blocks, [&](int64_t block, int) {
     const int64_t begin = block * kProjectBlock, end = std::min(begin + kProjectBlock, count);
-    kernels().project(camera, surfels, begin, end, records.data(), extents.data(), {&spans[block], &room_for_spans});
+    table->project(camera, surfels, begin, end, records.data(), extents.data(), {&spans[block], &room_for_spans});
   });
   first_entry.grow(count + 1);
   uint64_t total = 0;
@@ -151,7 +155,7 @@ void RasterFrame::forward(const Camera& view, const SurfelArrays& surfels, const
   sort_by_depth();
   list_tiles();
   const BlendArgs args = blend_args();
-  parallel_for(tile_count(), [&](int64_t tile, int) { kernels().blend(args, out, tile); });
+  parallel_for(tile_count(), [&](int64_t tile, int) { table->blend(args, out, tile); });
 }
 
 void RasterFrame::backward(const SurfelArrays& surfels, const Images& out, const ImageGradients& gradients,
@@ -159,12 +163,12 @@ void RasterFrame::backward(const SurfelArrays& surfels, const Images& out, const
   const BlendArgs args = blend_args();
   entry_sums.grow(static_cast<int64_t>(entries) * kGradients);
   parallel_for(tile_count(),
-               [&](int64_t tile, int) { kernels().blend_backward(args, out, gradients, tile, entry_sums.data()); });
+               [&](int64_t tile, int) { table->blend_backward(args, out, gradients, tile, entry_sums.data()); });
   const int64_t blocks = (count + kProjectBlock - 1) / kProjectBlock;
   std::vector<CameraGradient<double>> partial(blocks);
   parallel_for(blocks, [&](int64_t block, int) {
     const int64_t begin = block * kProjectBlock, end = std::min(begin + kProjectBlock, count);
-    kernels().project_backward(camera, surfels, extents.data(), first_entry.data(), entry_sums.data(), begin, end, to,
+    table->project_backward(camera, surfels, extents.data(), first_entry.data(), entry_sums.data(), begin, end, to,
                                &partial[block]);
   });
   to_camera = {};
@@ -199,7 +203,7 @@ void RasterFrame::background_backward(const float* g_color, double* to) {
 int64_t RasterFrame::count_pairs(const Images& out) {
   const BlendArgs args = blend_args();
   int64_t pairs = 0;
-  for (int64_t tile = 0; tile < tile_count(); ++tile) pairs += kernels().count_pairs(args, out, tile);
+  for (int64_t tile = 0; tile < tile_count(); ++tile) pairs += table->count_pairs(args, out, tile);
   return pairs;
 }
 

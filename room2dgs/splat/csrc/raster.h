@@ -22,9 +22,12 @@ struct Camera {
   int width, height;
   int tiles_x() const { return (width + kTile - 1) / kTile; }
   int tiles_y() const { return (height + kTile - 1) / kTile; }
+  // of 3D Gaussians alone: variance of a pixel's own filter, and whether opacity makes good what it adds (gaussian.h)
+  double filter_px2 = 0;
+  bool compensated = false;
 };
 
-// Parameters of all surfels: contiguous float32, see splat/types.py.
+// Parameters of all surfels, or 3D Gaussians, whose scales are three: contiguous float32, see splat/types.py.
 struct SurfelArrays {
   int64_t count;
   const float *centers, *rotations, *scales, *opacities, *sh;
@@ -120,9 +123,10 @@ struct Kernels {
 
 }  // namespace room2dgs
 
-#define R2_RASTER_KERNELS(isa)        \
-  namespace isa {                     \
-  room2dgs::Kernels raster_kernels(); \
+#define R2_RASTER_KERNELS(isa)          \
+  namespace isa {                       \
+  room2dgs::Kernels raster_kernels();   \
+  room2dgs::Kernels gaussian_kernels(); \
   }
 R2_EACH_ISA(R2_RASTER_KERNELS)
 #undef R2_RASTER_KERNELS

@@ -16,6 +16,7 @@
 namespace room2dgs {
 
 const Kernels& kernels();
+const Kernels& gaussian_kernels();
 
 // Uninitialised memory that only grows; trivially copyable elements.
 template <class T>
@@ -61,6 +62,7 @@ constexpr int kMaxSide = 16384;  // pixels
 constexpr int64_t kMaxSurfels = (int64_t{1} << 26) - 1;
 
 struct RasterFrame {
+  const Kernels* table = &kernels();  // of what it draws
   // What a view left here; 0: nothing, or a forward pass that failed. Every forward pass has a number of its own.
   uint64_t view = 0, views = 0;
   bool has_normal = false, has_distortion = false;
@@ -105,6 +107,11 @@ struct RasterFrame {
   // The background's gradient: the light that passes all surfels times the colour's, summed over pixels.
   void background_backward(const float* g_color, double* to);
   int64_t count_pairs(const Images& out);
+};
+
+// The same of 3D Gaussians.
+struct GaussianFrame : RasterFrame {
+  GaussianFrame() { table = &gaussian_kernels(); }
 };
 
 }  // namespace room2dgs

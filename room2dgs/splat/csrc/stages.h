@@ -96,6 +96,8 @@ R2_HD Standing<T> stand(const Surfel<T>& s, T opacity, const View& view) {
   d.plane = o.plane;
   return r;
 }
+template <class T>
+R2_HD Reach<T> reach_before(const Standing<T>& s, const View& view) { return reach_before(s.disc, view); }
 R2_HD Standing<double> stand(const SurfelArrays& s, int64_t i, const View& view) {
   return stand<double>(load_surfel(s, i), s.opacities[i], view);
 }
@@ -200,8 +202,8 @@ R2_HD void sum_entries(const float* entry, uint32_t count, double* sum) {
 R2_HD void zero(float* p, int64_t count) {
   for (int64_t k = 0; k < count; ++k) p[k] = 0;
 }
-R2_HD void zero_gradients(const room2dgs::SurfelGradients& out, int64_t i, int sh_floats) {
-  zero(out.centers + 3 * i, 3), zero(out.rotations + 4 * i, 4), zero(out.scales + 2 * i, 2);
+R2_HD void zero_gradients(const room2dgs::SurfelGradients& out, int64_t i, int scales, int sh_floats) {
+  zero(out.centers + 3 * i, 3), zero(out.rotations + 4 * i, 4), zero(out.scales + scales * i, scales);
   zero(out.center_px + 2 * i, 2), zero(out.opacities + i, 1), zero(out.sh + sh_floats * i, sh_floats);
 }
 
@@ -216,7 +218,7 @@ R2_HD void add_outer(T* m, Vec3<T> left, Vec3<T> right) {
 // From a visible surfel's pixel sums the gradients of its parameters, each to put(array, numbers a surfel, which of them,
 // gradient) as soon as it is known; adds the surfel's part of the camera's.
 template <class T, class Coefficients, class Put>
-R2_HD void surfel_backward(const View& view, const Surfel<T>& surfel, T opacity, const T* sum, const Coefficients& sh,
+R2_HD void splat_backward(const View& view, const Surfel<T>& surfel, T opacity, const T* sum, const Coefficients& sh,
                            int sh_count, const room2dgs::SurfelGradients& out, Put&& put,
                            room2dgs::CameraGradient<T>& total) {
   const Axes<T> axes = axes_of(surfel);

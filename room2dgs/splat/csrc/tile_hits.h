@@ -69,11 +69,20 @@ R2_INLINE InTile in_tile(const Record& r, int x, int y, uint32_t alive) {
   t.reach = reach_of(r, x, y) & alive;
   return t;
 }
+template <class Kind>
 R2_INLINE Hit<fw> hit_at(const Record& r, const InTile& t, int v) {
   const int row = first_row_of(v);
-  return intersect(r, t.dx(v), RowTerms<fw>{of_rows(t.rows.den + row), of_rows(t.rows.u + row), of_rows(t.rows.v + row),
+  return Kind::hit(r, t.dx(v), RowTerms<fw>{of_rows(t.rows.den + row), of_rows(t.rows.u + row), of_rows(t.rows.v + row),
                                             of_rows(t.rows.filter + row)});
 }
+
+// What a surfel's pixels are.
+struct SurfelHits {
+  static R2_INLINE Hit<fw> hit(const Record& r, fw dx, const RowTerms<fw>& row) { return intersect(r, dx, row); }
+  static R2_INLINE HitGradient<fw> backward(const Hit<fw>& hit, iw keep, fw g_alpha, fw g_z) {
+    return hit_backward(hit, keep, g_alpha, g_z);
+  }
+};
 
 // Calls visit(k, v) for the k-th of the vectors whose bits are set.
 template <class Visit>

@@ -57,6 +57,9 @@ class Strategy:
     def after_backward(self, step: Step) -> None:
         """Take note of an iteration for which `before_backward` said yes."""
 
+    def add_gradients(self, model: Model) -> None:
+        """Add costs of its own to the parameters' gradients, before the step of the optimiser."""
+
     def after_step(self, model: Model) -> Adjustment | None:
         """Change the model's seeds if it is time; `model.iteration` counts the iterations done."""
         return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -10,11 +9,10 @@ import torch
 from torch import Tensor
 
 from room2dgs.geometry.depth_maps import depth_to_normals
-from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.splat.api import render
-from room2dgs.splat.checks import check_far, check_floating, check_near
-from room2dgs.splat.constants import SH_DEGREE_OF
+from room2dgs.splat.checks import check_far, check_near
 from room2dgs.splat.footprint import Footprint, footprint
+from room2dgs.splat.gsplat_arguments import among, checked, draw_values, refuse
 from room2dgs.splat.types import Rendering, Surfels
 
 RENDER_MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
@@ -90,18 +88,18 @@ def rasterization_2dgs(
         TypeError: lists or arrays where tensors belong.
         ValueError: shapes, types or values that do not fit.
     """
-    _refuse(
+    refuse(
         radius_clip=(radius_clip, 0.0), eps2d=(eps2d, 0.3), packed=(packed, False),
         sparse_grad=(sparse_grad, False), absgrad=(absgrad, False),
     )  # fmt: skip
-    _among("render_mode", render_mode, RENDER_MODES)
-    _among("depth_mode", depth_mode, ("expected", "median"))
+    among("render_mode", render_mode, RENDER_MODES)
+    among("depth_mode", depth_mode, ("expected", "median"))
     if tile_size < 1:
         raise ValueError(f"tile_size is {tile_size}")
     check_near(near_plane)
     check_far("far_plane", far_plane, near_plane)
     scales = scales[..., :2] if isinstance(scales, Tensor) and scales.ndim and scales.shape[-1] == 3 else scales
-    scene = _checked(means, quats, scales, opacities, colors, viewmats, Ks, backgrounds, sh_degree)
+    scene = checked(means, quats, scales, opacities, colors, viewmats, Ks, backgrounds, sh_degree, 2)
     batch, C, N = scene.batch, viewmats.shape[-3], means.shape[-2]
 
     gradient_2dgs = means.new_zeros(*batch, C, N, 2).requires_grad_(torch.is_grad_enabled())
@@ -151,51 +149,6 @@ def rasterization_2dgs(
     )
 
 
-class _Scene(NamedTuple):
-    """What fits together: the batch dimensions, colours of each camera, and a background for each."""
-
-    batch: torch.Size
-    colors: Tensor
-    backgrounds: Tensor
-
-
-def _checked(
-    means: Tensor,
-    quats: Tensor,
-    scales: Tensor,
-    opacities: Tensor,
-    colors: Tensor,
-    viewmats: Tensor,
-    Ks: Tensor,
-    backgrounds: Tensor | None,
-    sh_degree: int | None,
-) -> _Scene:
-    """Raises TypeError and ValueError as `rasterization_2dgs`."""
-    check_floating(
-        means=means, quats=quats, scales=scales, opacities=opacities, colors=colors,
-        **{} if backgrounds is None else {"backgrounds": backgrounds},
-    )  # fmt: skip
-    check_floating(viewmats=viewmats)
-    check_floating(Ks=Ks)
-    if means.ndim < 2 or scales.ndim < 2 or viewmats.ndim < 3:
-        raise ValueError("means is (..., N, 3), scales (..., N, 2), viewmats (..., C, 4, 4)")
-    batch, N, C = means.shape[:-2], means.shape[-2], viewmats.shape[-3]
-    colors = _colors_of_cameras(colors, (*batch, C, N), sh_degree)
-    channels = 3 if sh_degree is not None else colors.shape[-1]
-    if backgrounds is None:
-        backgrounds = means.new_zeros(*batch, C, channels)
-    shapes: dict[str, tuple[Tensor, tuple[int, ...]]] = {
-        "means": (means, (N, 3)), "quats": (quats, (N, 4)), "scales": (scales, (N, 2)), "opacities": (opacities, (N,)),
-        "viewmats": (viewmats, (C, 4, 4)), "Ks": (Ks, (C, 3, 3)), "backgrounds": (backgrounds, (C, channels)),
-    }  # fmt: skip
-    for name, (tensor, shape) in shapes.items():
-        if tuple(tensor.shape) != (*batch, *shape):
-            raise ValueError(f"{name} has shape {tuple(tensor.shape)}, not {(*batch, *shape)}")
-    if not C or not batch.numel():
-        raise ValueError("there is no camera to draw for")
-    return _Scene(batch, colors, backgrounds)
-
-
 class _DrawOptions(NamedTuple):
     """One camera and how it is drawn; see `rasterization_2dgs`."""
 
@@ -228,60 +181,6 @@ def _draw_view(
         )  # fmt: skip
 
     if values is not None and sh_degree is None:
-        return _Drawn(*_draw_values(draw, values, background), where)
+        return _Drawn(*draw_values(draw, values, background), where)
     rendering = draw(surfels.sh, background.new_zeros(3), True) if values is None else draw(values, background, True)
     return _Drawn(rendering, rendering.color, where)
-
-
-def _draw_values(
-    draw: Callable[[Tensor, Tensor, bool], Rendering], values: Tensor, background: Tensor
-) -> tuple[Rendering, Tensor]:
-    """Values (N, D) over a background (D,), three channels a rendering; gives the first one and (H, W, D).
-
-    The renderer clamps colours at 0, and the gradient with them, so values are lifted clear of it and the image is
-    lowered again: sum w (c - l) + l sum w.
-    """
-    count, channels = values.shape
-    lift = (values.detach().amin(0) - 0.5).clamp(max=0.0) if count else values.new_zeros(channels)
-    first: Rendering | None = None
-    parts = []
-    for begin in range(0, channels, 3):
-        used = min(3, channels - begin)
-        sh = values.new_zeros(count, 1, 3)
-        sh[:, 0, :used] = (values[:, begin : begin + used] - lift[begin : begin + used] - 0.5) / C0
-        behind = torch.nn.functional.pad(background[begin : begin + used], (0, 3 - used))
-        rendering = draw(sh, behind, first is None)
-        first = first or rendering
-        parts.append(rendering.color[..., :used] + lift[begin : begin + used] * rendering.alpha[..., None])
-    assert first is not None  # there is a channel: `_colors_of_cameras`
-    return first, torch.cat(parts, dim=-1)
-
-
-def _colors_of_cameras(colors: Tensor, cameras: tuple[int, ...], sh_degree: int | None) -> Tensor:
-    """(..., C, N, D), or (..., C, N, K, 3) with just the coefficients of `sh_degree`."""
-    *batch, C, _ = cameras
-    tail = 1 if sh_degree is None else 2
-    if colors.ndim == len(batch) + 1 + tail:
-        colors = colors.unsqueeze(len(batch))
-        colors = colors.expand(*colors.shape[: len(batch)], C, *colors.shape[len(batch) + 1 :])
-    shape = tuple(colors.shape)
-    if len(shape) != len(cameras) + tail or shape[: len(cameras)] != cameras:
-        raise ValueError(f"colors has shape {shape}, which does not fit {tuple(cameras)} surfels of each camera")
-    if sh_degree is None:
-        if shape[-1] < 1:
-            raise ValueError("colors has no channel")
-        return colors
-    if sh_degree not in SH_DEGREE_OF.values() or shape[-1] != 3 or shape[-2] < (sh_degree + 1) ** 2:
-        raise ValueError(f"sh_degree {sh_degree} does not fit coefficients of shape {shape[-2:]}; degrees are 0 to 3")
-    return colors[..., : (sh_degree + 1) ** 2, :]
-
-
-def _among(name: str, value: str, known: tuple[str, ...]) -> None:
-    if value not in known:
-        raise ValueError(f"{name} is {value!r}, not one of {', '.join(known)}")
-
-
-def _refuse(**options: tuple[Any, Any]) -> None:
-    for name, (value, only) in options.items():
-        if value != only:
-            raise NotImplementedError(f"{name}={value!r} is not supported by this renderer; leave it at {only!r}")

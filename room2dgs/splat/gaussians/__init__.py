@@ -1,0 +1,1 @@
+"""3D Gaussians: projected as ellipses (EWA), drawn by the surfels' blending."""
