@@ -15,6 +15,8 @@ BENCHES = {
         "lengths of runs of made rooms, and their deviations, against truth",
     ),
     "plan": ("room2dgs.commands.bench_plan", "plans of runs of made rooms against truth: walls, doors, windows"),
+    "splats": ("room2dgs.commands.bench_splats", "pictures of splats against seconds, and another program's"),
+    "table": ("room2dgs.commands.bench_table", "methods of the paper's Table I on captures with ground truth"),
     "suite": ("room2dgs.commands.bench_suite", "the same settings on several captures, as one table"),
 }
 

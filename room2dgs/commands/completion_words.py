@@ -40,6 +40,7 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
     "table": {"meshes": ANY, "protocol": tuple(against(MESH, PROTOCOLS.names())), "name": ANY, "out": ANY},
     "bench": {
         "out": ANY, "in_run": ("true", "false"), "scenes": ANY, "root": ANY, "to": ANY,
+        "methods": ANY, "seconds": ANY, "other": ANY,
     },
 }  # fmt: skip
 WITHOUT_SETTINGS = ("table", "open", "compare", "app", "doctor", "completion", "bench")

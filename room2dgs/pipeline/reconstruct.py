@@ -31,6 +31,7 @@ from room2dgs.runs.metrics import StageTimes, timed
 
 if TYPE_CHECKING:
     from room2dgs.primitives.primitive import Splats
+    from room2dgs.train import Hook
 
 
 def start_run(overrides: Sequence[str], show: Log | None = None, progress: Progress | None = None) -> Path:
@@ -86,16 +87,17 @@ def run_steps(scene: Scene, config: Config, run: RunFolder) -> None:
         write_run_report(scene, surfels, config, run)
 
 
-def train_steps(scene: Scene, config: Config, run: RunFolder) -> Splats:
+def train_steps(scene: Scene, config: Config, run: RunFolder, more: Sequence[Hook] = ()) -> Splats:
     """Points, depth and training.
 
     Args:
         scene: with the poses to train with.
+        more: hooks beside those of the settings.
 
     Raises:
         InputError: as the steps.
     """
-    hooks = training_hooks(config)  # reported now if a library is missing, not after hours of work
+    hooks = [*training_hooks(config), *more]  # reported now if a library is missing, not after hours of work
     points, priors = points_and_priors(scene, config, run)
     scene = with_even_exposure(scene, points, priors.by_frame, config, run)
     return train_surfels(scene, points, priors, config, run, hooks)
