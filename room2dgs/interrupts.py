@@ -60,13 +60,18 @@ def ends_soon(end: Callable[[int], None]) -> Iterator[None]:
     os.set_blocking(told, False)
     before = signal.set_wakeup_fd(told, warn_on_full_buffer=False)
     watch = threading.Thread(target=_watch, args=(heard, end), name="interrupts", daemon=True)
-    watch.start()
+    started = True
+    try:
+        watch.start()
+    except RuntimeError:  # the system starts no more threads; the command itself says so
+        started = False
     try:
         yield
     finally:
         signal.set_wakeup_fd(before)
         os.close(told)
-        watch.join()
+        if started:
+            watch.join()
         os.close(heard)
 
 

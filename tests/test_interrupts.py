@@ -151,7 +151,8 @@ def test_a_run_whose_log_nobody_reads_ends_quietly(wall: Path, tmp_path: Path):
 
 
 DEAF = """
-import sys, time, room2dgs.commands.doctor
+import signal, sys, time, room2dgs.commands.doctor
+signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs ignore it
 from room2dgs import cli
 def deaf(_):
     print("at work", flush=True)

@@ -17,50 +17,40 @@ from torch import Tensor
 from room2dgs.config import MeshConfig
 from room2dgs.geometry.cells import coordinates
 from room2dgs.kernels.builds import Build, build_of
-from room2dgs.mesh.marching import extracted
-from room2dgs.mesh.tsdf import STEPS, STRIDE, camera_in_volume, closer, local_from_cam, photo_as_floats, start_of
+from room2dgs.mesh.closing import closed
+from room2dgs.mesh.tsdf import (
+    STEPS,
+    STRIDE,
+    Raw,
+    camera_in_volume,
+    closer,
+    gap_blocks,
+    in_sight,
+    local_from_cam,
+    photo_as_floats,
+    start_of,
+    surface_of,
+)
 from room2dgs.mesh.views import FusedView
 from room2dgs.mesh.voxel import voxel_side
 from room2dgs.mesh.voxel_table import BLOCK, NUMBERS, VoxelTable
 from room2dgs.train.device import torch_device, upload
 
-FIRST_BLOCKS = 4096  # 12 kB each
-
 
 class DeviceTable:
-    """Blocks of voxels on a device, in the order in which views touched them.
+    """Blocks of voxels on a device.
 
     Attributes:
         keys: (N,) int64, rising: the blocks' coordinates as one number each, as `touched_blocks` has them.
-        rows: (N,) int64: where in `parts` each lies.
-        parts: attributes as in `Voxels`, (capacity, numbers) float32; zeros where nothing was taken in.
+        parts: attributes as in `Voxels`, (N, numbers) float32; zeros where nothing was taken in.
     """
 
-    def __init__(self, device: torch.device) -> None:
-        self.keys, self.rows = (torch.zeros(0, dtype=torch.int64, device=device) for _ in range(2))
-        self.parts = [torch.zeros(FIRST_BLOCKS, count, device=device) for count in NUMBERS]
-
-    def rows_of(self, keys: Tensor) -> Tensor:
-        """Rows of blocks, those that are new behind the others.
-
-        Args:
-            keys: (M,) int64, rising, none twice.
-        """
-        new = keys[~torch.isin(keys, self.keys)]
-        first = len(self.rows)
-        self.keys, order = torch.cat([self.keys, new]).sort()
-        self.rows = torch.cat([self.rows, torch.arange(first, first + len(new), device=keys.device)])[order]
-        self._make_room()
-        return self.rows[torch.searchsorted(self.keys, keys)]
-
-    def _make_room(self) -> None:
-        if len(self.rows) <= len(self.parts[0]):
-            return
-        for index, part in enumerate(self.parts):  # one after the other: twice the largest is all that it takes more
-            self.parts[index] = torch.cat([part, torch.zeros_like(part[:1]).expand(len(self.rows), -1)])
+    def __init__(self, keys: Tensor) -> None:
+        self.keys = keys
+        self.parts = [torch.zeros(len(keys), count, device=keys.device) for count in NUMBERS]
 
 
-def integrate_on_device(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:
+def integrate_on_device(views: Iterable[FusedView], config: MeshConfig, device: str) -> Raw:
     """As `tsdf.integrate`; the views' maps may lie on the device already.
 
     Args:
@@ -69,15 +59,23 @@ def integrate_on_device(views: Iterable[FusedView], config: MeshConfig, device: 
     Raises:
         InputError: no GPU, or nothing that runs on it.
     """
-    build, where = build_of(device), torch_device(device)
-    voxels, origin = None, np.zeros(3)
+    build, where, side = build_of(device), torch_device(device), voxel_side(config)
+    found, origin = np.zeros(0, np.int64), None
     for view in views:
-        if voxels is None:
-            voxels, origin = DeviceTable(where), start_of(view.camera, voxel_side(config))
+        depth = _usable_depth(view, config, where)
+        if not bool((depth > 0).any()):
+            continue
+        if origin is None:
+            origin = start_of(view.camera, side)
+        cam_from_local, _ = camera_in_volume(view.camera, origin, side)
+        at = (view.camera.K, cam_from_local, side, side * config.truncation_voxels)
+        found = np.union1d(found, touched(depth, _normals_of(view, where), *at, build).cpu().numpy())
+    if origin is None:
+        return Raw(trimesh.Trimesh(process=False))
+    voxels = DeviceTable(torch.from_numpy(closed(found, gap_blocks(side))).to(where))
+    for view in views:
         _integrate_one(voxels, origin, view, config, build)
-    if voxels is None or not len(voxels.keys):
-        return trimesh.Trimesh(process=False)
-    return extracted(_on_cpu(voxels), voxel_side(config), origin, config.min_weight)
+    return surface_of(_on_cpu(voxels), origin, config)
 
 
 def touched(
@@ -104,24 +102,30 @@ def touched(
 
 
 def _integrate_one(voxels: DeviceTable, origin: np.ndarray, view: FusedView, config: MeshConfig, build: Build) -> None:
-    depth = _there(view.depth, voxels.keys.device)
-    depth = torch.where(depth <= config.max_depth_m, depth, 0.0)
-    normal = torch.zeros(*depth.shape, 3) if view.normal is None else view.normal
-    normal = _there(normal, depth.device)
+    depth = _usable_depth(view, config, voxels.keys.device)
     side = voxel_side(config)
-    cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, side)
+    _, pixel_from_voxel = camera_in_volume(view.camera, origin, side)
     reach = side * config.truncation_voxels
-    keys = touched(depth, normal, view.camera.K, cam_from_local, side, reach, build)
-    if not len(keys):
+    farthest = float(depth.max()) + reach
+    rows = torch.from_numpy(in_sight(voxels.keys.cpu().numpy(), pixel_from_voxel, view.camera.size, farthest))
+    rows = rows.nonzero()[:, 0].to(depth.device)
+    if not len(rows):
         return
-    rows = voxels.rows_of(keys)
     weight = torch.ones_like(depth) if view.weight is None else _there(view.weight, depth.device)
     photo = _there(photo_as_floats(view.color), depth.device)
     at = (pixel_from_voxel, side, reach)
-    blocks = torch.stack(coordinates(keys), dim=1).to(torch.int32)
-    build.extension.fuse_depth(
-        blocks, rows, *voxels.parts, depth, normal, weight, photo, *at, build.queue(depth)
-    )  # fmt: skip
+    blocks = torch.stack(coordinates(voxels.keys[rows]), dim=1).to(torch.int32)
+    maps = (depth, _normals_of(view, depth.device), weight, photo)
+    build.extension.fuse_depth(blocks, rows, *voxels.parts, *maps, *at, build.queue(depth))
+
+
+def _usable_depth(view: FusedView, config: MeshConfig, device: torch.device) -> Tensor:
+    depth = _there(view.depth, device)
+    return torch.where(depth <= config.max_depth_m, depth, 0.0)
+
+
+def _normals_of(view: FusedView, device: torch.device) -> Tensor:
+    return _there(np.zeros((*view.depth.shape, 3), np.float32) if view.normal is None else view.normal, device)
 
 
 def _there(values: Tensor | np.ndarray, device: torch.device) -> Tensor:
@@ -133,8 +137,7 @@ def _there(values: Tensor | np.ndarray, device: torch.device) -> Tensor:
 
 def _on_cpu(voxels: DeviceTable) -> VoxelTable:
     table = VoxelTable()
-    rows = voxels.rows.cpu().numpy()
     for part, which, at in table.in_parts(voxels.keys.cpu().numpy()):
         for theirs, ours in zip(voxels.parts, part, strict=True):
-            ours[at] = theirs[rows[which]].cpu().numpy()
+            ours[at] = theirs[torch.from_numpy(which).to(theirs.device)].cpu().numpy()
     return table

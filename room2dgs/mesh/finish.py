@@ -55,6 +55,8 @@ def finished(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Tri
     give_back()  # what was cleaned away
     mesh = _smooth(mesh, config)
     give_back()
+    mesh = _flat(mesh, config)
+    give_back()
     # rims stay as they are when faces are dropped, and then far fewer are to be looked at for holes
     for step in (_few, _filled) if config.fill == "holes" else (_filled, _few):
         mesh = step(mesh, config, log)
@@ -68,10 +70,16 @@ def _smooth(mesh: trimesh.Trimesh, config: MeshConfig) -> trimesh.Trimesh:
     return clean(smoothed(mesh, config.smoothing_steps)) if config.smoothing_steps else mesh
 
 
+def _flat(mesh: trimesh.Trimesh, config: MeshConfig) -> trimesh.Trimesh:
+    from room2dgs.mesh.flat import flattened
+
+    return clean(flattened(mesh)) if config.flatten else mesh
+
+
 def _filled(mesh: trimesh.Trimesh, config: MeshConfig, log: Log) -> trimesh.Trimesh:
     from room2dgs.mesh.fill import holes_filled, watertight
 
-    if config.fill == "none":
+    if config.fill == "none" or (config.fill == "holes" and not config.inferred):
         return mesh
     if config.fill == "holes":
         filled = clean(holes_filled(mesh, config.fill_hole_m))

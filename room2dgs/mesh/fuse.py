@@ -7,60 +7,76 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import trimesh
 
-from room2dgs.captures.cache import Cache
 from room2dgs.config import MeshConfig
 from room2dgs.freed_memory import give_back
-from room2dgs.geometry.camera import Camera
 from room2dgs.kernels.builds import CPU, build_of
 from room2dgs.logs import Log
+from room2dgs.mesh.clean import clean
 from room2dgs.mesh.finish import NoSurface, cleaned, finished
-from room2dgs.mesh.tsdf import integrate
+from room2dgs.mesh.gaps import narrow_gaps
+from room2dgs.mesh.kept_views import KeptViews
+from room2dgs.mesh.tsdf import GAP_M, Raw, integrate
+from room2dgs.mesh.vertex_colors import vertex_colors
+from room2dgs.mesh.vertex_source import with_source
 from room2dgs.mesh.views import FusedView
 
 
 def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str = "cpu") -> trimesh.Trimesh:
-    """Fuse, mesh, clean and smooth; the views are taken once, one at a time, and not kept.
-
-    With mesh.space=contracted, which needs them several times, they are kept meanwhile (`_Kept`).
+    """Fuse, mesh, clean and smooth; the views are made once, and kept meanwhile (`KeptViews`).
 
     Args:
         config: `voxel_m` is a number (`voxel.with_voxel`).
         device: `render.device`: what fuses. Marching cubes, cleaning and mesh.space=contracted are the CPU's.
 
     Returns:
-        Coloured mesh in the world frame, metres, faces towards the cameras; the same on any number of threads.
+        Coloured mesh in the world frame, metres, faces towards the cameras; the same on any number of threads. Its
+        vertices say what they rest on (`vertex_source`), but for mesh.space=contracted.
 
     Raises:
         NoSurface: no surface is left; names the settings to relax.
         InputError: no GPU where one is asked for.
     """
-    # no mesh has a name here: a room's is hundreds of megabytes, at each of these steps
-    return finished(cleaned(_raw(views, config, device), config, log), config, log)
+    # no mesh has a name here for longer than it must: a room's is hundreds of megabytes, at each of these steps
+    mesh, seen = _raw(views, config, device)
+    mesh = clean(mesh)  # vertices that were meshed twice are one
+    if seen is None:
+        return finished(cleaned(mesh, config, log), config, log)
+    raw, least = np.asarray(mesh.vertices), max(config.min_weight, 1.0)
+    views_of = seen.at(raw)
+    mesh = cleaned(_whole(mesh, views_of >= least, config), config, log)
+    return with_source(finished(mesh, config, log), raw, views_of, least)
 
 
-def _raw(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:
+def _raw(views: Iterable[FusedView], config: MeshConfig, device: str) -> Raw:
     watched = _Watched(views, config)
-    raw = _integrated(watched, config, device)
+    kept = KeptViews(watched)
+    try:
+        raw = _integrated(kept, config, device)
+    finally:
+        kept.clear()
     give_back()  # the volume
-    if not len(raw.faces):
+    if not len(raw.mesh.faces):
         raise NoSurface(_why_none(config) if watched.any_pixel else _why_no_pixel(config))
     return raw
 
 
-def _integrated(views: Iterable[FusedView], config: MeshConfig, device: str) -> trimesh.Trimesh:
-    if config.space == "bounded" and build_of(device) is not CPU:
+def _integrated(views: Iterable[FusedView], config: MeshConfig, device: str) -> Raw:
+    if config.space == "contracted":
+        from room2dgs.mesh.contracted import integrate_contracted
+
+        return Raw(integrate_contracted(views, config))
+    if build_of(device) is not CPU:
         from room2dgs.mesh.device_volume import integrate_on_device
 
         return integrate_on_device(views, config, device)
-    if config.space == "bounded":
-        return integrate(views, config)
-    from room2dgs.mesh.contracted import integrate_contracted
+    return integrate(views, config)
 
-    kept = _Kept(views)
-    try:
-        return integrate_contracted(kept, config)
-    finally:
-        kept.clear()
+
+def _whole(mesh: trimesh.Trimesh, measured: np.ndarray, config: MeshConfig) -> trimesh.Trimesh:
+    """The measured part, with narrow gaps in it closed if they are to be."""
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    stays = narrow_gaps(vertices, faces, measured, GAP_M) if config.inferred else measured
+    return trimesh.Trimesh(vertices, faces[stays[faces].all(axis=1)], vertex_colors=vertex_colors(mesh), process=False)
 
 
 class _Watched:
@@ -108,36 +124,3 @@ def _why_none(config: MeshConfig) -> str:
 
 def _either(parts: list[str]) -> str:
     return f"{', '.join(parts[:-1])} or {parts[-1]}"
-
-
-class _Kept:
-    """The views in the CPU's memory as often as they are gone through, though they are made once: rendering takes
-    longer than reading. What has no room lies on the disk. Without their normals, which nobody asks for here.
-    """
-
-    def __init__(self, views: Iterable[FusedView]) -> None:
-        self._views = views
-        self._cameras: list[Camera] = []
-        self._whole = False
-        self._cache = Cache()
-
-    def __iter__(self) -> Iterator[FusedView]:
-        if self._whole:
-            for number, camera in enumerate(self._cameras):
-                kept = self._cache.get(number)
-                assert kept is not None, "what is kept is not dropped before `clear`"
-                depth, color, *weight = kept
-                yield FusedView(camera, depth, color, *weight)
-            return
-        self._cameras = []
-        for number, view in enumerate(self._views):
-            there = view.on_cpu()
-            self._cameras.append(there.camera)
-            maps = (there.depth, there.color) if there.weight is None else (there.depth, there.color, there.weight)
-            self._cache.put(number, tuple(map(np.asarray, maps)))
-            yield FusedView(there.camera, *maps)
-        self._whole = True
-
-    def clear(self) -> None:
-        """Forget them."""
-        self._cache.clear()

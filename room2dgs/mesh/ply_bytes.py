@@ -16,7 +16,7 @@ SIZES = {b"char": 1, b"uchar": 1, b"short": 2, b"ushort": 2, b"int": 4, b"uint":
 
 
 def ply_bytes(mesh: trimesh.Trimesh, vertex_normal: bool | None = None) -> bytes:
-    """A whole file, little endian, colours with it.
+    """A whole file, little endian, colours and vertex attributes with it.
 
     Coordinates are doubles where steps of float32 would be larger than 0.1 mm: a mesh in UTM coordinates.
 
@@ -25,7 +25,7 @@ def ply_bytes(mesh: trimesh.Trimesh, vertex_normal: bool | None = None) -> bytes
     """
     if not too_far_for_float32(mesh.vertices):
         return export_ply(mesh, vertex_normal=vertex_normal)
-    data = export_ply(mesh, vertex_normal=vertex_normal, include_attributes=False)
+    data = export_ply(mesh, vertex_normal=vertex_normal)
     return _in_double(data, np.asarray(mesh.vertices, np.float64))
 
 

@@ -9,13 +9,15 @@ import trimesh
 
 from room2dgs.captures.ply_elements import Lists, read_elements
 from room2dgs.errors import InputError
+from room2dgs.mesh.vertex_source import SOURCE, VIEWS
 
 INDICES = ("vertex_indices", "vertex_index")
 COLOUR = ("red", "green", "blue", "alpha")
 
 
 def read_ply_mesh(path: Path, mend: str) -> trimesh.Trimesh:
-    """With colours of vertices, else of faces; normals and textures are left out. Faces are not checked.
+    """With colours of vertices, else of faces, and what vertices rest on (`vertex_source`). Normals and textures are
+    left out. Faces are not checked.
 
     Raises:
         InputError: as `read_elements`; there are no vertices with x, y and z.
@@ -31,13 +33,17 @@ def read_ply_mesh(path: Path, mend: str) -> trimesh.Trimesh:
         faces, of_face = triangles(indices)
     colors = _together(vertex, COLOUR, 3)
     face_colors = _together(face.single, COLOUR, 3) if face and colors is None else None
-    return trimesh.Trimesh(
+    mesh = trimesh.Trimesh(
         vertices=_together(vertex, tuple("xyz"), 3),
         faces=faces,
         vertex_colors=colors,
         face_colors=None if face_colors is None else face_colors[of_face],
         process=False,
     )
+    for name in (SOURCE, VIEWS):
+        if name in vertex:
+            mesh.vertex_attributes[name] = vertex[name]
+    return mesh
 
 
 def triangles(polygons: Lists) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Truncated signed distances in blocks near the surface, one view at a time."""
+"""Truncated signed distances in blocks near the surface: all views vote, and the field is made smooth."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ import trimesh
 from room2dgs import _C
 from room2dgs.config import MeshConfig
 from room2dgs.geometry.camera import Camera
+from room2dgs.mesh.closing import closed
 from room2dgs.mesh.marching import extracted
+from room2dgs.mesh.regularise import regularise
+from room2dgs.mesh.seen import SeenVoxels, seen_voxels
 from room2dgs.mesh.views import FusedView
 from room2dgs.mesh.voxel import voxel_side
 from room2dgs.mesh.voxel_table import BLOCK, VoxelTable, block_coordinates
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
 
 # pixels between those that say which blocks are near, and points at each, as the kernel has them
 STRIDE, STEPS = 2, 4
+GAP_M = 0.2  # gaps of a measured surface up to this width are closed
 APART = 0.8  # of a block's side: the largest distance between the points that blocks are found from
 
 
@@ -34,8 +38,23 @@ class Fusion(NamedTuple):
     min_weight: float
 
 
-def integrate(views: Iterable[FusedView], config: MeshConfig | Fusion) -> trimesh.Trimesh:
-    """Fuse depth maps into a signed distance volume and extract its zero level by marching cubes.
+class Raw(NamedTuple):
+    """A surface as it comes out of a volume.
+
+    Attributes:
+        mesh: world frame, with colours; without vertices if no voxel was observed often enough.
+        seen: which of its vertices are measured; None: all.
+    """
+
+    mesh: trimesh.Trimesh
+    seen: SeenVoxels | None = None
+
+
+def integrate(views: Iterable[FusedView], config: MeshConfig | Fusion) -> Raw:
+    """Fuse depth maps into a signed distance volume, make it smooth and extract its zero level by marching cubes.
+
+    Each view counts in each voxel that anybody's surface is near: one that looks through a place where another has
+    surface says so. What few say, or nobody, follows from what is around it (`regularise`).
 
     Memory follows the observed surface, not the number of views: each view is released before the next is asked
     for. open3d meshes the voxels; a kernel of ours takes the depth in, since open3d's has no weight for each pixel and
@@ -44,25 +63,70 @@ def integrate(views: Iterable[FusedView], config: MeshConfig | Fusion) -> trimes
     cut off beforehand (`valid_depth`).
 
     Args:
-        views: depth in metres, 0 = invalid; all sizes and intrinsics may differ.
+        views: gone through twice; depth in metres, 0 = invalid; all sizes and intrinsics may differ.
         config: the fields of `Fusion` are used; min_weight is a number of views.
 
     Returns:
-        Mesh in the world frame with colours; its faces wind counter-clockwise seen from the cameras.
-        Without vertices if no voxel was observed often enough. Vertex order depends on the number of threads
-        (`clean` removes that).
+        Its faces wind counter-clockwise seen from the cameras. Vertex order depends on the number of threads (`clean`
+        removes that).
     """
-    table, origin = VoxelTable(), None
+    table, origin, side = VoxelTable(), None, voxel_side(config)
     for view in views:
-        depth = np.where(view.depth <= config.max_depth_m, view.depth, 0).astype(np.float32)
+        depth = usable_depth(view, config)
         if not (depth > 0).any():
             continue
         if origin is None:
-            origin = start_of(view.camera, voxel_side(config))
-        _integrate_one(table, origin, view, depth, config)
+            origin = start_of(view.camera, side)
+        cam_from_local, _ = camera_in_volume(view.camera, origin, side)
+        reach = side * config.truncation_voxels
+        table.rows_of(touched(depth, normals_of(view), view.camera.K, cam_from_local, side, reach))
     if origin is None:
-        return trimesh.Trimesh(process=False)
-    return extracted(table, voxel_side(config), origin, config.min_weight)
+        return Raw(trimesh.Trimesh(process=False))
+    table.rows_of(closed(table.keys, gap_blocks(side)))
+    for view in views:
+        _integrate_one(table, origin, view, config)
+    return surface_of(table, origin, config)
+
+
+def surface_of(table: VoxelTable, origin: np.ndarray, config: MeshConfig | Fusion) -> Raw:
+    """The smooth surface of voxels that have taken all views in; the table is empty afterwards."""
+    seen = seen_voxels(table, origin, voxel_side(config))
+    regularise(table, config.min_weight)
+    return Raw(extracted(table, voxel_side(config), origin, config.min_weight), seen)
+
+
+def gap_blocks(voxel_m: float) -> int:
+    """How far blocks grow together (`closed`) for gaps of `GAP_M`."""
+    return math.ceil(GAP_M / 2 / (BLOCK * voxel_m))
+
+
+def usable_depth(view: FusedView, config: MeshConfig | Fusion) -> np.ndarray:
+    """(H, W) float32: what may be fused, else 0."""
+    return np.where(view.depth <= config.max_depth_m, view.depth, 0).astype(np.float32)
+
+
+def normals_of(view: FusedView) -> np.ndarray:
+    """(H, W, 3) float32, 0 where nobody knows them."""
+    normal = np.zeros((*view.depth.shape, 3), np.float32) if view.normal is None else view.normal
+    return np.ascontiguousarray(normal, np.float32)
+
+
+def in_sight(keys: np.ndarray, pixel_from_voxel: np.ndarray, size: tuple[int, int], farthest_m: float) -> np.ndarray:
+    """(N,) bool: blocks that a view may see, and perhaps some others.
+
+    Args:
+        pixel_from_voxel: (3, 4), as `camera_in_volume` has it.
+        size: width and height in pixels.
+        farthest_m: z-depth behind which nothing is seen.
+    """
+    middle = np.concatenate([BLOCK * (block_coordinates(keys) + 0.5), np.ones((len(keys), 1))], axis=1)
+    row_u, row_v, row_z = pixel_from_voxel
+    planes = [row_z, row_u, row_v, size[0] * row_z - row_u, size[1] * row_z - row_v]
+    planes.append(np.append(-row_z[:3], farthest_m - row_z[3]))
+    inside = np.ones(len(keys), bool)
+    for plane in planes:
+        inside &= middle @ plane >= -BLOCK * np.sqrt(3) / 2 * np.linalg.norm(plane[:3])
+    return inside
 
 
 def start_of(camera: Camera, voxel_m: float) -> np.ndarray:
@@ -116,20 +180,20 @@ def touched(
     return np.unique(keys[keys >= 0])
 
 
-def _integrate_one(
-    table: VoxelTable, origin: np.ndarray, view: FusedView, depth: np.ndarray, config: MeshConfig | Fusion
-) -> None:
+def _integrate_one(table: VoxelTable, origin: np.ndarray, view: FusedView, config: MeshConfig | Fusion) -> None:
     side = voxel_side(config)
     reach = side * config.truncation_voxels
-    cam_from_local, pixel_from_voxel = camera_in_volume(view.camera, origin, side)
-    normal = np.zeros((*depth.shape, 3), np.float32) if view.normal is None else view.normal
-    normal = np.ascontiguousarray(normal, np.float32)
+    depth = usable_depth(view, config)
+    if not (depth > 0).any():
+        return
+    _, pixel_from_voxel = camera_in_volume(view.camera, origin, side)
     weight = np.ones_like(depth) if view.weight is None else np.ascontiguousarray(view.weight, np.float32)
     photo = np.ascontiguousarray(photo_as_floats(view.color), np.float32)
-    keys = touched(depth, normal, view.camera.K, cam_from_local, side, reach)
+    farthest = float(depth.max()) + reach
+    keys = table.keys[in_sight(table.keys, pixel_from_voxel, view.camera.size, farthest)]
     blocks = block_coordinates(keys)
+    maps = (depth, normals_of(view), weight, photo)
     for part, which, rows in table.in_parts(keys):
-        maps = (depth, normal, weight, photo)
         _C.fuse_depth(blocks[which], rows, *part, *maps, pixel_from_voxel, side, reach)
 
 

@@ -9,6 +9,7 @@ import trimesh
 
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.mesh.io import read_mesh, write_mesh
+from room2dgs.mesh.vertex_source import copied_source
 
 
 def write_in_world(path: Path, mesh: trimesh.Trimesh, origin_m: Origin) -> None:
@@ -36,4 +37,4 @@ def _shifted(mesh: trimesh.Trimesh, by: np.ndarray) -> trimesh.Trimesh:
         return mesh
     shifted = mesh.copy()
     shifted.vertices = np.asarray(mesh.vertices, np.float64) + by
-    return shifted
+    return copied_source(shifted, mesh)

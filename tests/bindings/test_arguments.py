@@ -28,7 +28,7 @@ def test_the_table_of_calls_is_complete():
     # dense stereo, fusion, colouring, Adam and the kernels for CUDA stand with their own tests
     others = {"RasterFrame", "GaussianFrame", "bench", "isa", "threads", "set_threads"}
     others |= {"StereoPhoto", "PatchMatch", "agree", "touched_blocks", "fuse_depth", "adam", "device"}
-    others |= {"draw_faces", "look_up", "blend_views"}
+    others |= {"draw_faces", "look_up", "blend_views", "regularise"}
     assert plain | others == functions
     assert {name for name, call in CALLS.items() if call.bench} == measuring - {"operations"}  # it takes no frame
     assert {name for name, call in CALLS.items() if call.method} == methods

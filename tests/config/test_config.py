@@ -106,7 +106,7 @@ def test_override_reaches_its_field():
         ("+train.extra=1", "+train.extra is no setting"),
         ("~loss", "settings are written KEY=VALUE"),
         ("hydra.run.dir=x", "hydra.run.dir is no setting"),
-        ("prior.depth.source=lidar", "choose from none, files, onnx, room_prior, sensor, auto"),
+        ("prior.depth.source=lidar", "choose from none, files, onnx, onnx_multiview, room_prior, sensor, auto"),
         ("prior.normal.source=sensor", "choose from none, files, onnx, room_prior"),
         ("prior.depth.source=sensor", "write prior/depth=sensor, without prior.depth.align=true"),
         ("prior.depth.sensor.max_m=0.1", "prior.depth.sensor.min_m=0.2 leaves no depth"),

@@ -11,7 +11,7 @@ from room2dgs.train.schedule import opacity_floor
 def test_defaults_are_those_that_were_measured():
     config = load_config(["scene.path=room", "out=run"])
     mesh, train = config.mesh, config.train
-    assert (mesh.voxel_m, mesh.truncation_voxels, mesh.min_weight) == (None, 2.0, 1.0)
+    assert (mesh.voxel_m, mesh.truncation_voxels, mesh.min_weight) == (None, 3.0, 1.0)
     assert (mesh.smoothing_steps, mesh.max_error_m) == (5, 0.005)
     assert [(level.fraction, level.until) for level in train.resolutions] == [(0.5, 0.7)] and train.coarsest_px == 320
     assert (train.opacity_floor.value, train.opacity_floor.until) == (1 / 32, 0.9)

@@ -204,16 +204,13 @@ def test_a_format_of_another_package_is_written_listed_and_completed(run, tmp_pa
     assert "stl" in found_words().values[("export", "to")]
 
 
-def test_what_cannot_be_exported_is_said_in_a_sentence(run, tmp_path, capsys, monkeypatch):
+def test_what_cannot_be_exported_is_said_in_a_sentence(run, tmp_path, capsys):
     out = tmp_path / "out"
     assert "run=DIR" in refused(capsys, "to=spz")
     assert "holds no run" in refused(capsys, f"run={tmp_path}", "to=spz")
     assert "splats_2dgs" in refused(capsys, f"run={run}", f"out={out}")
     assert "'stl'" in refused(capsys, f"run={run}", "to=spz,stl", f"out={out}")
     assert "export.faces=3" in refused(capsys, f"run={run}", "to=glb", "faces=3", f"out={out}")
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert "room2dgs[export]" in refused(capsys, f"run={run}", "to=spz,textured", f"out={out}")
-    monkeypatch.undo()
     bare = Path(shutil.copytree(run, tmp_path / "bare"))
     (bare / "mesh.ply").unlink()
     assert "room2dgs mesh" in refused(capsys, f"run={bare}", "to=spz,glb", f"out={out}")

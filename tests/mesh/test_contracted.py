@@ -9,8 +9,7 @@ import pytest
 
 from room2dgs.captures.cache import Cache
 from room2dgs.config import load_config
-from room2dgs.mesh import fuse as fuse_module
-from room2dgs.mesh import voxel_table
+from room2dgs.mesh import kept_views, voxel_table
 from room2dgs.mesh.contracted import contracted, expanded
 from room2dgs.mesh.fuse import fuse
 from room2dgs.mesh.views import FusedView
@@ -84,7 +83,7 @@ def test_each_view_is_made_once_however_many_parts_the_table_has(make, mesh_conf
     cameras = make.all_around()
     whole = fuse(Rendered(cameras), small, print)
     monkeypatch.setattr(voxel_table, "ROWS", 8)
-    monkeypatch.setattr(fuse_module, "Cache", lambda: Cache(budget_mb))
+    monkeypatch.setattr(kept_views, "Cache", lambda: Cache(budget_mb))
     views = Rendered(cameras)
     mesh = fuse(views, small, print)
     assert views.made == len(cameras)

@@ -138,9 +138,7 @@ def test_voxels_have_the_cpu_kernels_bits_in_any_order():
     assert np.setdiff1d(changed[2].nonzero()[0], rows).size == 0
 
 
-def test_the_mesh_is_the_cpus_bit_for_bit(monkeypatch):
-    """The table of blocks grows on the way."""
-    monkeypatch.setattr(device_volume, "FIRST_BLOCKS", 5)
+def test_the_mesh_is_the_cpus_bit_for_bit():
     config, made = make_config(), views(5)
     cpu = fuse(iter(made), config, lambda _: None)
     assert len(cpu.faces) > 5000

@@ -92,7 +92,7 @@ def test_fusion_smooths_before_faces_become_few_and_none_is_none():
     views = [replace(v, depth=(v.depth + rng.normal(0, 0.3 * VOXEL, v.depth.shape)).astype(np.float32)) for v in views]
 
     def made(**changes) -> trimesh.Trimesh:
-        return fuse(views, make_config(**changes), lambda _: None)
+        return fuse(views, make_config(flatten=False, **changes), lambda _: None)
 
     whole = made(smoothing_steps=0, max_error_m=None)
     smooth = made(smoothing_steps=STEPS, max_error_m=None)

@@ -22,7 +22,7 @@ class MeshConfig:
     space: Literal["bounded", "contracted"] = expert(
         "bounded", "Space in which depth is fused. contracted: outside the room voxels grow with the distance."
     )
-    truncation_voxels: Float = expert(2.0, "Truncation distance of the TSDF, in voxels.", ge=1, le=8)
+    truncation_voxels: Float = expert(3.0, "Truncation distance of the TSDF, in voxels.", ge=1, le=8)
     depth: Literal["smooth", "median", "expected"] = expert(
         "smooth",
         "Rendered depth that is fused. smooth: the expected depth where it is within 1 % of the median depth, else the "
@@ -41,6 +41,11 @@ class MeshConfig:
     keep_clusters: Int = expert(50, "Largest number of connected pieces that are kept.", ge=1)
     smoothing_steps: Int = expert(
         5, "Steps of smoothing that remove the roughness of the voxels; borders stay in place.", ge=0, le=100
+    )
+    flatten: bool = expert(True, "Put walls, floors and table tops on their planes where they lie within 8 mm.")
+    inferred: bool = expert(
+        True,
+        "Close gaps of up to 20 cm between measured parts of the surface; mesh.ply marks their vertices (source = 1).",
     )
     fill: Literal["none", "holes", "watertight"] = public(
         "holes",

@@ -13,6 +13,7 @@ from room2dgs.mesh.coloring.drawn import Surface
 from room2dgs.mesh.coloring.levels import levels_of
 from room2dgs.mesh.coloring.spread import spread_colors
 from room2dgs.mesh.vertex_colors import vertex_colors
+from room2dgs.mesh.vertex_source import copied_source
 
 GREY = 180  # of a piece that no photo sees, if the mesh has no colours
 
@@ -41,7 +42,7 @@ def photo_colored(
     colors = spread_colors(colors, known, surface.faces)
     levelled = np.round(colors).clip(0, 255).astype(np.uint8)
     result = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=levelled, process=False)
-    return result, float(known.mean()) if len(known) else 0.0
+    return copied_source(result, mesh), float(known.mean()) if len(known) else 0.0
 
 
 def vertex_points(mesh: trimesh.Trimesh) -> Points:

@@ -237,16 +237,21 @@ def test_every_ready_configuration_wants_a_model_and_says_which(kind, name, tmp_
     given = ["scene.path=a", "out=b", f"prior/{kind}={name}"]
     with pytest.raises(InputError, match=rf"^prior\.{kind}\.model=FILE is not given; get \S+ "):
         load_config(given)
-    if name == "onnx":
-        given.append(f"prior.{kind}.card={write_card(tmp_path / 'card.json', kind, {})}")
+    if name in ("onnx", "onnx_multiview"):
+        card = write_card(tmp_path / "card.json", kind, {})
+        if name == "onnx_multiview":
+            several = {"views": {"poses": "poses", "origin": "world"}}
+            card.write_text(json.dumps(json.loads(card.read_text()) | several))
+        given.append(f"prior.{kind}.card={card}")
     part = getattr(load_config([*given, f"prior.{kind}.model=a=b.onnx"]).prior, kind)
-    assert (part.source, part.model) == ("onnx", "a=b.onnx")
+    several = name in ("depth_anything_3", "map_anything", "onnx_multiview")
+    assert (part.source, part.model) == ("onnx_multiview" if several else "onnx", "a=b.onnx")
 
 
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ("prior/depth=dsine", "prior/depth=dsine is not known; choose from auto, depth_anything_v2"),
+        ("prior/depth=dsine", "prior/depth=dsine is not known; choose from auto, depth_anything_3"),
         ("prior/depth=_base", "prior/depth=_base is not known"),
         ("prior.normal=dsine", "write prior/normal=dsine"),
         ("prior/dept=dsine", "did you mean prior/depth"),
