@@ -60,7 +60,8 @@ def trained(capture, config, out, log, hooks=()):
 
 
 FIXED = ["train.iterations=14"]
-SHARED = [*FIXED, "seeds.decoder=shared", "train.refine_poses=true"]
+# after some more iterations, rounding alone (another instruction set) is as large as what is compared
+SHARED = ["train.iterations=10", "seeds.decoder=shared", "train.refine_poses=true"]
 
 
 @pytest.mark.parametrize("more", [FIXED, SHARED, GROWING], ids=["fixed", "shared", "growing"])
