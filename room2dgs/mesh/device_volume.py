@@ -1,4 +1,4 @@
-"""Fusion by the CUDA kernels: `tsdf.integrate` on a GPU (`render.device`).
+"""Fusion by the CUDA kernels: `whole_surface` on a GPU (`render.device`).
 
 Voxels, and the table of the blocks that hold them, stay on the device while views come; open3d meshes them on the CPU
 at the end. Blocks are found, and a voxel takes a view in, by the CPU's own functions, so the same views give the same
@@ -21,19 +21,17 @@ from room2dgs.mesh.closing import closed
 from room2dgs.mesh.tsdf import (
     STEPS,
     STRIDE,
-    Raw,
     camera_in_volume,
     closer,
-    gap_blocks,
     in_sight,
     local_from_cam,
     photo_as_floats,
     start_of,
-    surface_of,
 )
 from room2dgs.mesh.views import FusedView
 from room2dgs.mesh.voxel import voxel_side
 from room2dgs.mesh.voxel_table import BLOCK, NUMBERS, VoxelTable
+from room2dgs.mesh.whole_surface import Raw, gap_blocks, surface_of
 from room2dgs.train.device import torch_device, upload
 
 
@@ -51,7 +49,7 @@ class DeviceTable:
 
 
 def integrate_on_device(views: Iterable[FusedView], config: MeshConfig, device: str) -> Raw:
-    """As `tsdf.integrate`; the views' maps may lie on the device already.
+    """As `whole_surface`; the views' maps may lie on the device already.
 
     Args:
         device: `render.device`, not the CPU's own kernels.

@@ -15,10 +15,10 @@ from room2dgs.mesh.clean import clean
 from room2dgs.mesh.finish import NoSurface, cleaned, finished
 from room2dgs.mesh.gaps import narrow_gaps
 from room2dgs.mesh.kept_views import KeptViews
-from room2dgs.mesh.tsdf import GAP_M, Raw, integrate
 from room2dgs.mesh.vertex_colors import vertex_colors
 from room2dgs.mesh.vertex_source import with_source
 from room2dgs.mesh.views import FusedView
+from room2dgs.mesh.whole_surface import GAP_M, Raw, whole_surface
 
 
 def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str = "cpu") -> trimesh.Trimesh:
@@ -69,7 +69,7 @@ def _integrated(views: Iterable[FusedView], config: MeshConfig, device: str) -> 
         from room2dgs.mesh.device_volume import integrate_on_device
 
         return integrate_on_device(views, config, device)
-    return integrate(views, config)
+    return whole_surface(views, config)
 
 
 def _whole(mesh: trimesh.Trimesh, measured: np.ndarray, config: MeshConfig) -> trimesh.Trimesh:

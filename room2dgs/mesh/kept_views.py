@@ -25,7 +25,8 @@ class KeptViews:
             for number, camera in enumerate(self._cameras):
                 kept = self._cache.get(number)
                 assert kept is not None, "what is kept is not dropped before `clear`"
-                yield FusedView(camera, *(part if part.size else None for part in kept))
+                depth, color, weight, normal = kept
+                yield FusedView(camera, depth, color, weight if weight.size else None, normal if normal.size else None)
             return
         self._cameras = []
         for number, view in enumerate(self._views):

@@ -1,4 +1,4 @@
-"""Truncated signed distances in blocks near the surface: all views vote, and the field is made smooth."""
+"""Truncated signed distances in blocks near the surface, one view at a time."""
 
 from __future__ import annotations
 
@@ -12,10 +12,7 @@ import trimesh
 from room2dgs import _C
 from room2dgs.config import MeshConfig
 from room2dgs.geometry.camera import Camera
-from room2dgs.mesh.closing import closed
 from room2dgs.mesh.marching import extracted
-from room2dgs.mesh.regularise import regularise
-from room2dgs.mesh.seen import SeenVoxels, seen_voxels
 from room2dgs.mesh.views import FusedView
 from room2dgs.mesh.voxel import voxel_side
 from room2dgs.mesh.voxel_table import BLOCK, VoxelTable, block_coordinates
@@ -25,7 +22,6 @@ if TYPE_CHECKING:
 
 # pixels between those that say which blocks are near, and points at each, as the kernel has them
 STRIDE, STEPS = 2, 4
-GAP_M = 0.2  # gaps of a measured surface up to this width are closed
 APART = 0.8  # of a block's side: the largest distance between the points that blocks are found from
 
 
@@ -38,23 +34,10 @@ class Fusion(NamedTuple):
     min_weight: float
 
 
-class Raw(NamedTuple):
-    """A surface as it comes out of a volume.
+def integrate(views: Iterable[FusedView], config: MeshConfig | Fusion) -> trimesh.Trimesh:
+    """Fuse depth maps into a signed distance volume and extract its zero level by marching cubes.
 
-    Attributes:
-        mesh: world frame, with colours; without vertices if no voxel was observed often enough.
-        seen: which of its vertices are measured; None: all.
-    """
-
-    mesh: trimesh.Trimesh
-    seen: SeenVoxels | None = None
-
-
-def integrate(views: Iterable[FusedView], config: MeshConfig | Fusion) -> Raw:
-    """Fuse depth maps into a signed distance volume, make it smooth and extract its zero level by marching cubes.
-
-    Each view counts in each voxel that anybody's surface is near: one that looks through a place where another has
-    surface says so. What few say, or nobody, follows from what is around it (`regularise`).
+    Each view counts near its own surface alone; `whole_surface` is what a run's mesh is made by.
 
     Memory follows the observed surface, not the number of views: each view is released before the next is asked
     for. open3d meshes the voxels; a kernel of ours takes the depth in, since open3d's has no weight for each pixel and
@@ -63,41 +46,25 @@ def integrate(views: Iterable[FusedView], config: MeshConfig | Fusion) -> Raw:
     cut off beforehand (`valid_depth`).
 
     Args:
-        views: gone through twice; depth in metres, 0 = invalid; all sizes and intrinsics may differ.
+        views: depth in metres, 0 = invalid; all sizes and intrinsics may differ.
         config: the fields of `Fusion` are used; min_weight is a number of views.
 
     Returns:
-        Its faces wind counter-clockwise seen from the cameras. Vertex order depends on the number of threads (`clean`
-        removes that).
+        Mesh in the world frame with colours; its faces wind counter-clockwise seen from the cameras.
+        Without vertices if no voxel was observed often enough. Vertex order depends on the number of threads
+        (`clean` removes that).
     """
-    table, origin, side = VoxelTable(), None, voxel_side(config)
+    table, origin = VoxelTable(), None
     for view in views:
         depth = usable_depth(view, config)
         if not (depth > 0).any():
             continue
         if origin is None:
-            origin = start_of(view.camera, side)
-        cam_from_local, _ = camera_in_volume(view.camera, origin, side)
-        reach = side * config.truncation_voxels
-        table.rows_of(touched(depth, normals_of(view), view.camera.K, cam_from_local, side, reach))
+            origin = start_of(view.camera, voxel_side(config))
+        take_in(table, near_surface(view, depth, origin, config), origin, view, config)
     if origin is None:
-        return Raw(trimesh.Trimesh(process=False))
-    table.rows_of(closed(table.keys, gap_blocks(side)))
-    for view in views:
-        _integrate_one(table, origin, view, config)
-    return surface_of(table, origin, config)
-
-
-def surface_of(table: VoxelTable, origin: np.ndarray, config: MeshConfig | Fusion) -> Raw:
-    """The smooth surface of voxels that have taken all views in; the table is empty afterwards."""
-    seen = seen_voxels(table, origin, voxel_side(config))
-    regularise(table, config.min_weight)
-    return Raw(extracted(table, voxel_side(config), origin, config.min_weight), seen)
-
-
-def gap_blocks(voxel_m: float) -> int:
-    """How far blocks grow together (`closed`) for gaps of `GAP_M`."""
-    return math.ceil(GAP_M / 2 / (BLOCK * voxel_m))
+        return trimesh.Trimesh(process=False)
+    return extracted(table, voxel_side(config), origin, config.min_weight)
 
 
 def usable_depth(view: FusedView, config: MeshConfig | Fusion) -> np.ndarray:
@@ -180,21 +147,25 @@ def touched(
     return np.unique(keys[keys >= 0])
 
 
-def _integrate_one(table: VoxelTable, origin: np.ndarray, view: FusedView, config: MeshConfig | Fusion) -> None:
+def near_surface(view: FusedView, depth: np.ndarray, origin: np.ndarray, config: MeshConfig | Fusion) -> np.ndarray:
+    """(N,) int64 keys of the blocks near a view's own surface (`touched`)."""
     side = voxel_side(config)
-    reach = side * config.truncation_voxels
-    depth = usable_depth(view, config)
-    if not (depth > 0).any():
-        return
+    cam_from_local, _ = camera_in_volume(view.camera, origin, side)
+    return touched(depth, normals_of(view), view.camera.K, cam_from_local, side, side * config.truncation_voxels)
+
+
+def take_in(
+    table: VoxelTable, keys: np.ndarray, origin: np.ndarray, view: FusedView, config: MeshConfig | Fusion
+) -> None:
+    """A view's depth into some blocks of a table."""
+    side = voxel_side(config)
     _, pixel_from_voxel = camera_in_volume(view.camera, origin, side)
-    weight = np.ones_like(depth) if view.weight is None else np.ascontiguousarray(view.weight, np.float32)
+    weight = np.ones(view.depth.shape, np.float32) if view.weight is None else view.weight
     photo = np.ascontiguousarray(photo_as_floats(view.color), np.float32)
-    farthest = float(depth.max()) + reach
-    keys = table.keys[in_sight(table.keys, pixel_from_voxel, view.camera.size, farthest)]
+    maps = (usable_depth(view, config), normals_of(view), np.ascontiguousarray(weight, np.float32), photo)
     blocks = block_coordinates(keys)
-    maps = (depth, normals_of(view), weight, photo)
     for part, which, rows in table.in_parts(keys):
-        _C.fuse_depth(blocks[which], rows, *part, *maps, pixel_from_voxel, side, reach)
+        _C.fuse_depth(blocks[which], rows, *part, *maps, pixel_from_voxel, side, side * config.truncation_voxels)
 
 
 def photo_as_floats(color: np.ndarray | Tensor) -> np.ndarray | Tensor:

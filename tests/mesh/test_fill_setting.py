@@ -13,7 +13,7 @@ from room2dgs.mesh import fuse as fusion
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.edges import is_closed
 from room2dgs.mesh.finish import finished
-from room2dgs.mesh.tsdf import Raw
+from room2dgs.mesh.whole_surface import Raw
 
 
 @pytest.mark.parametrize(("fill", "closed"), [("none", False), ("holes", True), ("watertight", True)])
@@ -21,7 +21,7 @@ def test_a_hole_is_closed_if_asked_for(monkeypatch, fill, closed):
     ball = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
     torn = trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 2] < 0.99][:, ::-1], process=False)
     torn.visual = trimesh.visual.ColorVisuals(torn, vertex_colors=np.full((len(torn.vertices), 3), 90, np.uint8))
-    monkeypatch.setattr(fusion, "integrate", lambda views, config: Raw(torn))
+    monkeypatch.setattr(fusion, "whole_surface", lambda views, config: Raw(torn))
     config = replace(load_config(["scene.path=a", "out=b"]).mesh, fill=fill, fill_hole_m=0.6, voxel_m=0.05)
     said: list[str] = []
     mesh = fusion.fuse([], config, said.append)
@@ -36,7 +36,7 @@ def test_by_default_cracks_are_closed_and_what_nobody_saw_stays_open(monkeypatch
     x, y, z = ball.triangles_center.T
     crack, unseen = (z > 0) & (np.hypot(x, y) < 0.025), (z < 0) & (np.hypot(x, y) < 0.2)
     torn = trimesh.Trimesh(ball.vertices, ball.faces[~crack & ~unseen][:, ::-1], process=False)
-    monkeypatch.setattr(fusion, "integrate", lambda views, config: Raw(torn))
+    monkeypatch.setattr(fusion, "whole_surface", lambda views, config: Raw(torn))
     said: list[str] = []
     mesh = fusion.fuse([], replace(load_config(["scene.path=a", "out=b"]).mesh, voxel_m=0.05), said.append)
     # of few faces: all of them would take much more memory

@@ -6,29 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 
 from room2dgs import _C
 from room2dgs.config import MeshConfig, load_config
 from room2dgs.errors import InputError
 from room2dgs.geometry.camera import Camera
-from room2dgs.mesh import tsdf
 from room2dgs.mesh.clean import clean
 from room2dgs.mesh.fuse import NoSurface, fuse
+from room2dgs.mesh.tsdf import integrate
 from room2dgs.mesh.views import FusedView
 from tests.oracles.fusion import fused_voxels
 
 VOXEL = 0.02
-
-
-def integrate(views, config: MeshConfig) -> trimesh.Trimesh:
-    """The measured part of the raw surface."""
-    mesh, seen = tsdf.integrate(list(views), config)
-    if seen is not None and len(mesh.faces):
-        measured = seen.at(np.asarray(mesh.vertices)) >= max(config.min_weight, 1)
-        mesh.update_faces(measured[mesh.faces].all(axis=1))
-        mesh.remove_unreferenced_vertices()
-    return mesh
 
 
 def make_config(**changes) -> MeshConfig:
@@ -178,9 +167,8 @@ def with_normals(view: FusedView, normal: np.ndarray) -> FusedView:
     return replace(view, normal=np.broadcast_to(normal, (*view.depth.shape, 3)).astype(np.float32))
 
 
-def test_with_its_normals_a_slanted_plane_is_flat(monkeypatch):
+def test_with_its_normals_a_slanted_plane_is_flat():
     """Without them a voxel has the distance of the middle of the pixel that sees it: steps."""
-    monkeypatch.setattr(tsdf, "regularise", lambda table, min_weight: None)  # of the voxels as they are
     normal = np.array([np.sin(1.0), 0.0, -np.cos(1.0)])
     view = plane_view(make_camera(), normal, normal @ [0.0, 0.0, 1.5])
     meshes = [clean(integrate([one], make_config())) for one in (view, with_normals(view, normal))]
@@ -221,19 +209,17 @@ def test_far_from_the_worlds_origin_nothing_is_lost():
 def test_views_are_not_kept():
     alive = []
 
-    class Views:
-        def __iter__(self):
-            for k in range(4):
-                view = plane_view(make_camera((0.01 * k, 0, 0)), np.array([0.0, 0, -1]), -1.5)
-                alive.append(weakref.ref(view))
-                yield view
-                del view
-                gc.collect()
-                # the fusing loop may still hold the latest, none before it
-                assert sum(ref() is not None for ref in alive) <= 1
+    def views():
+        for k in range(4):
+            view = plane_view(make_camera((0.01 * k, 0, 0)), np.array([0.0, 0, -1]), -1.5)
+            alive.append(weakref.ref(view))
+            yield view
+            del view
+            gc.collect()
+            # the fusing loop may still hold the latest, none before it
+            assert sum(ref() is not None for ref in alive) <= 1
 
-    assert len(tsdf.integrate(Views(), make_config()).mesh.faces)
-    assert len(alive) == 8
+    assert len(integrate(views(), make_config()).faces)
 
 
 def test_nothing_to_mesh_names_the_settings():
