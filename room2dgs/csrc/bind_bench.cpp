@@ -147,7 +147,7 @@ void tile_work(RasterFrame& f, int64_t every, const Output& work) {
 nb::dict operations(int64_t terms) {
   require(terms == 1 || terms == 4 || terms == 9 || terms == 16, "terms is not 1, 4, 9 or 16");
   using namespace isa_baseline;
-  const Camera view = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}, 500, 500, 320, 240, 0.05, 640, 480};
+  const Camera view = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}, 500, 500, 320, 240, 0.05, 1.0f / 32, 640, 480};
   nb::dict counted;
   const auto lap = [&](const char* name) {
     const Operations o = Counted::done();
