@@ -16,7 +16,7 @@ from room2dgs.report.table import terminal
 from room2dgs.runs.folder import last_value
 from room2dgs.runs.metrics import machine, versions
 
-USAGE = "room2dgs bench splats CAPTURE... out=DIR [methods=2d,3d] [seconds=30,60] [other=NAME:DIR] [KEY=VALUE ...]"
+USAGE = "room2dgs bench splats CAPTURE... out=DIR [methods=2d,3d] [seconds=60] [other=NAME:DIR] [KEY=VALUE]"
 HELP = """Trains splats of several kinds on captures, and notes how good the held-out views are after so many seconds.
 
 For example: room2dgs bench splats room out=bench methods=2d,3d,3d_mcmc seconds=30,60,120 train.iterations=3000
