@@ -151,6 +151,11 @@ def touched_blocks(depth: Annotated[NDArray, dict(writable=False)], normal: Anno
 def fuse_depth(block: Annotated[NDArray, dict(writable=False)], row: Annotated[NDArray, dict(writable=False)], distance: NDArray, weight: NDArray, views: NDArray, color: NDArray, depth: Annotated[NDArray, dict(writable=False)], normal: Annotated[NDArray, dict(writable=False)], trust: Annotated[NDArray, dict(writable=False)], photo: Annotated[NDArray, dict(writable=False)], pixel_from_voxel: Annotated[NDArray, dict(writable=False)], voxel: float, truncation: float) -> None:
     """Takes one depth map into the blocks of a signed distance volume."""
 
+def regularise(data: Annotated[NDArray, dict(writable=False)], weight: Annotated[NDArray, dict(writable=False)], neighbour: Annotated[NDArray, dict(writable=False)], value: NDArray, ahead: NDArray, dual: NDArray, side: int, share: float, soft: float, steps: int) -> None:
+    """
+    Steps of the primal-dual method of regularise.h on value, ahead and dual, which it changes.
+    """
+
 def draw_faces(vertices: Annotated[NDArray, dict(writable=False)], faces: Annotated[NDArray, dict(writable=False)], fx: float, fy: float, cx: float, cy: float, near: float, depth: NDArray, face: NDArray) -> None:
     """
     Writes the depth (h, w) and the index of the nearest face, 0 and -1 where there is none; vertices (v, 3) are float32 in the camera's frame, faces (f, 3) int32.
