@@ -75,7 +75,8 @@ def _flatten(vertices: np.ndarray, among: np.ndarray, normals: np.ndarray, areas
         return
     stays = np.clip(np.abs(off) / NOISE_M - 1, 0, 1)  # 0 on the plane, 1 unchanged
     moved = np.where(facing, (stays - 1) * off, 0.0)
-    vertices[among] += moved[:, None] * normal
+    # to a micrometre: vertices are sorted, and rounding must not decide which of a column comes first
+    vertices[among] = np.round(vertices[among] + moved[:, None] * normal, 6)
 
 
 def _plane(points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

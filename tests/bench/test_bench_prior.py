@@ -266,7 +266,7 @@ def test_bad_input_is_told_in_a_sentence(tmp_path, make, network, capsys):
     for file in (room / "depth").iterdir():
         file.unlink()
     assert "has no depth maps" in refused(capsys, room, *settings(network))
-    assert "choose from raster, prior, suite" in _said(capsys, ["bench", "speed"])
+    assert "choose from raster, prior, lengths" in _said(capsys, ["bench", "speed"])
 
 
 def _said(capsys, argv: list[str]) -> str:

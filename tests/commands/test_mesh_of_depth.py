@@ -45,7 +45,8 @@ def test_nothing_is_trained_and_the_mesh_is_scored(wall, maps, tmp_path, capsys)
     assert cli.main(["run", *settings(wall, out), *prior, "prior.depth.joint=false"]) == 0
     assert "nothing was trained" in capsys.readouterr().out
     assert not (out / "surfels.safetensors").exists()
-    vertices = trimesh.load(out / "mesh.ply", process=False).vertices
+    mesh = trimesh.load(out / "mesh.ply", process=False)
+    vertices = trimesh.sample.sample_surface(mesh, 20_000, seed=0)[0]  # by area: what is flat has few vertices
     assert np.quantile(vertices[:, 2], 0.05) > WALL_Z - 0.005 and np.quantile(vertices[:, 2], 0.95) < WALL_Z + 0.035
     metrics = json.loads((out / "metrics.json").read_text())
     assert "primitives" not in metrics and metrics["depth_source"] == "files" and metrics["mesh_faces"] > 100

@@ -49,7 +49,8 @@ def finished(request, wall, tmp_path_factory):
 
 def test_the_mesh_lies_on_the_wall(finished):
     mesh = trimesh.load(finished[1] / "mesh.ply", process=False)
-    off = np.abs(mesh.vertices[:, 2] - WALL_Z)
+    # by area: what is flat has few vertices
+    off = np.abs(trimesh.sample.sample_surface(mesh, 20_000, seed=0)[0][:, 2] - WALL_Z)
     assert np.median(off) < 0.02 and len(mesh.faces) > 100
     facing = np.average(mesh.face_normals[:, 2], weights=mesh.area_faces)
     assert facing < -0.9  # towards the cameras, which look along z

@@ -27,7 +27,8 @@ def calls(monkeypatch):
 
 def test_every_operator_has_kernels_for_the_cpu_and_none_of_its_own_gradients():
     assert {*BY_BLOCK_CODE} == {
-        "rasterize", "rasterize_backward", "rgb_loss", "normal_consistency", "depth_prior", "normal_prior", "multiview"
+        "rasterize", "rasterize_backward", "rasterize_gaussians", "rasterize_gaussians_backward",
+        "rgb_loss", "normal_consistency", "depth_prior", "normal_prior", "multiview",
     }  # fmt: skip
     for name in BY_BLOCK_CODE:
         assert torch._C._dispatch_has_kernel_for_dispatch_key(f"room2dgs::{name}", "CPU"), name
