@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 import torch
 
 from room2dgs.bench.splats import Point, held_out_scores, scores_of
+from room2dgs.captures.image_files import read_photo
 from room2dgs.captures.ply_elements import read_elements
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.config import Config
@@ -86,15 +86,13 @@ def _pictures(folder: Path, scene: Scene) -> Iterator[tuple[Frame, np.ndarray]]:
         path = by_stem.get(Path(frame.name).stem)
         if path is None:
             raise InputError(f"{folder} has no picture of the held-out view {frame.name}; name it {frame.name}.png")
-        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-        if image is None:
-            raise InputError(f"{path} cannot be decoded; write it again")
+        image = read_photo(path, None)
         size = (frame.camera.width, frame.camera.height)
         if image.shape[1::-1] != size:
             raise InputError(
                 f"{path} is {image.shape[1]} x {image.shape[0]}, but the run works at {size[0]} x {size[1]}"
             )
-        yield frame, np.ascontiguousarray(image[..., ::-1])
+        yield frame, image
 
 
 def read_gaussians(path: Path, origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Gaussians:
