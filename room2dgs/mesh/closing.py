@@ -18,6 +18,6 @@ def closed(keys: np.ndarray, steps: int) -> np.ndarray:
     for _ in range(steps):
         grown = np.unique(grown[:, None] + AROUND)
     for _ in range(steps):
-        inner = np.isin(grown[:, None] + AROUND, grown, assume_unique=False).all(axis=1)
+        inner = np.isin(grown[:, None] + AROUND, grown).all(axis=1)
         grown = grown[inner]
     return np.union1d(grown, keys)

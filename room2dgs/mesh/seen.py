@@ -36,9 +36,8 @@ class SeenVoxels:
         """
         place = (vertices - self.origin) / self.voxel_m
         nearest = np.round(place)
-        place = np.where(
-            np.abs(place - nearest) < 1e-3, nearest, place
-        )  # a volume in float32 is not quite on its lines
+        # vertices of a volume in float32 do not lie quite on the lines between voxels
+        place = np.where(np.abs(place - nearest) < 1e-3, nearest, place)
         return np.minimum(self._voxel(np.floor(place)), self._voxel(np.ceil(place)))
 
     def _voxel(self, voxel: np.ndarray) -> np.ndarray:
