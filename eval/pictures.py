@@ -17,6 +17,7 @@ from room2dgs.eval.surface import Surface
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.up_axis import up_axis
+from room2dgs.mesh.vertex_source import EXPECTED_ERROR, told_by
 from room2dgs.mesh.world import write_in_world
 
 if TYPE_CHECKING:
@@ -28,10 +29,12 @@ TOP_PIXELS = 700  # longer side of the picture from above
 ABOVE_CAMERAS_M = 0.3  # what stands higher than this above the highest camera is cut off, seen from above
 FULL_THRESHOLDS = 2.0  # the colour scale ends at so many thresholds (10 cm for 5 cm)
 COLUMNS = ("mesh", "error: mesh to truth", "missing: truth to mesh")
+EXPECTED, EXPECTED_COLUMNS = "expected.png", ("photo", "expected error, one standard deviation", "true error")
 
 
 def write_pictures(found: Evaluation, frames: Sequence[Frame], folder: Path, origin_m: Origin = AT_ORIGIN) -> None:
-    """error.ply (the prediction coloured by its distance to the ground truth), views.png and top.png.
+    """error.ply (the prediction coloured by its distance to the ground truth), views.png and top.png; expected.png
+    where the prediction says how far off it is expected to be.
 
     Args:
         frames: the scene's, with photos; some are shown.
@@ -45,6 +48,11 @@ def write_pictures(found: Evaluation, frames: Sequence[Frame], folder: Path, ori
     write_sheet(folder / "views.png", rows, ("photo", *COLUMNS), threshold)
     row = top_row(pred.mesh, pred.surface, gt.surface, gt.mesh, cameras, np.asarray(up), threshold)
     write_sheet(folder / "top.png", [row], COLUMNS, threshold)
+    (folder / EXPECTED).unlink(missing_ok=True)  # of a mesh before
+    expected = told_by(pred.mesh, EXPECTED_ERROR)
+    if expected is not None:
+        rows = expected_rows(expected, pred.surface, gt.surface, frames, threshold)
+        write_sheet(folder / EXPECTED, rows, EXPECTED_COLUMNS, threshold)
 
 
 def error_mesh(pred: trimesh.Trimesh, gt: Surface, threshold_m: float) -> trimesh.Trimesh:
@@ -62,6 +70,28 @@ def inside_rows(
     for frame in (frames[index] for index in inside(len(frames), INSIDE_VIEWS)):
         camera = frame.camera.resized_to_width(TILE_WIDTH)
         rows.append([frame.color() / 255, *_three(pred, pred_surface, gt, camera_rays(camera), threshold_m)])
+    return rows
+
+
+def expected_rows(
+    expected: np.ndarray, surface: Surface, gt: Surface, frames: Sequence[Frame], threshold_m: float
+) -> list[list[np.ndarray]]:
+    """A row of `EXPECTED_COLUMNS` for each of a few evenly spaced frames.
+
+    Args:
+        expected: (V,) metres, of the vertices of the mesh that `surface` is of.
+    """
+    full, rows = FULL_THRESHOLDS * threshold_m, []
+    for frame in (frames[index] for index in inside(len(frames), INSIDE_VIEWS)):
+        rays = camera_rays(frame.camera.resized_to_width(TILE_WIDTH))
+        hits = surface.cast(rays.origins, rays.directions)
+        found = hits.triangle >= 0
+        second, third = hits.uv[found].T
+        corners = expected[surface.faces[hits.triangle[found]]]
+        told = (np.stack([1 - second - third, second, third], axis=1) * corners).sum(axis=1)
+        true = gt.closest(rays.at(hits))[0]
+        pictures = (shade(rays, hits, surface, error_color(values, full)) for values in (told, true))
+        rows.append([frame.color() / 255, *pictures])
     return rows
 
 

@@ -62,8 +62,8 @@ def area(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: Optio
         options: threshold_m, samples (wanted observed samples a mesh) and seed are used.
     """
     pred_surface, gt_surface = pred.surface, gt.surface
-    forth = _compare(pred.mesh, pred_surface, gt_surface, gt_surface, cameras, options)
-    back = _compare(gt.mesh, gt_surface, pred_surface, gt_surface, cameras, options)
+    forth = compared(pred.mesh, pred_surface, gt_surface, gt_surface, cameras, options)
+    back = compared(gt.mesh, gt_surface, pred_surface, gt_surface, cameras, options)
     consistency = (
         float(forth.cosine.mean() + back.cosine.mean()) / 2 if len(forth.cosine) and len(back.cosine) else None
     )
@@ -89,7 +89,7 @@ def area(pred: MeshFile, gt: MeshFile, cameras: Sequence[Camera], options: Optio
     )
 
 
-def _compare(
+def compared(
     mesh: trimesh.Trimesh,
     own: Surface,
     other: Surface,
@@ -97,6 +97,13 @@ def _compare(
     cameras: Sequence[Camera],
     options: Options,
 ) -> Compared:
+    """Observed samples of one mesh against the other one.
+
+    Args:
+        mesh, own: the samples' mesh.
+        other: what distances are measured to.
+        truth: tells what the cameras observe.
+    """
     probe = sample_by_area(mesh, max(1, int(options.samples * PROBE_SHARE)), options.seed)
     seen = float((culling.first_view(probe.points, cameras, own, truth) >= 0).mean()) if len(probe.points) else 0.0
     drawn = int(min(options.samples / max(seen, 1e-9), options.samples * LARGEST_DRAW))

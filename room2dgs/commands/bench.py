@@ -14,6 +14,7 @@ BENCHES = {
         "room2dgs.commands.bench_lengths",
         "lengths of runs of made rooms, and their deviations, against truth",
     ),
+    "calibration": ("room2dgs.commands.bench_calibration", "expected errors of meshes against the true ones"),
     "plan": ("room2dgs.commands.bench_plan", "plans of runs of made rooms against truth: walls, doors, windows"),
     "splats": ("room2dgs.commands.bench_splats", "pictures of splats against seconds, and another program's"),
     "table": ("room2dgs.commands.bench_table", "methods of the paper's Table I on captures with ground truth"),

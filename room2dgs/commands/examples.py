@@ -74,6 +74,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "bench": (("raster --quick", "is the rasterizer as fast here as it should be?"),),
     "bench raster": (("--quick", "a minute"),),
     "bench prior": (("room hall out=prior scene.frames=20", "the shipped network on two captures with depth"),),
+    "bench calibration": (("runs/a runs/b to=calibration.json", "expected errors of meshes against the true ones"),),
     "bench lengths": (("runs/a runs/b to=lengths.json", "errors of lengths in made rooms, and how often ± holds"),),
     "bench plan": (("runs/a runs/b to=plans.json", "walls, doors and windows that were found"),),
     "bench suite": (

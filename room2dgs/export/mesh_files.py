@@ -16,12 +16,14 @@ from room2dgs.export.source import Source
 from room2dgs.export.text_rows import text_rows
 from room2dgs.mesh.ply_bytes import ply_bytes
 from room2dgs.mesh.vertex_colors import vertex_colors
+from room2dgs.mesh.vertex_source import EXPECTED_ERROR, told_by
 
 NO_OFFSET = np.zeros(3)
 ARRAY, ELEMENTS = 34962, 34963  # what a glTF buffer holds
 SRGB_KNEE = 0.04045
 UNLIT = "KHR_materials_unlit"
 COLOR = "_COLOR"  # trimesh's name of an attribute that it does not know; glTF's is COLOR_0
+ERROR = "_EXPECTED_ERROR"  # metres, one standard deviation along the normal
 
 
 def write_glb(source: Source, path: Path) -> list[Path]:
@@ -40,7 +42,8 @@ def write_ply(source: Source, path: Path) -> list[Path]:
 
 
 def glb(mesh: trimesh.Trimesh, rotation: np.ndarray, offset_m: np.ndarray = NO_OFFSET) -> bytes:
-    """glTF 2.0, binary: y up, linear colours of 16 bits (8 would show bands in the dark), a dull material.
+    """glTF 2.0, binary: y up, linear colours of 16 bits (8 would show bands in the dark), a dull material, and the
+    expected error as `ERROR` where the mesh has it.
 
     Args:
         mesh: world frame, metres, with 8-bit colours.
@@ -50,6 +53,9 @@ def glb(mesh: trimesh.Trimesh, rotation: np.ndarray, offset_m: np.ndarray = NO_O
     out = turned_mesh(mesh, rotation)
     out.visual = trimesh.visual.TextureVisuals(material=dull_material())
     out.vertex_attributes[COLOR] = linear(colors_of(mesh))
+    expected = told_by(mesh, EXPECTED_ERROR)
+    if expected is not None:
+        out.vertex_attributes[ERROR] = expected.astype(np.float32)
     return gltf_bytes(out, offset_m)
 
 

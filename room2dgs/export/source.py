@@ -18,6 +18,7 @@ from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.config import Config
 from room2dgs.export.axes import turned, up_of, y_down_from, y_up_from
 from room2dgs.logs import Log
+from room2dgs.mesh.vertex_source import with_nearest_error
 from room2dgs.primitives.primitive import Splats
 from room2dgs.primitives.registry import primitive_of
 from room2dgs.splat.types import Rendering
@@ -92,7 +93,7 @@ class Source:
             return self.mesh
         result = simplified(self.mesh, settings.faces, settings.max_error_m)
         self.log(f"mesh: {len(self.mesh.faces):,} faces to {len(result.mesh.faces):,}, {result.sentence}")
-        return result.mesh
+        return with_nearest_error(result.mesh, self.mesh)
 
     @cached_property
     def textured(self) -> Textured:

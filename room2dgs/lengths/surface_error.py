@@ -12,9 +12,9 @@ import trimesh
 from room2dgs.captures.ply_elements import read_elements
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.uncertainty import completed_sigma
+from room2dgs.mesh.vertex_source import EXPECTED_ERROR
 from room2dgs.runs.trust import Trust
 
-PROPERTY = "expected_error"  # of a vertex in mesh.ply, metres
 UNSEEN_M = 0.05  # where no view tells anything
 BIAS_STEPS = 0.2  # of a voxel: what a fused surface is off by as a whole, which no single view tells
 SHARED = 0.4  # of the views' variance: causes that all views of a place share
@@ -43,7 +43,7 @@ def error_of_file(path: Path, mesh: trimesh.Trimesh) -> SurfaceError | None:
     Raises:
         InputError: the file is damaged.
     """
-    found = read_elements(path, ("vertex",), MEND)["vertex"].single.get(PROPERTY)
+    found = read_elements(path, ("vertex",), MEND)["vertex"].single.get(EXPECTED_ERROR)
     if found is None or len(found) != len(mesh.vertices):
         return None
     known = np.where(np.isfinite(found) & (found > 0), found, UNSEEN_M).astype(np.float64)

@@ -16,6 +16,7 @@ from room2dgs.mesh.finish import NoSurface, cleaned, finished
 from room2dgs.mesh.gaps import narrow_gaps
 from room2dgs.mesh.kept_views import KeptViews
 from room2dgs.mesh.vertex_colors import vertex_colors
+from room2dgs.mesh.vertex_error import sure_part, with_expected_error
 from room2dgs.mesh.vertex_source import with_source
 from room2dgs.mesh.views import FusedView
 from room2dgs.mesh.whole_surface import GAP_M, Raw, whole_surface
@@ -30,14 +31,31 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str =
 
     Returns:
         Coloured mesh in the world frame, metres, faces towards the cameras; the same on any number of threads. Its
-        vertices say what they rest on (`vertex_source`), but for mesh.space=contracted.
+        vertices say how far off they are expected to be (`vertex_error`), and what they rest on (`vertex_source`) but
+        for mesh.space=contracted.
 
     Raises:
         NoSurface: no surface is left; names the settings to relax.
         InputError: no GPU where one is asked for.
     """
+    watched = _Watched(views, config)
+    kept = KeptViews(watched)
+    try:
+        mesh = with_expected_error(_made(kept, watched, config, log, device), kept)
+    finally:
+        kept.clear()
+    mesh = sure_part(mesh, config, log)
+    if not len(mesh.faces):
+        raise NoSurface(
+            "all of the mesh is expected to be farther off than "
+            f"mesh.max_expected_m={config.max_expected_m:g}; raise it, or film the room from more places"
+        )
+    return mesh
+
+
+def _made(views: KeptViews, watched: _Watched, config: MeshConfig, log: Log, device: str) -> trimesh.Trimesh:
     # no mesh has a name here for longer than it must: a room's is hundreds of megabytes, at each of these steps
-    mesh, seen = _raw(views, config, device)
+    mesh, seen = _raw(views, watched, config, device)
     mesh = clean(mesh)  # vertices that were meshed twice are one
     if seen is None:
         return finished(cleaned(mesh, config, log), config, log)
@@ -47,13 +65,8 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str =
     return with_source(finished(mesh, config, log), raw, views_of, least)
 
 
-def _raw(views: Iterable[FusedView], config: MeshConfig, device: str) -> Raw:
-    watched = _Watched(views, config)
-    kept = KeptViews(watched)
-    try:
-        raw = _integrated(kept, config, device)
-    finally:
-        kept.clear()
+def _raw(views: KeptViews, watched: _Watched, config: MeshConfig, device: str) -> Raw:
+    raw = _integrated(views, config, device)
     give_back()  # the volume
     if not len(raw.mesh.faces):
         raise NoSurface(_why_none(config) if watched.any_pixel else _why_no_pixel(config))

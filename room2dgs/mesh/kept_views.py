@@ -25,14 +25,14 @@ class KeptViews:
             for number, camera in enumerate(self._cameras):
                 kept = self._cache.get(number)
                 assert kept is not None, "what is kept is not dropped before `clear`"
-                depth, color, weight, normal = kept
-                yield FusedView(camera, depth, color, weight if weight.size else None, normal if normal.size else None)
+                depth, color, *others = kept
+                yield FusedView(camera, depth, color, *(part if part.size else None for part in others))
             return
         self._cameras = []
         for number, view in enumerate(self._views):
             there = view.on_cpu()
             self._cameras.append(there.camera)
-            parts = (there.depth, _as_bytes(np.asarray(there.color)), there.weight, there.normal)
+            parts = (there.depth, _as_bytes(np.asarray(there.color)), there.weight, there.normal, there.expected)
             self._cache.put(number, tuple(np.zeros(0) if part is None else np.asarray(part) for part in parts))
             yield view
         self._whole = True

@@ -9,7 +9,7 @@ import trimesh
 
 from room2dgs.captures.ply_elements import Lists, read_elements
 from room2dgs.errors import InputError
-from room2dgs.mesh.vertex_source import SOURCE, VIEWS
+from room2dgs.mesh.vertex_source import NAMES
 
 INDICES = ("vertex_indices", "vertex_index")
 COLOUR = ("red", "green", "blue", "alpha")
@@ -40,7 +40,7 @@ def read_ply_mesh(path: Path, mend: str) -> trimesh.Trimesh:
         face_colors=None if face_colors is None else face_colors[of_face],
         process=False,
     )
-    for name in (SOURCE, VIEWS):
+    for name in NAMES:
         if name in vertex:
             mesh.vertex_attributes[name] = vertex[name]
     return mesh

@@ -34,6 +34,8 @@ class FusedView:
         weight: (H, W) float32, what each pixel counts in the mean; None = the same.
         normal: (H, W, 3) float32, of the surface in each pixel: unit, world frame, towards the camera, 0 = unknown;
             None = nowhere known. Distances are from the plane that depth and normal give, else along the view's axis.
+        expected: (H, W) float32, the error that each depth is expected to have: one standard deviation, metres; None =
+            nobody said.
     """
 
     camera: Camera
@@ -41,14 +43,15 @@ class FusedView:
     color: np.ndarray | Tensor
     weight: np.ndarray | Tensor | None = None
     normal: np.ndarray | Tensor | None = None
+    expected: np.ndarray | Tensor | None = None
 
     def on_cpu(self) -> FusedView:
         """With numpy's arrays alone."""
         if isinstance(self.depth, np.ndarray):
             return self
         depth, color = _array(self.depth), _array(self.color)
-        weight, normal = (None if x is None else _array(x) for x in (self.weight, self.normal))
-        return FusedView(self.camera, depth, color, weight, normal)
+        weight, normal, expected = (None if x is None else _array(x) for x in (self.weight, self.normal, self.expected))
+        return FusedView(self.camera, depth, color, weight, normal, expected)
 
 
 def _array(values: np.ndarray | Tensor) -> np.ndarray:
@@ -103,14 +106,16 @@ def fused_view(
     import torch
 
     depth = torch.where(valid_depth(rendering, camera, config), chosen_depth(rendering, config), 0.0)
-    if confidence is not None and config.max_expected_m is not None:
+    expected = None
+    if confidence is not None:
         known = np.where(confidence > 0, confidence, np.float32(1))
         error = torch.from_numpy(completed_sigma(known))[None, None].to(depth)
-        error = torch.nn.functional.interpolate(error, size=tuple(depth.shape), mode="bilinear")[0, 0]
-        depth = torch.where(error * depth <= config.max_expected_m, depth, 0.0)
+        expected = torch.nn.functional.interpolate(error, size=tuple(depth.shape), mode="bilinear")[0, 0] * depth
+        if config.max_expected_m is not None:
+            depth = torch.where(expected <= config.max_expected_m, depth, 0.0)
     color = torch.nan_to_num(_tensor(rendering.color)).clamp(0.0, 1.0).float()
     normal = torch.nn.functional.normalize(torch.nan_to_num(_tensor(rendering.normal)).float(), dim=-1)
-    view = FusedView(camera, depth, color, normal=normal)
+    view = FusedView(camera, depth, color, normal=normal, expected=expected)
     return view.on_cpu() if depth.device.type == "cpu" else view
 
 
@@ -128,10 +133,12 @@ def trusted_view(maps: ViewMaps[np.ndarray], camera: Camera, color: np.ndarray, 
     assert maps.depth is not None
     sure = np.ones_like(maps.depth) if maps.depth_confidence is None else maps.depth_confidence
     fit = maps.depth <= config.max_depth_m
+    expected = completed_sigma(np.maximum(sure, LEAST_CONFIDENCE)) * maps.depth
     if config.max_expected_m is not None:
-        fit &= completed_sigma(np.maximum(sure, LEAST_CONFIDENCE)) * maps.depth <= config.max_expected_m
+        fit &= expected <= config.max_expected_m
     depth = np.where(fit, maps.depth, np.float32(0))
-    return FusedView(camera, depth, color, (sure / np.maximum(depth, NEAREST_M)) ** 2, maps.normal)
+    weight = (sure / np.maximum(depth, NEAREST_M)) ** 2
+    return FusedView(camera, depth, color, weight, maps.normal, None if maps.depth_confidence is None else expected)
 
 
 def _rays(camera: Camera, device: torch.device) -> Tensor:

@@ -57,4 +57,4 @@ def fused_stereo(frames: Sequence[Frame], stereo: StereoViews) -> Iterator[Fused
 
     photos = resized_photos(frames, stereo.cameras)
     for camera, view, color in zip(stereo.cameras, stereo.views, photos, strict=True):
-        yield FusedView(camera, view.depth, color)
+        yield FusedView(camera, view.depth, color, expected=view.error)

@@ -13,7 +13,7 @@ import trimesh
 from PIL import Image
 
 from room2dgs.export.local_files import write_file
-from room2dgs.export.mesh_files import NO_OFFSET, dull_material, gltf_bytes, turned_mesh
+from room2dgs.export.mesh_files import ERROR, NO_OFFSET, dull_material, gltf_bytes, turned_mesh
 from room2dgs.export.source import Source
 from room2dgs.export.text_rows import text_rows
 from room2dgs.export.texture.bake import baked
@@ -21,6 +21,7 @@ from room2dgs.export.texture.charts import Charts, charts, texels
 from room2dgs.files import whole_file
 from room2dgs.logs import Log
 from room2dgs.mesh.coloring.best import Progress
+from room2dgs.mesh.vertex_source import EXPECTED_ERROR, told_by, with_nearest_error
 
 JPEG_QUALITY = 90
 QUIET_S = 10.0
@@ -56,7 +57,7 @@ def textured(source: Source) -> Textured:
     mesh = source.hand_over
     if settings.faces is None and settings.max_error_m is None:
         result = simplified(source.mesh, settings.texture_faces)
-        mesh = result.mesh
+        mesh = with_nearest_error(result.mesh, source.mesh)
         source.log(f"textured mesh: {len(source.mesh.faces):,} faces to {len(mesh.faces):,}, {result.sentence}")
     found = charts(mesh, settings.texture_px)
     source.log(f"textured mesh: laid flat, {len(frames)} photos to look at")
@@ -147,4 +148,7 @@ def glb_of(
     image = Image.open(buffer)
     setattr(image, "save", partial(image.save, quality="keep"))  # noqa: B010 - trimesh would encode it again, coarser
     out.visual = trimesh.visual.TextureVisuals(uv=found.uv, material=dull_material(image))
+    expected = told_by(mesh, EXPECTED_ERROR)
+    if expected is not None:
+        out.vertex_attributes[ERROR] = expected[found.source]
     return gltf_bytes(out, offset_m)

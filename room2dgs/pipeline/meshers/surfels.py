@@ -35,14 +35,14 @@ def surface(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder
 
 
 def _trust(scene: Scene, config: Config, run: RunFolder) -> dict[str, Trust]:
-    """Training view -> how far its prior depth is trusted; nothing where that is not asked, or no prior was read."""
+    """Training view -> how far its prior depth is trusted; nothing where no prior was read."""
     from room2dgs.runs.trust import read_trust
 
-    if config.mesh.max_expected_m is None or config.prior.depth.source == "none":
+    if config.prior.depth.source == "none":
         return {}
     trust = read_trust(run.path / TRUST)
     known = sum(frame.name in trust for frame in scene.train)
-    if known < len(scene.train):
+    if known < len(scene.train) and config.mesh.max_expected_m is not None:
         run.log(
             f"mesh: {TRUST} says of {known} of {len(scene.train)} views how far off depth is to be expected; "
             "all that the others see is meshed"

@@ -41,6 +41,7 @@ def layer_keys(threshold_m: float, full: float) -> list[Key]:
     end_cm = full * threshold_m * 100
     ticks = [f"{end_cm * step / (TICKS - 1):g}" for step in range(TICKS)]
     return [
+        _bar("expected", [*ticks[:-1], f"{ticks[-1]} cm and more"], "expected error, one standard deviation"),
         _bar("error", [*ticks[:-1], f"{ticks[-1]} cm and more"], "off the truth"),
         Key("seen", tuple((_css(color), label) for _, color, label in SEEN)),
     ]

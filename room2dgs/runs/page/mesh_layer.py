@@ -11,10 +11,11 @@ from scipy.spatial import cKDTree
 
 from room2dgs.captures.world_offset import Origin
 from room2dgs.eval.alignment import transformed
-from room2dgs.eval.shading import CLAY
+from room2dgs.eval.shading import CLAY, error_color
 from room2dgs.mesh.io import read_mesh
 from room2dgs.mesh.simplify import decimated
 from room2dgs.mesh.vertex_colors import vertex_colors
+from room2dgs.mesh.vertex_source import EXPECTED_ERROR, told_by
 from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.page.packing import packed, stepped
 
@@ -96,6 +97,21 @@ def with_error(one: PageMesh, out: Path, origin_m: Origin) -> PageMesh:
     nearest = cKDTree(np.asarray(scored.vertices)).query(vertices)[1]
     colors = scored_colors[nearest, :3].astype(np.uint8)
     return one._replace(layers={**one.layers, "error": colors})
+
+
+def with_expected(one: PageMesh, mesh: trimesh.Trimesh, full_m: float) -> PageMesh:
+    """With the layer "expected", if the mesh says how far off it is expected to be; each vertex as the nearest.
+
+    Args:
+        mesh: the run's whole one, in the same frame.
+        full_m: from which on the colour stays, as in the layer "error".
+    """
+    expected = told_by(mesh, EXPECTED_ERROR)
+    if expected is None:
+        return one
+    nearest = cKDTree(np.asarray(mesh.vertices)).query(one.vertices)[1]
+    colors = np.round(error_color(expected[nearest], full_m) * 255).astype(np.uint8)
+    return one._replace(layers={**one.layers, "expected": colors})
 
 
 def with_photos(one: PageMesh, photos: np.ndarray) -> PageMesh:

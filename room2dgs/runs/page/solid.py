@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 BUTTONS = (
     ("color", "Colours"),
     ("shape", "Shape"),
+    ("expected", "Expected error"),
     ("error", "Error"),
     ("seen", "Photos that see it"),
     ("discs", "Splats"),

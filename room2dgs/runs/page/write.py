@@ -24,7 +24,7 @@ from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.page import texts, trust
 from room2dgs.runs.page.coverage import Coverage, Spot, advice, coverage, spots
 from room2dgs.runs.page.keys import kind_keys, layer_keys
-from room2dgs.runs.page.mesh_layer import PageMesh, page_mesh, with_error, with_off, with_photos
+from room2dgs.runs.page.mesh_layer import PageMesh, page_mesh, with_error, with_expected, with_off, with_photos
 from room2dgs.runs.page.places import Places, named_only
 from room2dgs.runs.page.plots import drawings, read_plots
 from room2dgs.runs.page.results import files_of, next_steps
@@ -125,8 +125,12 @@ def run_mesh(scene: Scene, config: Config, out: Path) -> PageMesh | None:
     """
     if not (out / MESH).is_file():
         return None
-    room = page_mesh(read_in_scene(out / MESH, scene.origin_m), config.report.faces)
-    return with_error(room, out, scene.origin_m) if len(room.faces) else None
+    mesh = read_in_scene(out / MESH, scene.origin_m)
+    room = page_mesh(mesh, config.report.faces)
+    if not len(room.faces):
+        return None
+    full_m = FULL_THRESHOLDS * texts.threshold_m(read_metrics(out), config)
+    return with_error(with_expected(room, mesh, full_m), out, scene.origin_m)
 
 
 def _whole(out: Path, metrics: dict[str, Any]) -> list[Figure]:
