@@ -59,6 +59,19 @@ def test_files_keys_and_pictures(make, scene, tmp_path):
     assert not list(out.rglob("*.tmp"))
 
 
+def test_the_expected_error_is_drawn_beside_the_true_one(make, scene, tmp_path):
+    pred = make.room(spacing=0.25)
+    pred.vertex_attributes["expected_error"] = np.full(len(pred.vertices), 0.1, np.float32)
+    write_pictures(score(scene, pred), scene.frames, tmp_path)
+    picture = cv2.imread(str(tmp_path / "expected.png"))[:, :, ::-1].astype(int)
+    third = picture.shape[1] // 3
+    told, true = picture[:, third : 2 * third], picture[:, 2 * third :]
+    # red: 10 cm are expected everywhere; blue: nothing is off
+    assert (told[..., 0] - told[..., 2] > 60).mean() > 0.5 and (true[..., 2] - true[..., 0] > 60).mean() > 0.5
+    write_pictures(score(scene, make.room()), scene.frames, tmp_path)
+    assert not (tmp_path / "expected.png").exists()
+
+
 def test_protocols_stand_by_name_and_the_first_leads(make, scene):
     found = score(scene, make.room(), protocols=["neuris", "area"], threshold_m=0.1)
     part, lines = found.as_dict(), found.lines()

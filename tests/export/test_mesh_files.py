@@ -12,6 +12,7 @@ import trimesh
 
 from room2dgs.export.axes import y_up_from
 from room2dgs.export.mesh_files import glb, linear, obj, ply
+from room2dgs.lengths.scaled_files import scaled_glb
 
 Z_UP = np.array([0, 0, 1.0])
 
@@ -53,6 +54,17 @@ def test_glb_stands_upright_with_linear_colours_and_a_dull_material(painted):
     corners = found["POSITION"][found["indices"].reshape(-1, 3)]
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert (np.einsum("ni,ni->n", facing, corners.mean(axis=1) - (1, 3, -2)) > 0).all()  # still counter-clockwise
+
+
+def test_the_glb_says_how_far_off_each_vertex_is_expected_to_be(painted):
+    expected = np.linspace(0.001, 0.1, len(painted.vertices), dtype=np.float32)
+    sure = painted.copy()
+    sure.vertex_attributes["expected_error"] = expected
+    data = glb(sure, y_up_from(Z_UP))
+    np.testing.assert_array_equal(parts_of_glb(data)[1]["_EXPECTED_ERROR"][:, 0], expected)
+    _, halved = parts_of_glb(scaled_glb(data, 0.5, "mesh.glb"))
+    np.testing.assert_allclose(halved["_EXPECTED_ERROR"][:, 0], expected / 2, rtol=1e-6)
+    assert "_EXPECTED_ERROR" not in parts_of_glb(glb(painted, y_up_from(Z_UP)))[1]
 
 
 def test_trimesh_opens_the_glb(painted):

@@ -128,6 +128,15 @@ def test_the_glb_shows_the_picture_where_the_surface_is(picture):
     assert max(jpeg.quantization[0]) < 30  # of quality 90; trimesh's own 75 has 60 and more
 
 
+def test_the_glb_has_the_expected_error_of_its_vertices(picture):
+    mesh, found, _, baked_picture, _ = picture
+    sure = mesh.copy()
+    sure.vertex_attributes["expected_error"] = np.arange(len(mesh.vertices), dtype=np.float32)
+    again = trimesh.load(io.BytesIO(glb_of(sure, found, baked_picture, np.eye(3))), file_type="glb", process=False)
+    (part,) = again.geometry.values()
+    np.testing.assert_array_equal(np.ravel(part.vertex_attributes["_EXPECTED_ERROR"]), found.source)
+
+
 def test_the_glb_says_what_it_is_and_is_shown_as_bright_as_its_photos(picture):
     """glTF's tree, as any reader has it: no lamp shades what has its light in it."""
     mesh, found, _, baked_picture, _ = picture

@@ -15,9 +15,10 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
+from room2dgs.eval.shading import error_color
 from room2dgs.json_files import update_json
 from room2dgs.mesh.io import write_mesh
-from room2dgs.runs.page.mesh_layer import page_mesh, with_error
+from room2dgs.runs.page.mesh_layer import page_mesh, with_error, with_expected
 from room2dgs.runs.page.plots import HELD_OUT, PSNR, drawings, read_plots, ticks
 from room2dgs.runs.page.surfel_layer import turned_over
 from room2dgs.runs.page.trust import picture, sentences
@@ -218,3 +219,14 @@ def test_the_error_of_an_aligned_mesh_is_where_it_belongs(tmp_path):
     update_json(tmp_path / "metrics.json", {"protocol": "area", "align": {"truth_from_pred": turn.tolist()}})
     layer = with_error(page_mesh(box, 10**6), tmp_path, (0.0, 0.0, 0.0)).layers["error"]
     np.testing.assert_array_equal(layer[:, 0] > 200, wrong)
+
+
+def test_the_expected_error_has_the_colours_of_the_true_one():
+    box = trimesh.creation.box((4.0, 3.0, 2.0)).subdivide_to_size(0.5)
+    told = np.where(box.vertices[:, 0] > 1.9, 0.2, 0.0).astype(np.float32)
+    box.vertex_attributes["expected_error"] = told
+    room = page_mesh(box, 10**6)
+    layer = with_expected(room, box, 0.1).layers["expected"]
+    np.testing.assert_array_equal(layer, np.round(error_color(told, 0.1) * 255))
+    del box.vertex_attributes["expected_error"]
+    assert with_expected(room, box, 0.1) is room
