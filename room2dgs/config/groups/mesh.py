@@ -31,7 +31,9 @@ class MeshConfig:
     max_depth_m: Float = public(8.0, "Largest depth in metres that is fused.", ge=0.1)
     min_alpha: Float = expert(0.5, "Smallest accumulated opacity of a pixel that is fused.", ge=0, le=1)
     max_expected_m: Float | None = expert(
-        0.3, "Largest expected error in metres of prior depth that is fused, and of the finished surface (null: any).", gt=0
+        0.3,
+        "Largest expected error in metres of prior depth that is fused, and of the finished surface (null: any).",
+        gt=0,
     )
     max_angle_deg: Float = expert(
         80.0, "Largest angle between the surface normal and the view ray of a pixel that is fused.", ge=1, le=90
