@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from room2dgs.captures.scene import Scene
 from room2dgs.config import Config
+from room2dgs.pipeline.mesh_boundary import write_mesh_boundary
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.surfels import use_threads
 from room2dgs.pipeline.texture import write_textured_mesh
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def make_mesh(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder) -> None:
-    """mesh.ply by the mesher that mesh.source names, and mesh.glb of it (`write_textured_mesh`).
+    """mesh.ply by the mesher that mesh.source names, boundary.ply and mesh.glb of it (`write_textured_mesh`).
 
     Its figures go to metrics.json.
 
@@ -53,11 +54,13 @@ def make_mesh(scene: Scene, surfels: Splats | None, config: Config, run: RunFold
         mesh, seen = photo_colored(mesh, scene.train)
         (run.path / TEXTURED).unlink(missing_ok=True)  # of the mesh before
         write_in_world(run.path / MESH, mesh, scene.origin_m)
+        boundary = write_mesh_boundary(mesh, scene, run)
     # Scores and the verdict of a mesh that is no longer there must not stand beside this one.
     scores = cleared(run.path, MESH_SCORES)
     run.record(
         {
             **scores,
+            **boundary,
             VERDICT: None,
             "mesh_vertices": len(mesh.vertices),
             "mesh_faces": len(mesh.faces),

@@ -26,6 +26,7 @@ from room2dgs.pipeline.unit_estimate import UNIT
 from room2dgs.pipeline.units import SCALE
 from room2dgs.registries.exporters import EXPORTERS, place_of
 from room2dgs.runs.folder import (
+    BOUNDARY,
     CHECKPOINTS,
     EVAL,
     EXPORTS,
@@ -151,7 +152,9 @@ def _stage(config: Config, out: Path, rescaling: Rescaling) -> None:
     place = staging(out)
     saved = earlier_run([f"out={out}"])
     write_config(place, replace(saved, scene=replace(saved.scene, unit=unit)))
-    (place / MESH).write_bytes(scaled_ply((out / MESH).read_bytes(), factor, str(out / MESH)))
+    for name in (MESH, BOUNDARY):
+        if (out / name).is_file():
+            (place / name).write_bytes(scaled_ply((out / name).read_bytes(), factor, str(out / name)))
     if (out / TEXTURED).is_file():
         (place / TEXTURED).write_bytes(scaled_glb((out / TEXTURED).read_bytes(), factor, str(out / TEXTURED)))
     if (out / SURFELS).is_file():
@@ -196,6 +199,8 @@ def _scaled_metrics(metrics: dict[str, Any], unit: float, rescaling: Rescaling) 
     for key in ("mesh_voxel_m", SCALE):
         if found.get(key) is not None:
             found[key] = factor * found[key]
+    if isinstance(found.get("boundary_m"), dict):
+        found["boundary_m"] = {kind: factor * metres for kind, metres in found["boundary_m"].items()}
     if isinstance(found.get("poses"), dict) and found["poses"].get("moved_m") is not None:
         found["poses"] = {**found["poses"], "moved_m": factor * found["poses"]["moved_m"]}
     if isinstance(found.get("capture"), dict):

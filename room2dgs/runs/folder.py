@@ -24,7 +24,7 @@ from room2dgs.owner import LOCK, FolderGone, owned, refuse_if_owned
 from room2dgs.runs.replacing import refuse_unfinished
 
 CONFIG, MESH, METRICS = "config.yaml", "mesh.ply", "metrics.json"
-TEXTURED = "mesh.glb"
+TEXTURED, BOUNDARY = "mesh.glb", "boundary.ply"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
 PRIORS, PRIOR_MAPS, CACHE, POSES = "priors.csv", "priors", "cache", "poses.json"
 REPORT, TRUST, EXPORTS = "report.html", "trust.npz", "export"
@@ -38,7 +38,10 @@ MADE = {
 }
 
 # Where a file of these names, or a folder, cannot be written
-FILES = (CONFIG, MESH, TEXTURED, METRICS, SURFELS, PRIORS, POSES, REPORT, TRUST, LOG_FILE, "dense.ply", "coverage.json")
+FILES = (
+    *(CONFIG, MESH, TEXTURED, BOUNDARY, METRICS, SURFELS, PRIORS, POSES, REPORT, TRUST, LOG_FILE),
+    *("dense.ply", "coverage.json"),
+)
 FOLDERS = (KEPT, CHECKPOINTS, POINTS, RENDERS, PRIOR_MAPS, CACHE, EXPORTS, CAPTURE, EVAL, "tensorboard")
 
 

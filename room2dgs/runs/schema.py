@@ -138,6 +138,7 @@ BY_KEY = {
     "prior_seconds": Kind("object of objects of numbers", _each(_each(is_number))),
     "versions": Kind("object of texts", _each(_is_text)),
     "machine": Kind("object of numbers and texts", _each(_is_scalar)),
+    "boundary_m": NUMBERS,
     **dict.fromkeys(("capture", "poses", "unit"), OBJECT),
     "exposure": Kind("object with gains of three numbers above 0 by photo", _is_exposure),
     "verdict": Kind("object of a word, reasons, advice and measures", _is_verdict),

@@ -15,7 +15,9 @@ from room2dgs.captures.in_metres import EstimatedUnit
 from room2dgs.captures.poses_file import write_poses
 from room2dgs.config import load_config
 from room2dgs.errors import InputError
+from room2dgs.eval.boundary_kinds import COLORS
 from room2dgs.lengths.scaled_files import scaled_glb, scaled_ply
+from room2dgs.mesh.boundary_file import BoundaryEdges, read_boundary, write_boundary
 from room2dgs.mesh.io import write_mesh
 from room2dgs.pipeline.scene import read_capture
 from room2dgs.runs import replacing
@@ -38,6 +40,8 @@ def run(wall, make, tmp_path):
     room.vertex_attributes["expected_error"] = np.full(len(room.vertices), 0.004, np.float32)
     write_mesh(out / "mesh.ply", room)
     (out / "mesh.glb").write_bytes(room.export(file_type="glb"))
+    rim = BoundaryEdges(np.array([[[0.0, 0, 1], [0, 0.5, 1]]]), np.array([1], np.uint8))
+    write_boundary(out / "boundary.ply", rim, COLORS, (0.0, 0.0, 0.0))
     one = Surfels(
         torch.tensor([[1.0, 2, 3]]),
         torch.tensor([[1.0, 0, 0, 0]]),
@@ -57,6 +61,7 @@ def run(wall, make, tmp_path):
             "capture": {"metric": False},
             "unit": {"metres": 1.0, "source": "assumed"},
             "mesh_voxel_m": 0.02,
+            "boundary_m": {"free": 0.0, "not_seen": 0.5, "not_trusted": 0.0},
             "f_score_5cm": 0.9,
         },
     )
@@ -90,7 +95,10 @@ def test_all_files_follow(run, capsys):
     assert after.settings.scene.unit == pytest.approx(2)
     metrics = after.metrics
     assert metrics["unit"]["source"] == "known length" and metrics["mesh_voxel_m"] == pytest.approx(0.04)
-    assert metrics.get("f_score_5cm") is None
+    assert metrics.get("f_score_5cm") is None and metrics["boundary_m"]["not_seen"] == pytest.approx(1.0)
+    rim = read_boundary(run / "boundary.ply", len(COLORS), (0.0, 0.0, 0.0))
+    np.testing.assert_allclose(rim.ends, [[[0, 0, 2], [0, 1, 2]]])
+    assert list(rim.kind) == [1]
     assert json.loads((run / "poses.json").read_text())["report"]["moved_m"] == pytest.approx(0.02)
     assert "0,1.6,0.2,0.03,100" in (run / "priors.csv").read_text()
     assert not (run / "checkpoints").exists() and not (run / replacing.PLACE).exists()

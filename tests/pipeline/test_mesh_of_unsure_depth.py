@@ -9,8 +9,11 @@ import trimesh
 from room2dgs.captures.read import read_scene
 from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import load_config
+from room2dgs.eval.boundary_kinds import NAMES, NOT_TRUSTED
+from room2dgs.mesh.boundary_file import read_boundary
 from room2dgs.pipeline.mesh import make_mesh
 from room2dgs.pipeline.run_folder import RunFolder
+from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.trust import read_trust, write_trust
 from tests.pipeline.test_mesh_on_device import surfels_of_wall
 
@@ -44,6 +47,26 @@ def test_what_is_expected_to_be_far_off_is_not_meshed(wall, tmp_path, given, lef
     stripe = mesh.area_faces[np.abs(x + 0.5) < 0.06].sum()
     assert area["sure"] > 0.3 and stripe > 0.02  # nobody says that the stripe is off
     assert (area["unsure"] < 0.02) == left_out, area
+
+
+def test_the_boundary_is_written_with_the_mesh_and_goes_with_the_trust_that_judged_it(wall, tmp_path):
+    """The wall goes on where its half was left out, and no depth there is sure."""
+    config = load_config([f"scene.path={wall}", f"out={tmp_path}", "prior=room_prior", "mesh.voxel_m=0.04"])
+    scene, lines = read_scene(config.scene), []
+    write_trust(tmp_path / "trust.npz", scene.train, {frame.name: maps_of(frame) for frame in scene.train}, {})
+    make_mesh(scene, surfels_of_wall(wall), config, RunFolder(tmp_path, lines.append))
+    edges = read_boundary(tmp_path / "boundary.ply", len(NAMES), scene.origin_m)
+    length = np.linalg.norm(edges.ends[:, 1] - edges.ends[:, 0], axis=1)
+    metres = read_metrics(tmp_path)["boundary_m"]
+    assert metres == pytest.approx(
+        {name: length[edges.kind == kind].sum() for kind, name in enumerate(NAMES)}, rel=1e-4
+    )
+    middle = np.abs(edges.ends[..., 0].mean(axis=1)) < 0.15
+    assert (edges.kind[middle] == NOT_TRUSTED).mean() > 0.5
+    assert any(line.startswith("mesh: its boundary: ") for line in lines)
+    (tmp_path / "trust.npz").unlink()
+    make_mesh(scene, surfels_of_wall(wall), config, RunFolder(tmp_path, lines.append))
+    assert not (tmp_path / "boundary.ply").exists() and read_metrics(tmp_path)["boundary_m"] is None
 
 
 @pytest.mark.parametrize("known", [0, 1])

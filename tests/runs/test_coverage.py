@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from room2dgs.eval.boundary_kinds import COLORS, FREE, NOT_SEEN, NOT_TRUSTED
+from room2dgs.eval.surface import Surface
+from room2dgs.mesh.boundary_file import BoundaryEdges
+from room2dgs.runs.page.boundary import boundary_picture, boundary_sentences
 from room2dgs.runs.page.coverage import blurred_photos, coverage, spots
 from room2dgs.runs.page.mesh_layer import page_mesh, with_off
 from room2dgs.runs.trust import Trust
@@ -60,6 +64,42 @@ def test_a_hole_is_found_and_the_rim_is_none(make):
     (hole,) = spots(room, coverage(room, photos(cameras), {}), [Photo("p", cameras[0])])
     assert np.allclose(hole.at, 0, atol=0.05)
     assert "A hole of 1.4 m" in hole.text  # a square of 1 m, from corner to corner
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [(FREE, None), (NOT_SEEN, "film into it"), (NOT_TRUSTED, "photos show, but whose depth is not sure")],
+)
+def test_a_hole_is_to_be_filmed_unless_it_is_seen_to_be_free(make, kind, words):
+    room = plate(make, hole=0.45)
+    cameras = [looking_down(make, x) for x in (-0.1, 0, 0.1)]
+    ends = np.array([[(x, y, 0.0), (x, y + 0.1, 0.0)] for x in (-0.5, 0.5) for y in (-0.4, 0.0, 0.4)])
+    kinds = np.full(len(ends), kind, np.uint8)
+    kinds[0] = (kind + 1) % 3  # the commonest counts
+    found = spots(room, coverage(room, photos(cameras), {}), [Photo("p", cameras[0])], BoundaryEdges(ends, kinds))
+    assert [words in spot.text for spot in found if "hole" in spot.text] == ([] if words is None else [True])
+
+
+def test_the_boundary_is_told_in_metres():
+    metres = {"free": 1.24, "not_seen": 2.0, "not_trusted": 0.5}
+    (line,) = boundary_sentences({"boundary_m": metres}, "m")
+    assert "1.2 m seen to be free, 2.0 m not seen, 0.5 m seen, not trusted" in line
+    assert boundary_sentences({}, "m") == boundary_sentences({"boundary_m": None}, "m") == []
+
+
+def test_the_boundary_is_drawn_in_its_colours(make):
+    mesh = make.quad((-1, -1, 0), (2, 0, 0), (0, 2, 0))
+    camera = looking_down(make, 0)
+    ends = np.array([[(-1.0, -1, 0), (-1, 1, 0)], [(1.0, -1, 0), (1, 1, 0)]])
+    edges = BoundaryEdges(ends, np.array([FREE, NOT_TRUSTED], np.uint8))
+    picture = boundary_picture(Surface(mesh), edges, camera)
+    for line, kind in zip(ends, edges.kind, strict=True):
+        row, column = np.nonzero((np.abs(picture - COLORS[kind] / 255) < 0.2).all(axis=2))
+        pixel = np.stack([column, row], axis=1) + 0.5
+        start, end = camera.project(line)[0]
+        x, y = (end - start) / np.linalg.norm(end - start)
+        off = (pixel - start) @ np.array([-y, x])
+        assert len(pixel) > 20 and np.abs(off).max() < 3
 
 
 def test_a_surface_seen_only_at_a_slant_is_named(make):

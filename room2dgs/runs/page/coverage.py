@@ -10,13 +10,16 @@ import cv2
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 from trimesh.graph import face_adjacency
 
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.captures.selection import evenly_spaced
+from room2dgs.eval.boundary_kinds import FREE, NOT_SEEN, NOT_TRUSTED, WORDS
 from room2dgs.eval.culling import sees
 from room2dgs.eval.surface import Surface
 from room2dgs.geometry.camera import Camera
+from room2dgs.mesh.boundary_file import BoundaryEdges
 from room2dgs.runs.page.mesh_layer import PageMesh
 from room2dgs.runs.trust import Trust
 
@@ -27,6 +30,11 @@ SLANT_COS = 0.26  # 75 degrees between the normal and the best ray
 LEAST_M2, LEAST_HOLE_M = 0.15, 0.35
 MOST_SPOTS = 4  # of each kind
 RIM = 0.6  # of the room's diagonal: an open edge so long is the rim of what was filmed, not a hole
+HOLES = {
+    NOT_SEEN: "A hole of {across:.1f} m: film into it, slowly, with its edges in the picture",
+    NOT_TRUSTED: "A hole of {across:.1f} m that photos show, but whose depth is not sure (blank, shining, glass): film "
+    "it from nearer, from several sides, with more light",
+}
 SHARP_WIDTH = 320
 BLURRED = 0.4  # of the sharpness of its neighbours in the capture
 NEIGHBOURS = 4  # to either side
@@ -109,8 +117,12 @@ def _median(off: np.ndarray) -> np.ndarray:
         return np.nanmedian(off, axis=0)
 
 
-def spots(room: PageMesh, seen: Coverage, frames: Sequence[Frame]) -> list[Spot]:
-    """Places of the mesh that want more photos, the largest first."""
+def spots(room: PageMesh, seen: Coverage, frames: Sequence[Frame], boundary: BoundaryEdges | None = None) -> list[Spot]:
+    """Places of the mesh that want more photos, the largest first.
+
+    Args:
+        boundary: of the mesh, by what lies beyond it: what is free wants none. None: not known.
+    """
     few = (seen.photos[room.faces] < FEW).all(axis=1)
     slant = (seen.steepest[room.faces] < SLANT_COS).all(axis=1) & ~few
     findings = (
@@ -122,10 +134,9 @@ def spots(room: PageMesh, seen: Coverage, frames: Sequence[Frame]) -> list[Spot]
         for at, area in _patches(room, bad):
             where, photo = _beside(at, frames)
             found.append(Spot(at, sentence.format(area=area) + where, photo))
-    for at, across in _holes(room):
+    for at, across, kind in _holes(room, boundary):
         where, photo = _beside(at, frames)
-        sentence = f"A hole of {across:.1f} m: film into it, slowly, with its edges in the picture"
-        found.append(Spot(at, sentence + where, photo))
+        found.append(Spot(at, HOLES[kind].format(across=across) + where, photo))
     return found
 
 
@@ -190,8 +201,9 @@ def _patches(room: PageMesh, bad: np.ndarray) -> list[tuple[np.ndarray, float]]:
     return found
 
 
-def _holes(room: PageMesh) -> list[tuple[np.ndarray, float]]:
-    """Middle and size, metres, of the largest closed runs of edges that only one triangle has."""
+def _holes(room: PageMesh, boundary: BoundaryEdges | None) -> list[tuple[np.ndarray, float, int]]:
+    """Middle, size in metres and kind of the largest closed runs of edges that only one triangle has, but for those
+    beyond which space is free."""
     edges = np.sort(room.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     unique, times = np.unique(edges, axis=0, return_counts=True)
     rim = unique[times == 1]
@@ -203,9 +215,18 @@ def _holes(room: PageMesh) -> list[tuple[np.ndarray, float]]:
     for one in np.unique(label[on_rim]):
         points = room.vertices[on_rim[label[on_rim] == one]]
         across = float(np.linalg.norm(np.ptp(points, axis=0)))
-        if LEAST_HOLE_M <= across < RIM * diagonal:
-            found.append((points.mean(axis=0), across))
+        kind = _kind_beyond(points, boundary)
+        if LEAST_HOLE_M <= across < RIM * diagonal and kind != FREE:
+            found.append((points.mean(axis=0), across, kind))
     return sorted(found, key=lambda hole: -hole[1])[:MOST_SPOTS]
+
+
+def _kind_beyond(points: np.ndarray, boundary: BoundaryEdges | None) -> int:
+    """The commonest kind of the boundary's edges that are nearest to points of a rim; not seen, if none is known."""
+    if boundary is None or not len(boundary.kind):
+        return NOT_SEEN
+    nearest = cKDTree(boundary.ends.mean(axis=1)).query(points)[1]
+    return int(np.bincount(boundary.kind[nearest], minlength=len(WORDS)).argmax())
 
 
 def _beside(at: np.ndarray, frames: Sequence[Frame]) -> tuple[str, str | None]:

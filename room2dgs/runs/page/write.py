@@ -13,15 +13,18 @@ from room2dgs.captures.image_files import read_photo
 from room2dgs.captures.scene import Scene
 from room2dgs.config import Config, dump_config
 from room2dgs.errors import InputError
+from room2dgs.eval.boundary_kinds import WORDS as KINDS_BEYOND
 from room2dgs.eval.pictures import FULL_THRESHOLDS
 from room2dgs.files import whole_file
 from room2dgs.logs import logged
+from room2dgs.mesh.boundary_file import BoundaryEdges, read_boundary
 from room2dgs.mesh.world import read_in_scene
 from room2dgs.report.page import Figure, page
 from room2dgs.report.table import Table
-from room2dgs.runs.folder import EVAL, MESH, QUALITY, REPORT, TEXTURED, TRUST
+from room2dgs.runs.folder import BOUNDARY, EVAL, MESH, QUALITY, REPORT, TEXTURED, TRUST
 from room2dgs.runs.metrics import read_metrics
 from room2dgs.runs.page import texts, trust
+from room2dgs.runs.page.boundary import boundary_figure, boundary_sentences
 from room2dgs.runs.page.coverage import Coverage, Spot, advice, coverage, spots
 from room2dgs.runs.page.keys import kind_keys, layer_keys
 from room2dgs.runs.page.mesh_layer import PageMesh, page_mesh, with_error, with_expected, with_off, with_photos
@@ -73,12 +76,13 @@ def write_report(
     room, seen, wanting = _room(scene, config, out, maps)
     drawn = solid(room, surfels, wanting, scene, config, facts) if room else None
     inside = drawn is not None and drawn["textured"]
+    unit = "m" if scene.metric else "units"
     text = page(
         "run.html.j2",
         title=Path(config.scene.path).name,
         opening=places.out_of(texts.opening(config, metrics)),
         verdict=places.out_of_verdict(noted_verdict(metrics)),
-        first=first_facts(facts, metrics, "m" if scene.metric else "units", box_m(room) if room else None),
+        first=first_facts(facts, metrics, unit, box_m(room) if room else None),
         facts=texts.facts(scene, metrics),
         warnings=places.out_of_all(texts.warnings(scene, config, metrics, log)),
         solid=drawn,
@@ -90,9 +94,9 @@ def write_report(
         views=view_pictures(scene, rendered, maps, config.report.views),
         kinds=[kind for kind in KINDS if kind[0] != "trust" or maps],
         kind_keys=kind_keys(source),
-        whole=_whole(out, metrics),
+        whole=[*_boundary(scene, out), *_whole(out, metrics)],
         spots=[spot.text for spot in wanting],
-        advice=places.out_of_all(advice(scene, seen)),
+        advice=places.out_of_all([*boundary_sentences(metrics, unit), *advice(scene, seen)]),
         trusted=trust.sentences(maps, source),
         plots=drawings(read_plots(log)),
         tables=texts.tables(metrics),
@@ -114,7 +118,7 @@ def _room(
         return None, None, []
     seen = coverage(room, scene.train, maps)
     room = with_off(with_photos(room, seen.photos), seen.off_m)
-    return room, seen, spots(room, seen, scene.frames)
+    return room, seen, spots(room, seen, scene.frames, run_boundary(scene, out))
 
 
 def run_mesh(scene: Scene, config: Config, out: Path) -> PageMesh | None:
@@ -131,6 +135,25 @@ def run_mesh(scene: Scene, config: Config, out: Path) -> PageMesh | None:
         return None
     full_m = FULL_THRESHOLDS * texts.threshold_m(read_metrics(out), config)
     return with_error(with_expected(room, mesh, full_m), out, scene.origin_m)
+
+
+def run_boundary(scene: Scene, out: Path) -> BoundaryEdges | None:
+    """What the run says of its mesh's boundary, scene's frame; None: nothing.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    if not (out / BOUNDARY).is_file():
+        return None
+    return read_boundary(out / BOUNDARY, len(KINDS_BEYOND), scene.origin_m)
+
+
+def _boundary(scene: Scene, out: Path) -> list[Figure]:
+    edges = run_boundary(scene, out)
+    if edges is None or not len(edges.kind) or not (out / MESH).is_file():
+        return []
+    figure = boundary_figure(read_in_scene(out / MESH, scene.origin_m), edges, scene.frames)
+    return [] if figure is None else [figure]
 
 
 def _whole(out: Path, metrics: dict[str, Any]) -> list[Figure]:
