@@ -32,6 +32,7 @@ class DepthMap:
         distorted: the map has the photo's distortion; False: it is a pinhole image.
         invalid: a number besides 0, and all that is not finite, that stands for no depth.
         stored: (width, height) where it is known without reading the map.
+        zoom: by what the photo's focal lengths were multiplied since; the map's pixels stay with the photo's.
     """
 
     label: str
@@ -42,6 +43,7 @@ class DepthMap:
     distorted: bool = True
     invalid: float | None = None
     stored: tuple[int, int] | None = None
+    zoom: float = 1.0
 
     def size(self) -> tuple[int, int] | None:
         """(width, height), by the header where there is one; None: it cannot be read, whoever reads it tells."""
@@ -79,7 +81,7 @@ class DepthMap:
         """
         depth = self.metres()
         height, width = depth.shape
-        rays = camera.rays()
+        rays = camera.zoomed(1 / self.zoom).rays()
         if self.K is not None:
             pixel = rays[..., :2] * np.array([self.K[0][0], self.K[1][1]]) + np.array([self.K[0][2], self.K[1][2]])
             if self.K_size is not None:

@@ -13,7 +13,7 @@ import numpy as np
 from room2dgs.captures.in_metres import EstimatedUnit, unit_of_dict
 from room2dgs.captures.lens import Lens
 from room2dgs.captures.scene import Dropped, Frame, Scene
-from room2dgs.captures.with_lens import with_lens
+from room2dgs.captures.with_lens import with_focal, with_lens
 from room2dgs.errors import InputError
 from room2dgs.files import whole_file
 from room2dgs.geometry.camera import Camera
@@ -23,6 +23,8 @@ KIND = "room2dgs poses"
 LEFT_OUT = "left_out"  # what a report calls the frames that take no part
 UNIT = "unit"  # by which the capture was scaled; without it, it was not
 LENS = "lens"  # and the lens that was found: model, params, size
+FOCAL = "focal"  # and by what all focal lengths were multiplied
+MOST_FOCAL = 2.0  # a factor, or its inverse, that a file may have
 NO_POSE = "its photo does not tell its pose, and the given poses are off"
 MEND = "delete it and start the run anew"
 LONGEST, LONGEST_FRAME = 16 << 20, 16 << 10  # bytes of the file, and more of them for each frame
@@ -95,7 +97,7 @@ def read_unit(path: Path, scene: Scene) -> EstimatedUnit | None:
 
 
 def read_poses(path: Path, scene: Scene) -> tuple[Scene, dict[str, Any]]:
-    """The scene with the refined poses and the lens of a file, and what the file reports.
+    """The scene with the refined poses, the lens and the focal length of a file, and what the file reports.
 
     Frames not in it keep their poses; those that its report calls left out are not in the scene.
 
@@ -111,6 +113,7 @@ def read_poses(path: Path, scene: Scene) -> tuple[Scene, dict[str, Any]]:
             name: (_matrix(two["given"]), _matrix(two["refined"])) for name, two in content["cam_from_world"].items()
         }
         lens, left_out = _lens(report.get(LENS), path), _names(report.get(LEFT_OUT) or ())
+        focal = _factor(report.get(FOCAL))
         whole = content["kind"] == KIND
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
         whole = False
@@ -121,6 +124,8 @@ def read_poses(path: Path, scene: Scene) -> tuple[Scene, dict[str, Any]]:
             raise InputError(f"{path} gives {name} a pose that is not rigid; {MEND}")
     if lens:
         scene = with_lens(scene, lens)
+    if focal != 1:
+        scene = with_focal(scene, focal)
     cameras = {}
     for frame in scene.frames:
         if frame.name not in poses:
@@ -161,6 +166,13 @@ def _lens(found: Any, path: Path) -> Lens | None:
         return None
     width, height = map(int, found["size"])
     return Lens(str(found["model"]), tuple(map(float, found["params"])), (width, height), str(path))
+
+
+def _factor(found: Any) -> float:
+    factor = 1.0 if found is None else float(found)
+    if not 1 / MOST_FOCAL <= factor <= MOST_FOCAL:
+        raise ValueError
+    return factor
 
 
 def _names(found: Any) -> tuple[str, ...]:

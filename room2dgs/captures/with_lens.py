@@ -1,4 +1,4 @@
-"""Gives a scene of pinhole photos the distorted lens that was estimated for them."""
+"""Gives a scene of pinhole photos the distorted lens, or the focal length, that was estimated for them."""
 
 from __future__ import annotations
 
@@ -34,4 +34,18 @@ def with_lens(scene: Scene, lens: Lens) -> Scene:
         return replace(frame, camera=camera, lens=whole)
 
     train, test = (tuple(straight(frame) for frame in frames) for frames in (scene.train, scene.test))
+    return replace(scene, train=train, test=test, given_points=None)
+
+
+def with_focal(scene: Scene, factor: float) -> Scene:
+    """The scene, all cameras with focal lengths `factor` times as long; photos, depth maps and poses stay.
+
+    Points that came with the capture no longer fit and are gone.
+    """
+
+    def zoomed(frame: Frame) -> Frame:
+        depth = frame.depth_map and replace(frame.depth_map, zoom=factor * frame.depth_map.zoom)
+        return replace(frame, camera=frame.camera.zoomed(factor), depth_map=depth)
+
+    train, test = (tuple(zoomed(frame) for frame in frames) for frames in (scene.train, scene.test))
     return replace(scene, train=train, test=test, given_points=None)

@@ -69,6 +69,10 @@ class Camera:
         """The same view at another width, in the same shape as far as whole pixels allow."""
         return self.resized(width, max(1, round(self.height * width / self.width)))
 
+    def zoomed(self, factor: float) -> Camera:
+        """With focal lengths `factor` times as long."""
+        return replace(self, K=self.K * [[factor, 1, 1], [1, factor, 1], [1, 1, 1]])
+
     def to_camera(self, xyz: np.ndarray) -> np.ndarray:
         """Points (..., 3) of the world, metres, in the camera frame."""
         return xyz @ self.rotation.T + self.cam_from_world[:3, 3]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from room2dgs.captures.point_cloud import Tracks
 from room2dgs.geometry.camera import Camera
-from room2dgs.sfm.bundle import Spread, aligned, bundle_adjusted, moves
+from room2dgs.sfm.bundle import Spread, aligned, bundle_adjusted, focal_adjusted, moves
 from room2dgs.sfm.feature_tracks import MIN_TRACK, covering, some
 from room2dgs.sfm.structure import parallax_deg, reprojection_errors, track_errors, triangulated
 
@@ -46,7 +47,11 @@ class Adjusted(NamedTuple):
 
 
 def adjusted(
-    given: Sequence[Camera], tracks: Tracks, start: Sequence[Camera] | None = None, rounds: int = ROUNDS
+    given: Sequence[Camera],
+    tracks: Tracks,
+    start: Sequence[Camera] | None = None,
+    rounds: int = ROUNDS,
+    focal: bool = False,
 ) -> Adjusted:
     """Poses that fit the tracks, in the frame and scale of the given ones.
 
@@ -58,29 +63,38 @@ def adjusted(
         tracks: of all of them, sorted by point.
         start: cameras of an earlier round; None: the given ones.
         rounds: at most; the last two have errors of a pixel or less.
+        focal: the focal length is adjusted, too, if all cameras have the same K.
     """
     scale = 1.0
     cameras, known = list(start or given), np.zeros(len(given), bool)
     if len(tracks):
         tracks = some(tracks, covering(tracks, SEEN))
     spread, fine = FIRST, 0
+    adjust = focal_adjusted if focal and same_intrinsics(given) else bundle_adjusted
     for _ in range(rounds):
         fitting, xyz, loss_px = consistent(cameras, tracks)
         groups = _groups(fitting, len(given))
         known = groups >= 0
         if not known.any():
             break
-        moved = bundle_adjusted(cameras, given, fitting, xyz, loss_px, spread)
+        moved = adjust(cameras, given, fitting, xyz, loss_px, spread)
         largest = int(np.bincount(groups[known]).argmax())
         for group in range(groups.max() + 1):
             moved, held = aligned(moved, given, groups == group)
             scale /= held if group == largest else 1.0
-        cameras = [one if seen else other for one, other, seen in zip(moved, given, known, strict=True)]
+        still = [replace(old, K=new.K) for old, new in zip(given, moved, strict=True)]
+        cameras = [one if seen else other for one, other, seen in zip(moved, still, known, strict=True)]
         spread = spread_of(cameras, given, known, fitting)
         fine += loss_px == LOSS_PX
         if fine == FINE_ROUNDS:
             break
     return Adjusted(cameras, known, scale - 1.0)
+
+
+def same_intrinsics(cameras: Sequence[Camera]) -> bool:
+    """Whether all have one size and one K."""
+    first = cameras[0]
+    return all(camera.size == first.size and np.array_equal(camera.K, first.K) for camera in cameras)
 
 
 def consistent(cameras: Sequence[Camera], tracks: Tracks) -> tuple[Tracks, np.ndarray, float]:

@@ -20,6 +20,8 @@ ITERATIONS = 50
 FAR_M = 1e4
 PRIOR_IDS = 1_000_000  # ids of the rotation priors' images and cameras begin here, above those of photos
 PRIOR_PX = 1000
+FOCAL_ID = 2 * PRIOR_IDS  # of the image that is the focal length's prior
+FOCAL_SPREAD = 0.01  # relative standard deviation of a given focal length: autofocus, and what vendors round
 ALIGNMENT_ROUNDS = 4
 MIN_REACH = 3.0  # times the scatter of the centres: cameras nearer to each other only turned and have no scale
 
@@ -87,6 +89,33 @@ def lens_adjusted(
     return _with_poses(cameras, rebuilt), lens
 
 
+def focal_adjusted(
+    cameras: Sequence[Camera],
+    given: Sequence[Camera],
+    tracks: Tracks,
+    xyz: np.ndarray,
+    loss_px: float,
+    spread: Spread,
+) -> list[Camera]:
+    """As `bundle_adjusted`, and with the focal length of all photos, which have the same K, adjusted.
+
+    A wrong focal length is made up for by the distance of all points, so reprojection errors hardly tell it and the
+    scale of the depth is off. Both focal lengths change by one factor. Its prior is the given one, by `FOCAL_SPREAD`.
+    """
+    options = _options(loss_px)
+    options.refine_focal_length = True
+    first, original = cameras[0], given[0]
+    (fx, fy), (cx, cy) = first.K[(0, 1), (0, 1)], first.K[:2, 2]
+    square = tracks.pixel.astype(np.float64)  # as if pixels were square: pycolmap's other cameras have two factors
+    square[:, 1] = cy + (square[:, 1] - cy) * (fx / fy)
+    model = pycolmap.Camera(model="SIMPLE_PINHOLE", width=first.width, height=first.height, params=[fx, cx, cy])
+    seen = Tracks(tracks.frames, tracks.frame, tracks.point, square)
+    each = [1] * len(cameras)
+    rebuilt = _solved([model] * len(cameras), each, cameras, given, seen, xyz, spread, options, original.K[0, 0])
+    factor = float(rebuilt.camera(1).focal_length) / fx
+    return [camera.zoomed(factor) for camera in _with_poses(cameras, rebuilt)]
+
+
 def _solved(
     models: Sequence[pycolmap.Camera],
     numbers: Sequence[int],
@@ -96,11 +125,13 @@ def _solved(
     xyz: np.ndarray,
     spread: Spread,
     options: pycolmap.BundleAdjustmentOptions,
+    given_focal: float | None = None,
 ) -> pycolmap.Reconstruction:
     """The adjusted photos, numbered from 1 on.
 
     Args:
         models, numbers: of each photo its intrinsics and their number; photos may share one.
+        given_focal: where the prior of camera 1's focal length is, pixels; None: it has no prior.
     """
     rebuilt = pycolmap.Reconstruction()
     observed = [np.flatnonzero(tracks.frame == index) for index in range(len(cameras))]
@@ -134,6 +165,8 @@ def _solved(
             for twice in range(2):  # pycolmap wants two observations of a point
                 track.add_element(PRIOR_IDS + index, 2 * number + twice)
             config.add_constant_point(rebuilt.add_point3D(place, track))
+    if given_focal is not None:
+        _add_focal_prior(rebuilt, config, given_focal, spread.pixels)
     alignment = pycolmap.PosePriorBundleAdjustmentOptions()
     alignment.alignment_ransac.random_seed = 0
     with quiet():
@@ -208,6 +241,40 @@ def _add(
     for seen in (image, prior_image):
         rebuilt.add_image(seen)
     rebuilt.register_frame(frame.frame_id)
+
+
+def _add_focal_prior(
+    rebuilt: pycolmap.Reconstruction, config: pycolmap.BundleAdjustmentConfig, focal: float, pixels: float
+) -> None:
+    """A photo by camera 1 that stays where it is and sees fixed points where the given focal length has them.
+
+    pycolmap has no prior for focal lengths. Four observations at a tangent t off the axis cost (2 t change)^2 pixels^2;
+    t makes that an observation's variance at a change of `FOCAL_SPREAD`.
+    """
+    camera = rebuilt.camera(1)
+    tangent = pixels / (2 * FOCAL_SPREAD * focal)
+    axis = np.array([camera.principal_point_x, camera.principal_point_y])
+    aside = np.array([tangent * focal, 0.0])
+    image = pycolmap.Image(
+        name="focal length held",
+        keypoints=np.repeat([axis - aside, axis + aside], 2, axis=0),
+        camera_id=camera.camera_id,
+        image_id=FOCAL_ID,
+    )
+    frame = pycolmap.Frame(frame_id=FOCAL_ID, rig_id=1)
+    frame.rig_from_world = pycolmap.Rigid3d()
+    image.frame_id = frame.frame_id
+    frame.add_data_id(image.data_id)
+    rebuilt.add_frame(frame)
+    rebuilt.add_image(image)
+    rebuilt.register_frame(frame.frame_id)
+    config.add_image(FOCAL_ID)
+    config.set_constant_rig_from_world_pose(FOCAL_ID)
+    for number, side in enumerate((-tangent, tangent)):
+        track = pycolmap.Track()
+        for twice in range(2):
+            track.add_element(FOCAL_ID, 2 * number + twice)
+        config.add_constant_point(rebuilt.add_point3D(np.array([side, 0.0, 1.0]), track))
 
 
 class Aligned(NamedTuple):

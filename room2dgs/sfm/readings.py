@@ -64,7 +64,7 @@ def better_focal(
     best_matched = _best_matched(matches, pairs)
 
     def share(factor: float) -> float:
-        return epipolar_inlier_share(matches, [_zoomed(camera, factor) for camera in cameras], best_matched, max_px)
+        return epipolar_inlier_share(matches, [camera.zoomed(factor) for camera in cameras], best_matched, max_px)
 
     fine = max(FACTORS, key=share) * FINE ** np.arange(-9, 10)
     shares = np.array([share(factor) for factor in fine])
@@ -74,15 +74,11 @@ def better_focal(
     return None if best < LEAST_SHARE else (factor, best)
 
 
-def _zoomed(camera: Camera, factor: float) -> Camera:
-    return replace(camera, K=camera.K * [[factor, 1, 1], [1, factor, 1], [1, 1, 1]])
-
-
 def intrinsics_setting(frame: Frame, factor: float) -> str:
     """The setting that gives a photo's intrinsics another focal length."""
     if frame.lens is not None:
         return f"focal lengths {factor:.2f} times those of the capture"
-    K = _zoomed(frame.camera, factor).K
+    K = frame.camera.zoomed(factor).K
     x, y = np.array(frame.source.size()) / frame.camera.size
     values = ",".join(f"{value:.4g}" for value in (K[0, 0] * x, K[1, 1] * y, K[0, 2] * x, K[1, 2] * y))
     return f"scene.intrinsics=[{values}]"

@@ -13,7 +13,7 @@ import numpy as np
 from room2dgs.captures.point_cloud import Tracks
 from room2dgs.captures.poses_file import read_poses, with_cameras, without, write_poses
 from room2dgs.captures.scene import Scene
-from room2dgs.captures.with_lens import with_lens
+from room2dgs.captures.with_lens import with_focal, with_lens
 from room2dgs.config import PointsConfig, SfmConfig
 from room2dgs.errors import InputError
 from room2dgs.files import remove_leftovers, scratch_folder
@@ -34,7 +34,7 @@ from room2dgs.sfm.structure import track_errors
 from room2dgs.sfm.triangulation import MAX_EPIPOLAR_PX, triangulate_matches
 
 # Raised when the same input gives other poses.
-RECIPE = 7
+RECIPE = 8
 LEAST_TRACKS = 100
 # "auto" takes poses that lower the held-out error to this share of it and by this much
 SHARE, LEAST_PX = 0.8, 0.05
@@ -43,6 +43,7 @@ PROMISING = 0.95  # after the first round; else there is no second one
 # so much of what they see others see, too: blank walls that nobody else sees are better a little off than not there.
 HARMFUL_PX, SEEN_BY_OTHERS = 0.5, 0.9
 # A camera that moved this many times as far as the middle one, and farther than this, is left where it was.
+SAID_FOCAL = 0.003  # a change of the focal length that the log has
 SAID_SCALE = 0.01  # a change of scale that was taken back; the log has it from here on
 JUMP, JUMP_M, JUMP_DEG = 5.0, 0.03, 1.5
 
@@ -61,6 +62,7 @@ class PoseReport:
         left: names of views that could not be refined; they have propagated corrections or their given poses.
         left_out: those of them that are removed from the scene.
         lens: the distorted lens that was found, as `poses_file` reads it, with its errors.
+        focal: by what all focal lengths were multiplied; None: they are as given.
     """
 
     refined: bool
@@ -75,6 +77,7 @@ class PoseReport:
     left: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     lens: dict[str, Any] | None = None
+    focal: float | None = None
 
 
 def refined_poses(
@@ -162,9 +165,12 @@ def _refined(
         matches, pairs = _matched(scene, settings, work / "straight", log)
         given = [frame.camera for frame in scene.train]
         joined = feature_tracks(matches, given, pairs)
-    cameras, found = judged(given, joined.tracks, matches, pairs, forced=config.refine_poses is True)
+    forced = config.refine_poses is True
+    cameras, found = judged(given, joined.tracks, matches, pairs, forced=forced, focal=config.refine_lens)
     if lens is not None:
         found = replace(found, lens=_as_report(lens))
+    if found.focal is not None:
+        scene = with_focal(scene, found.focal)
     refined = scene
     if found.refined:
         placed, left = _placed(scene, matches, joined, cameras, found)
@@ -240,11 +246,15 @@ def dispensable(scene: Scene, left: Collection[str]) -> tuple[str, ...]:
 
 
 def judged(
-    given: Sequence[Camera], tracks: Tracks, matches: Matches, pairs: IndexPairs, forced: bool
+    given: Sequence[Camera], tracks: Tracks, matches: Matches, pairs: IndexPairs, forced: bool, focal: bool = False
 ) -> tuple[list[Camera], PoseReport]:
     """The adjusted poses if held-out tracks fit them better, else the given ones, and the reason.
 
     Cameras that moved much farther than the others keep their given poses.
+
+    Args:
+        forced: adjusted poses are taken if they gain anything.
+        focal: the focal length is adjusted with the poses; the cameras then have it, too.
     """
     count = int(tracks.point.max()) + 1 if len(tracks) else 0
     if count < LEAST_TRACKS:
@@ -255,13 +265,17 @@ def judged(
     if not known.any():
         return list(given), PoseReport(False, "no group of photos has tracks enough")
     if forced or float(np.median(track_errors(cameras, judges))) <= PROMISING * before:
-        cameras, known, more = adjusted(given, used, start=cameras)
+        cameras, known, more = adjusted(given, used, start=cameras, focal=focal)
         scale_change = (1 + scale_change) * (1 + more) - 1
     metres, degrees = moves(cameras, given)
     jumped = metres > max(JUMP_M, JUMP * float(np.median(metres[known])))
     jumped |= degrees > max(JUMP_DEG, JUMP * float(np.median(degrees[known])))
     left = jumped | ~known
-    cameras = [old if unplaced else new for new, old, unplaced in zip(cameras, given, left, strict=True)]
+    cameras = [
+        replace(new, cam_from_world=old.cam_from_world) if unplaced else new
+        for new, old, unplaced in zip(cameras, given, left, strict=True)
+    ]
+    factor = float(cameras[0].K[0, 0] / given[0].K[0, 0])
     after = float(np.median(track_errors(cameras, judges)))
     agree_before, agree_after = (
         epipolar_inlier_share(matches, one, pairs, MAX_EPIPOLAR_PX) for one in (given, cameras)
@@ -278,6 +292,7 @@ def judged(
     }
     clearly = after <= SHARE * before and before - after >= LEAST_PX and agree_after >= agree_before
     if clearly or (forced and after < before):
+        figures["focal"] = factor if factor != 1 else None
         return cameras, PoseReport(True, "they fit the photos better", **figures)
     return list(given), PoseReport(False, "they fit the photos", **figures)
 
@@ -333,6 +348,11 @@ def _lines(found: PoseReport, metres: bool = True) -> list[str]:
         f"{found.agree_before:.0%} -> {found.agree_after:.0%} of the matches agree, cameras moved "
         f"{moved}, {found.turned_deg:.2f} deg (median)"
     )
+    if found.focal is not None and abs(found.focal - 1) >= SAID_FOCAL:
+        lines.append(
+            f"poses: the photos want focal lengths {found.focal:.4f} times the given ones, and get them "
+            "(sfm.refine_lens=false keeps the given ones)"
+        )
     if found.scale_change is not None and abs(found.scale_change) >= SAID_SCALE:
         lines.append(
             f"poses: by the photos alone the room would be {abs(found.scale_change):.1%} "

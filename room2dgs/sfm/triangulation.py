@@ -14,7 +14,7 @@ from room2dgs.config import PointsConfig
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.sfm.contradiction import verdict
-from room2dgs.sfm.matching import IndexPairs, Matches, epipolar_error, image_name, match, quiet
+from room2dgs.sfm.matching import IndexPairs, Matches, epipolar_error, image_name, match, pinhole, quiet
 from room2dgs.sfm.pairs import match_pairs
 from room2dgs.sfm.readings import POSE_DESCRIPTIONS, better_focal, better_reading, intrinsics_setting
 
@@ -114,10 +114,13 @@ def _verify(matches: Matches, frames: Sequence[Frame], pairs: IndexPairs) -> Non
 def _triangulate(matches: Matches, frames: Sequence[Frame], model: Path) -> pycolmap.Reconstruction:
     reconstruction = pycolmap.Reconstruction()
     with pycolmap.Database.open(matches.database) as db:
-        for camera in db.read_all_cameras():
+        number = [db.read_image(image_id).camera_id for image_id in matches.image_ids]
+        known = {camera.camera_id: camera for camera in db.read_all_cameras()}
+        for camera_id, frame in zip(number, frames, strict=False):  # focal lengths may be others since the matching
+            known[camera_id].params = pinhole(frame.camera).params
+        for camera in known.values():
             reconstruction.add_camera_with_trivial_rig(camera)
-        for frame, image_id in zip(frames, matches.image_ids, strict=False):
-            camera_id = db.read_image(image_id).camera_id
+        for frame, image_id, camera_id in zip(frames, matches.image_ids, number, strict=False):
             reconstruction.add_image_with_trivial_frame(
                 pycolmap.Image(name=image_name(frame), camera_id=camera_id, image_id=image_id),
                 pycolmap.Rigid3d(frame.camera.cam_from_world[:3]),

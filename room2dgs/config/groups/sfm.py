@@ -24,5 +24,7 @@ class SfmConfig:
         "in other views.",
     )
     refine_lens: bool = expert(
-        True, "Whether bundle adjustment refines focal lengths and distortion where the photos clearly contradict them."
+        True,
+        "Whether bundle adjustment refines the focal length with the poses, and distortion where the photos clearly "
+        "contradict a lens without.",
     )
