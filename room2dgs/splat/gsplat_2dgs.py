@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
 from typing import Any, NamedTuple
 
 import torch
@@ -12,17 +11,8 @@ from room2dgs.geometry.depth_maps import depth_to_normals
 from room2dgs.splat.api import render
 from room2dgs.splat.checks import check_far, check_near
 from room2dgs.splat.footprint import Footprint, footprint
-from room2dgs.splat.gsplat_arguments import among, checked, draw_values, refuse
+from room2dgs.splat.gsplat_arguments import RENDER_MODES, TILE, among, checked, draw_colors, hidden, refuse
 from room2dgs.splat.types import Rendering, Surfels
-
-RENDER_MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
-TILE = 16
-
-
-class _Drawn(NamedTuple):
-    rendering: Rendering
-    color: Tensor
-    footprint: Footprint
 
 
 def rasterization_2dgs(
@@ -100,46 +90,38 @@ def rasterization_2dgs(
     check_far("far_plane", far_plane, near_plane)
     scales = scales[..., :2] if isinstance(scales, Tensor) and scales.ndim and scales.shape[-1] == 3 else scales
     scene = checked(means, quats, scales, opacities, colors, viewmats, Ks, backgrounds, sh_degree, 2)
-    batch, C, N = scene.batch, viewmats.shape[-3], means.shape[-2]
+    batch, C, N = scene.batch, scene.cameras, means.shape[-2]
 
     gradient_2dgs = means.new_zeros(*batch, C, N, 2).requires_grad_(torch.is_grad_enabled())
-    indices = list(product(*map(range, (*batch, C))))
-    drawn: list[_Drawn] = []
-    for index in indices:
+    drawn: list[tuple[Rendering, Tensor]] = []
+    footprints: list[Footprint] = []
+    for index in scene.indices:
         one = index[:-1]  # the element of the batch
         surfels = Surfels(means[one], quats[one], scales[one], opacities[one], means.new_zeros(N, 1, 3))
         view = _DrawOptions(
             Ks[index], viewmats[index], width, height, near_plane, far_plane, gradient_2dgs[index], distloss
         )
         values = scene.colors[index] if "RGB" in render_mode else None
-        drawn.append(_draw_view(surfels, values, scene.backgrounds[index], sh_degree, view))
+        footprints.append(_footprint(surfels, view))
+        drawn.append(_draw_view(surfels, values, scene.backgrounds[index], sh_degree, view, footprints[-1]))
 
-    def stacked(images: list[Tensor]) -> Tensor:
-        return torch.stack(images).reshape(*batch, C, *images[0].shape)
-
-    firsts = [d.rendering for d in drawn]
-    images = [stacked([d.color for d in drawn])] if "RGB" in render_mode else []
-    if render_mode.endswith("ED"):
-        images.append(stacked([r.depth for r in firsts])[..., None])
-    elif render_mode.endswith("D"):
-        images.append(stacked([r.depth * r.alpha for r in firsts])[..., None])
+    stacked, firsts = scene.stacked, [rendering for rendering, _ in drawn]
     surf_normals = None
     if render_mode in ("RGB+D", "RGB+ED"):
         depths = [r.depth if depth_mode == "expected" else r.median_depth for r in firsts]
-        pairs = zip(depths, indices, strict=True)
+        pairs = zip(depths, scene.indices, strict=True)
         surf_normals = stacked([depth_to_normals(depth, Ks[index], viewmats[index]) for depth, index in pairs])
     distort = stacked([r.distortion for r in firsts])[..., None]
-    footprints = [d.footprint for d in drawn]
     meta = {
         "camera_ids": None, "gaussian_ids": None,
         "means2d": stacked([p.center_px for p in footprints]), "depths": stacked([p.depth for p in footprints]),
         "radii": stacked([p.radius_px for p in footprints]),
         "opacities": opacities.detach()[..., None, :].expand(*batch, C, N),
         "gradient_2dgs": gradient_2dgs, "render_distort": distort,
-        "width": width, "height": height, "tile_size": TILE, "n_cameras": C, "n_batches": batch.numel(),
+        **scene.sizes(width, height),
     }  # fmt: skip
     return (
-        torch.cat(images, dim=-1),
+        scene.images(render_mode, drawn),
         stacked([r.alpha for r in firsts])[..., None],
         stacked([r.normal for r in firsts]),
         surf_normals,
@@ -162,16 +144,22 @@ class _DrawOptions(NamedTuple):
     distloss: bool
 
 
-def _draw_view(
-    surfels: Surfels, values: Tensor | None, background: Tensor, sh_degree: int | None, view: _DrawOptions
-) -> _Drawn:
-    """One view; `values` (N, D) or coefficients (N, K, 3), or None where no colour is wanted."""
+def _footprint(surfels: Surfels, view: _DrawOptions) -> Footprint:
     like = surfels.centers.dtype
     K, pose = view.K.to(like), view.cam_from_world.to(like)
-    where = footprint(surfels, K, pose, view.width, view.height, view.near_plane, view.far_plane)
-    beyond = where.depth > view.far_plane
-    if beyond.any():
-        surfels = surfels._replace(opacities=torch.where(beyond, 0.0, surfels.opacities))
+    return footprint(surfels, K, pose, view.width, view.height, view.near_plane, view.far_plane)
+
+
+def _draw_view(
+    surfels: Surfels,
+    values: Tensor | None,
+    background: Tensor,
+    sh_degree: int | None,
+    view: _DrawOptions,
+    where: Footprint,
+) -> tuple[Rendering, Tensor]:
+    """One view's rendering and colours, of values (N, D) or coefficients (N, K, 3), or None where none are wanted."""
+    surfels = hidden(surfels, where.depth > view.far_plane)
 
     def draw(sh: Tensor, behind: Tensor, first: bool) -> Rendering:
         return render(
@@ -180,7 +168,4 @@ def _draw_view(
             with_distortion=first and view.distloss,
         )  # fmt: skip
 
-    if values is not None and sh_degree is None:
-        return _Drawn(*draw_values(draw, values, background), where)
-    rendering = draw(surfels.sh, background.new_zeros(3), True) if values is None else draw(values, background, True)
-    return _Drawn(rendering, rendering.color, where)
+    return draw_colors(draw, values, sh_degree, background, len(surfels.centers))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import torch
@@ -11,15 +12,46 @@ from torch import Tensor
 from room2dgs.geometry.spherical_harmonics import C0
 from room2dgs.splat.checks import check_floating
 from room2dgs.splat.constants import SH_DEGREE_OF
-from room2dgs.splat.types import Rendering
+from room2dgs.splat.types import Gaussians, Rendering, Surfels
+
+RENDER_MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
+TILE = 16
+
+Draw = Callable[[Tensor, Tensor, bool], Rendering]  # of coefficients and a background; is it the view's first?
 
 
 class Scene(NamedTuple):
-    """What fits together: the batch dimensions, colours of each camera, and a background for each."""
+    """What fits together: the batch dimensions and cameras, colours of each camera, and a background for each."""
 
     batch: torch.Size
+    cameras: int
     colors: Tensor
     backgrounds: Tensor
+
+    @property
+    def indices(self) -> list[tuple[int, ...]]:
+        """Of all views, in their order: the element of the batch and the camera."""
+        return list(product(*map(range, (*self.batch, self.cameras))))
+
+    def stacked(self, images: Sequence[Tensor]) -> Tensor:
+        """(..., C, *shape) of one tensor a view."""
+        return torch.stack(list(images)).reshape(*self.batch, self.cameras, *images[0].shape)
+
+    def images(self, mode: str, drawn: Sequence[tuple[Rendering, Tensor]]) -> Tensor:
+        """What a render mode asks for, of each view's rendering and colours."""
+        images = [self.stacked([color for _, color in drawn])] if "RGB" in mode else []
+        if mode.endswith("ED"):
+            images.append(self.stacked([r.depth for r, _ in drawn])[..., None])
+        elif mode.endswith("D"):
+            images.append(self.stacked([r.depth * r.alpha for r, _ in drawn])[..., None])
+        return torch.cat(images, dim=-1)
+
+    def sizes(self, width: int, height: int) -> dict[str, int]:
+        """The same for the meta of both functions."""
+        return {
+            "width": width, "height": height, "tile_size": TILE, "n_cameras": self.cameras,
+            "n_batches": self.batch.numel(),
+        }  # fmt: skip
 
 
 def checked(
@@ -62,12 +94,35 @@ def checked(
             raise ValueError(f"{name} has shape {tuple(tensor.shape)}, not {(*batch, *shape)}")
     if not C or not batch.numel():
         raise ValueError("there is no camera to draw for")
-    return Scene(batch, colors, backgrounds)
+    return Scene(batch, C, colors, backgrounds)
 
 
-def draw_values(
-    draw: Callable[[Tensor, Tensor, bool], Rendering], values: Tensor, background: Tensor
+def hidden(splats: Surfels | Gaussians, which: Tensor) -> Any:
+    """The same, of which some (N,) draw nothing and get no gradient."""
+    if not which.any():
+        return splats
+    return splats._replace(opacities=torch.where(which, 0.0, splats.opacities))
+
+
+def draw_colors(
+    draw: Draw, values: Tensor | None, sh_degree: int | None, background: Tensor, count: int
 ) -> tuple[Rendering, Tensor]:
+    """A view's rendering, and the colours of it.
+
+    Args:
+        values: (N, D), or with `sh_degree` coefficients (N, K, 3); None: no colour is wanted.
+        count: N.
+    """
+    if values is None:
+        rendering = draw(background.new_zeros(count, 1, 3), background.new_zeros(3), True)
+    elif sh_degree is None:
+        return _draw_values(draw, values, background)
+    else:
+        rendering = draw(values, background, True)
+    return rendering, rendering.color
+
+
+def _draw_values(draw: Draw, values: Tensor, background: Tensor) -> tuple[Rendering, Tensor]:
     """Values (N, D) over a background (D,), three channels a rendering; gives the first one and (H, W, D).
 
     The renderer clamps colours at 0, and the gradient with them, so values are lifted clear of it and the image is

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import product
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import torch
@@ -12,12 +12,11 @@ from room2dgs.splat.checks import check_far, check_near
 from room2dgs.splat.constants import OPACITY_FLOOR
 from room2dgs.splat.gaussians.api import render
 from room2dgs.splat.gaussians.reference import project
-from room2dgs.splat.gsplat_arguments import among, checked, draw_values, refuse
+from room2dgs.splat.gsplat_arguments import RENDER_MODES, Scene, among, checked, draw_colors, hidden, refuse
 from room2dgs.splat.types import Gaussians, Rendering
 
-RENDER_MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
 MODES = ("classic", "antialiased")
-TILE = 16
+MORE = MappingProxyType({"return_normals": False, "global_z_order": True})  # gsplat's defaults that are not None
 
 
 class _Where(NamedTuple):
@@ -38,6 +37,7 @@ class _Camera(NamedTuple):
     height: int
     near_plane: float
     far_plane: float
+    radius_clip: float
     eps2d: float
     antialias: bool
 
@@ -47,7 +47,7 @@ def rasterization(
     quats: Tensor,
     scales: Tensor,
     opacities: Tensor,
-    colors: Tensor,
+    colors: Tensor | None,
     viewmats: Tensor,
     Ks: Tensor,
     width: int,
@@ -58,7 +58,7 @@ def rasterization(
     eps2d: float = 0.3,
     sh_degree: int | None = None,
     packed: bool = True,
-    tile_size: int = TILE,
+    tile_size: int | None = None,
     backgrounds: Tensor | None = None,
     render_mode: str = "RGB",
     sparse_grad: bool = False,
@@ -75,29 +75,32 @@ def rasterization(
 ) -> tuple[Tensor, Tensor, dict[str, Any]]:
     """Render 3D Gaussians into C views, and that for every element of the batch dimensions `...`, one after another.
 
-    Differentiable with respect to all tensors, Ks included. What differs from gsplat 1.5: depth is where the Gaussian
-    is densest along the ray, not that of its centre; an ellipse ends where its own opacity falls below 1/255; the meta
-    has no lists of tiles.
+    Differentiable with respect to all tensors, Ks included. It takes the calls of gsplat's example trainer and gives
+    its default strategy what that reads; its MCMC strategy calls CUDA functions of gsplat's own. What differs from
+    gsplat 1.6: depth is where the Gaussian is densest along the ray, not that of its centre; an ellipse ends where its
+    own opacity falls below 1/255; gradients are dense; the meta has no lists of tiles.
 
     Args:
         means: (..., N, 3) metres, world frame.
         quats: (..., N, 4) as (w, x, y, z), any norm above 0.
         scales: (..., N, 3).
         opacities: (..., N) in (0, 1).
-        colors: with `sh_degree` coefficients (..., [C,] N, K, 3), else values (..., [C,] N, D) for any D.
+        colors: with `sh_degree` coefficients (..., [C,] N, K, 3), else values (..., [C,] N, D) for any D; None for the
+            modes without colour.
         viewmats: (..., C, 4, 4) world to camera.
         Ks: (..., C, 3, 3) pixels, centres at +0.5.
         width, height: pixels.
         near_plane, far_plane: metres; Gaussians with centres outside are not drawn.
+        radius_clip: pixels; Gaussians that reach no further than this are not drawn.
         eps2d: variance of the pixel's filter, 0.01 to 1 px^2.
         sh_degree: degree to use, at most that of `colors`.
         packed: the meta has the Gaussians that are seen alone.
-        tile_size, channel_chunk, segmented: have no influence on the images.
+        tile_size, channel_chunk, segmented, sparse_grad: have no influence.
         backgrounds: (..., C, D), zeros by default.
         render_mode: "RGB", "D" (accumulated depth), "ED" (expected depth), "RGB+D", "RGB+ED".
         rasterize_mode: "antialiased" lowers opacity by what the filter adds to the area.
-        radius_clip, sparse_grad, absgrad, distributed, camera_model, covars, with_ut, with_eval3d, and what gsplat has
-            besides: gsplat's defaults alone.
+        absgrad, distributed, camera_model, covars, with_ut, with_eval3d, and what gsplat has besides: gsplat's
+            defaults alone.
 
     Returns:
         render_colors (..., C, H, W, X), X = D, 1 or D + 1 by the mode; render_alphas (..., C, H, W, 1);
@@ -112,49 +115,36 @@ def rasterization(
         ValueError: shapes, types or values that do not fit.
     """
     refuse(
-        radius_clip=(radius_clip, 0.0), sparse_grad=(sparse_grad, False), absgrad=(absgrad, False),
-        distributed=(distributed, False), camera_model=(camera_model, "pinhole"), covars=(covars, None),
-        with_ut=(with_ut, False), with_eval3d=(with_eval3d, False),
-        **{name: (value, None) for name, value in more.items()},
+        absgrad=(absgrad, False), distributed=(distributed, False), camera_model=(camera_model, "pinhole"),
+        covars=(covars, None), with_ut=(with_ut, False), with_eval3d=(with_eval3d, False),
+        **{name: (value, MORE.get(name)) for name, value in more.items()},
     )  # fmt: skip
     among("render_mode", render_mode, RENDER_MODES)
     among("rasterize_mode", rasterize_mode, MODES)
     check_near(near_plane)
     check_far("far_plane", far_plane, near_plane)
+    if colors is None and "RGB" not in render_mode:
+        colors, sh_degree = opacities.detach()[..., None], None  # shaped as colours are, and not looked at
     scene = checked(means, quats, scales, opacities, colors, viewmats, Ks, backgrounds, sh_degree, 3)
-    batch, C, N = scene.batch, viewmats.shape[-3], means.shape[-2]
-    indices = list(product(*map(range, (*batch, C))))
     cameras = [
         _Camera(
-            Ks[index], viewmats[index], scene.backgrounds[index], width, height, near_plane, far_plane, eps2d,
-            rasterize_mode == "antialiased",
+            Ks[index], viewmats[index], scene.backgrounds[index], width, height, near_plane, far_plane, radius_clip,
+            eps2d, rasterize_mode == "antialiased",
         )
-        for index in indices
+        for index in scene.indices
     ]  # fmt: skip
     gaussians = [
-        Gaussians(means[one], quats[one], scales[one], opacities[one], means.new_zeros(N, 1, 3))
-        for one in (index[:-1] for index in indices)
+        Gaussians(means[one], quats[one], scales[one], opacities[one], means.new_zeros(means.shape[-2], 1, 3))
+        for one in (index[:-1] for index in scene.indices)
     ]
     places = [_where(*pair) for pair in zip(gaussians, cameras, strict=True)]
-    meta, shifts = _meta(places, batch, C, packed)
+    meta, shifts = _meta(places, scene, packed)
     drawn = [
-        _draw(one, scene.colors[index] if "RGB" in render_mode else None, sh_degree, camera, shift)
-        for one, index, camera, shift in zip(gaussians, indices, cameras, shifts, strict=True)
+        _draw(one, scene.colors[index] if "RGB" in render_mode else None, sh_degree, camera, where, shift)
+        for one, index, camera, where, shift in zip(gaussians, scene.indices, cameras, places, shifts, strict=True)
     ]
-
-    def stacked(images: list[Tensor]) -> Tensor:
-        return torch.stack(images).reshape(*batch, C, *images[0].shape)
-
-    firsts = [first for first, _ in drawn]
-    images = [stacked([color for _, color in drawn])] if "RGB" in render_mode else []
-    if render_mode.endswith("ED"):
-        images.append(stacked([r.depth for r in firsts])[..., None])
-    elif render_mode.endswith("D"):
-        images.append(stacked([r.depth * r.alpha for r in firsts])[..., None])
-    meta |= {
-        "width": width, "height": height, "tile_size": TILE, "n_cameras": C, "n_batches": batch.numel(),
-    }  # fmt: skip
-    return torch.cat(images, dim=-1), stacked([r.alpha for r in firsts])[..., None], meta
+    alphas = scene.stacked([rendering.alpha for rendering, _ in drawn])[..., None]
+    return scene.images(render_mode, drawn), alphas, {**meta, **scene.sizes(width, height)}
 
 
 class _GradientOf(torch.autograd.Function):
@@ -169,11 +159,11 @@ class _GradientOf(torch.autograd.Function):
         return gradients[0]
 
 
-def _meta(places: list[_Where], batch: torch.Size, C: int, packed: bool) -> tuple[dict[str, Any], list[Tensor]]:
+def _meta(places: list[_Where], scene: Scene, packed: bool) -> tuple[dict[str, Any], list[Tensor]]:
     """What gsplat gives beside the images, and each view's zeros for the gradient of its projected centres."""
-    whole = _Where(*(torch.stack(x) for x in zip(*places, strict=True)))
+    whole, C = _Where(*(torch.stack(x) for x in zip(*places, strict=True))), scene.cameras
     if not packed:
-        meta = {name: x.reshape(*batch, C, *x.shape[1:]) for name, x in whole._asdict().items()}
+        meta = {name: x.reshape(*scene.batch, C, *x.shape[1:]) for name, x in whole._asdict().items()}
         meta["means2d"].requires_grad_(torch.is_grad_enabled())
         shifts = _GradientOf.apply(meta["means2d"]).reshape(len(places), -1, 2)
         ids: dict[str, Any] = {"batch_ids": None, "camera_ids": None, "gaussian_ids": None}
@@ -200,22 +190,24 @@ def _where(gaussians: Gaussians, camera: _Camera) -> _Where:
     det = (p.a_u[:, 0] * p.a_v[:, 1]).square()
     variances = conics[:, [2, 0]] / det[:, None]
     reach = 2 * torch.log((p.opacity / OPACITY_FLOOR).clamp_min(1))
-    radii = (reach[:, None] * variances).sqrt()
+    radii = (reach[:, None] * variances).sqrt().ceil().clamp(1, 1e6)
     size = K.new_tensor([camera.width, camera.height])
     on_screen = ((p.center_px + radii > 0) & (p.center_px - radii < size)).all(-1)
     seen = p.visible & on_screen & (p.opacity >= OPACITY_FLOOR) & (p.depth <= camera.far_plane)
-    radii = torch.where(seen[:, None], radii.ceil().clamp(1, 1e6), torch.zeros_like(radii)).to(torch.int32)
+    if camera.radius_clip > 0:
+        seen &= radii.amax(-1) > camera.radius_clip
+    radii = torch.where(seen[:, None], radii, torch.zeros_like(radii)).to(torch.int32)
     return _Where(p.center_px, p.depth, radii, conics, p.opacity)
 
 
 def _draw(
-    gaussians: Gaussians, values: Tensor | None, sh_degree: int | None, camera: _Camera, shift: Tensor
+    gaussians: Gaussians, values: Tensor | None, sh_degree: int | None, camera: _Camera, where: _Where, shift: Tensor
 ) -> tuple[Rendering, Tensor]:
     """The rendering, and the colours of it: of values (N, D) or coefficients (N, K, 3), or None for no colour."""
-    forward = camera.cam_from_world[2].detach().to(gaussians.centers)
-    beyond = gaussians.centers.detach() @ forward[:3] + forward[3] > camera.far_plane
-    if beyond.any():
-        gaussians = gaussians._replace(opacities=torch.where(beyond, 0.0, gaussians.opacities))
+    left_out = where.depths > camera.far_plane
+    if camera.radius_clip > 0:
+        left_out |= ~(where.radii > 0).all(-1)
+    gaussians = hidden(gaussians, left_out)
 
     def draw(sh: Tensor, behind: Tensor, first: bool) -> Rendering:
         return render(
@@ -224,10 +216,4 @@ def _draw(
             antialias=camera.antialias, filter_px2=camera.eps2d,
         )  # fmt: skip
 
-    if values is not None and sh_degree is None:
-        return draw_values(draw, values, camera.background)
-    if values is None:
-        rendering = draw(gaussians.sh, camera.background.new_zeros(3), True)
-    else:
-        rendering = draw(values, camera.background, True)
-    return rendering, rendering.color
+    return draw_colors(draw, values, sh_degree, camera.background, len(gaussians.centers))

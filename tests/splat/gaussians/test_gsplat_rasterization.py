@@ -135,10 +135,36 @@ def test_planes_leave_out_what_is_beyond(scene):
     assert set(meta["gaussian_ids"].tolist()) <= set(kept.tolist())
 
 
+def test_gaussians_of_a_few_pixels_can_be_left_out(scene):
+    tensors, poses, Ks = scene
+    call = {"viewmats": poses[:1], "Ks": Ks[:1], "width": WIDTH, "height": HEIGHT, "sh_degree": 1, "packed": False}
+    _, _, meta = splat.rasterization(**tensors, **call)
+    reach = meta["radii"][0].amax(-1)
+    clip = reach[reach > 0].float().quantile(0.5).item() + 0.5
+    kept = (reach > clip).nonzero()[:, 0]
+    clipped, _, meta = splat.rasterization(**tensors, **call, radius_clip=clip)
+    alone, _, _ = splat.rasterization(**{name: x[kept] for name, x in tensors.items()}, **call)
+    assert 0 < len(kept) < (reach > 0).sum() and torch.equal(clipped, alone)
+    assert meta["radii"][0].any(-1).nonzero()[:, 0].tolist() == kept.tolist()
+    clipped.sum().backward()
+    left_out = torch.ones(50, dtype=torch.bool).index_fill(0, kept, False)
+    assert all(not x.grad[left_out].any() and x.grad[kept].any() for x in tensors.values())
+
+
+def test_depth_needs_no_colours(scene):
+    tensors, poses, Ks = scene
+    call = {"viewmats": poses, "Ks": Ks, "width": WIDTH, "height": HEIGHT}
+    depth, _, _ = splat.rasterization(**{**tensors, "colors": None}, **call, render_mode="ED")
+    both, _, _ = splat.rasterization(**tensors, **call, sh_degree=1, render_mode="RGB+ED")
+    assert torch.equal(depth, both[..., 3:])
+    with pytest.raises(TypeError, match="colors"):
+        splat.rasterization(**{**tensors, "colors": None}, **call)
+
+
 @pytest.mark.parametrize(
     "options",
-    [{"absgrad": True}, {"sparse_grad": True}, {"camera_model": "fisheye"}, {"with_ut": True}, {"covars": torch.eye(3)},
-     {"radial_coeffs": torch.zeros(4)}, {"distributed": True}, {"radius_clip": 1.0}],
+    [{"absgrad": True}, {"return_normals": True}, {"camera_model": "fisheye"}, {"with_ut": True},
+     {"covars": torch.eye(3)}, {"radial_coeffs": torch.zeros(4)}, {"distributed": True}, {"global_z_order": False}],
 )  # fmt: skip
 def test_options_that_are_not_there_are_refused_by_name(scene, options):
     tensors, poses, Ks = scene
