@@ -182,6 +182,14 @@ def test_curves_are_those_of_the_log(reported):
     assert float(drawn["loss"]["up"][-1]["at"]) == 10.0 and drawn["loss"]["across"][0] == {"at": "56.0", "label": "10"}
 
 
+@pytest.mark.parametrize("kind", ["surfels", "Gaussians"])
+def test_the_curve_of_their_number_is_called_what_they_are(kind):
+    log = [f"iteration {n}0/20: loss 0.5 (rgb 0.5), PSNR 20.00 dB, {n * 100} {kind}, 9.0 it/s" for n in (1, 2)]
+    plots = read_plots(log)
+    assert plots[kind] == {"training": {10: 100.0, 20: 200.0}}
+    assert [one["title"] for one in drawings(plots)] == [PSNR, "loss", kind, "loss: rgb"]
+
+
 @given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
 def test_ticks_are_round_even_and_inside(low, width):
     found = ticks(low, low + width)

@@ -11,12 +11,13 @@ STEP = re.compile(r"^iteration ([0-9]{1,12})/[0-9]+: (.*)$")
 LOSS = re.compile(r"^loss ([\d.e+-]+|nan|inf) \((.*?)\)")
 TRAIN_PSNR = re.compile(r"(?:^|, )PSNR ([\d.]+) dB")
 TEST_PSNR = re.compile(r"^held-out PSNR ([\d.]+) dB")
-COUNT = re.compile(r", (\d+) (?:surfels|Gaussians)")
+COUNT = re.compile(r", (\d+) (surfels|Gaussians)")
 MAX_LINES = 2  # in a drawing; style.css has so many colours
 LEFT, RIGHT, TOP, BOTTOM = 56.0, 310.0, 10.0, 150.0  # of the drawing
 LARGEST = 1e30
 MOST_TICKS = 5
-PSNR, HELD_OUT, SURFELS, WHOLE = "PSNR, dB", "held-out views", "surfels", "loss"
+PSNR, HELD_OUT, WHOLE = "PSNR, dB", "held-out views", "loss"
+FIRST = (PSNR, WHOLE, "surfels", "Gaussians")
 
 Line = dict[int, float]
 
@@ -52,13 +53,13 @@ def _values(text: str) -> Iterator[tuple[str, str, str]]:
     if psnr := TRAIN_PSNR.search(rest):
         yield PSNR, "training views", psnr[1]
     if count := COUNT.search(rest):
-        yield SURFELS, "training", count[1]
+        yield count[2], "training", count[1]
 
 
 def drawings(plots: Mapping[str, Mapping[str, Line]]) -> list[dict[str, Any]]:
     """For the template: titles, ends of the axes, and the lines' points."""
     drawn = []
-    first = [title for title in (PSNR, WHOLE, SURFELS) if title in plots]
+    first = [title for title in FIRST if title in plots]
     for title in [*first, *(title for title in plots if title not in first)]:
         lines = plots[title]
         steps = [step for line in lines.values() for step in line]
