@@ -8,7 +8,7 @@ from torch import Tensor
 from room2dgs.cuda_extension import cuda_extension
 from room2dgs.geometry.camera import NEAR_M
 from room2dgs.kernels.builds import BLOCK_BUILDS
-from room2dgs.splat.checks import check_floor, check_near, check_shapes
+from room2dgs.splat.checks import check_floor, check_near, check_shapes, switch
 from room2dgs.splat.constants import OPACITY_FLOOR
 from room2dgs.splat.operators import Rasterize
 from room2dgs.splat.types import Rendering, Surfels
@@ -56,7 +56,7 @@ def render(
     check_near(near_m)
     check_floor(opacity_floor)
     check_kernels(surfels.centers)
-    with_normal, with_distortion = _switch("with_normal", with_normal), _switch("with_distortion", with_distortion)
+    with_normal, with_distortion = switch("with_normal", with_normal), switch("with_distortion", with_distortion)
     if background is None:
         background = torch.zeros(3, dtype=torch.float32, device=surfels.centers.device)
     *images, _ = Rasterize.apply(
@@ -81,9 +81,3 @@ def check_kernels(like: Tensor) -> None:
         raise ValueError(
             f"the surfels are {like.dtype}; the rasterizer takes torch.float32 (splat.reference.render takes any type)"
         )
-
-
-def _switch(name: str, value: bool) -> bool:
-    if not isinstance(value, bool | int):
-        raise TypeError(f"{name} is of the type {type(value).__name__}, neither True nor False")
-    return bool(value)

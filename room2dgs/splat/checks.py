@@ -17,6 +17,7 @@ from room2dgs.splat.types import Gaussians, Surfels
 
 MAX_SIDE_PX = 16384
 SCALES_OF = {Surfels: 2, Gaussians: 3}
+FILTER_PX2 = (0.01, 1.0)
 SKEW_MAX_PX = 1e-6  # rounding of a product of matrices, not a skew
 RIGID_TOLERANCE = 1e-3  # of R R^T - I
 
@@ -192,6 +193,28 @@ def check_floor(opacity_floor: float) -> None:
     """
     if not OPACITY_FLOOR <= number("opacity_floor", opacity_floor) < 1:
         raise ValueError(f"opacity_floor is {opacity_floor}; it is from 1/255 to below 1")
+
+
+def check_filter(name: str, variance_px2: float) -> None:
+    """The variance of the pixel's filter.
+
+    Raises:
+        TypeError: it is no number.
+        ValueError: it is out of range.
+    """
+    if not FILTER_PX2[0] <= number(name, variance_px2) <= FILTER_PX2[1]:
+        raise ValueError(f"{name} is {variance_px2}; it is from {FILTER_PX2[0]} to {FILTER_PX2[1]:g} px^2")
+
+
+def switch(name: str, value: Any) -> bool:
+    """True or False.
+
+    Raises:
+        TypeError: it is neither.
+    """
+    if not isinstance(value, bool | int):
+        raise TypeError(f"{name} is of the type {type(value).__name__}, neither True nor False")
+    return bool(value)
 
 
 def _is_last_row(row: list[float]) -> bool:

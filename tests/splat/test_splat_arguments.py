@@ -5,12 +5,13 @@ from __future__ import annotations
 import pytest
 import torch
 
-from room2dgs.splat import render
+from room2dgs.splat import rasterization, render, render_gaussians
 from room2dgs.splat.contribution import contributions, least_needed
 from room2dgs.splat.footprint import footprint
+from room2dgs.splat.gaussians.reference import render as plain_gaussians
 from room2dgs.splat.gsplat_2dgs import rasterization_2dgs
 from room2dgs.splat.reference import render as plain
-from room2dgs.splat.types import Surfels
+from room2dgs.splat.types import Gaussians, Surfels
 
 DRAWN = torch.Generator().manual_seed(0)
 N = 12
@@ -37,15 +38,15 @@ VIEW = {
 MORE = {"background": some(3), "center_px": torch.zeros(N, 2), "opacity_floor": 1 / 255}
 
 
-def taken(given: dict) -> tuple[Surfels, dict]:
+def taken(given: dict, kind=Surfels) -> tuple:
     given = dict(given)
-    return Surfels(*(given.pop(name) for name in Surfels._fields)), given
+    return kind(*(given.pop(name) for name in kind._fields)), given
 
 
-def drawn(draw):
+def drawn(draw, kind=Surfels):
     def run(**given):
-        surfels, options = taken(given)
-        return tuple(draw(surfels, **options))
+        splats, options = taken(given, kind)
+        return tuple(draw(splats, **options))
 
     return run
 
@@ -60,12 +61,22 @@ RASTERIZED = {
     "colors": some(N, 3), "viewmats": VIEW["cam_from_world"][None], "Ks": VIEW["K"][None], "width": 32, "height": 24,
     "near_plane": 0.01, "far_plane": 100.0, "backgrounds": some(1, 3), "render_mode": "RGB+ED",
 }  # fmt: skip
+ELLIPSOIDS = {**DISCS, "scales": some(N, 3) * 0.1 + 0.02}
 DOORS = {
     "render": (drawn(render), {**DISCS, **VIEW, **MORE}),
     "the plain renderer": (drawn(plain), {**DISCS, **VIEW, **MORE}),
     "contributions": (counted, {**DISCS, **VIEW}),
     "footprint": (drawn(footprint), {**DISCS, **VIEW, "far_m": 10.0}),
     "rasterization_2dgs": (lambda **given: rasterization_2dgs(**given)[:6], RASTERIZED),
+    "render_gaussians": (
+        drawn(render_gaussians, Gaussians),
+        {**ELLIPSOIDS, **VIEW, **MORE},
+    ),
+    "the plain renderer of Gaussians": (drawn(plain_gaussians, Gaussians), {**ELLIPSOIDS, **VIEW, **MORE}),
+    "rasterization": (
+        lambda **given: rasterization(**given)[:2],
+        {**RASTERIZED, "scales": ELLIPSOIDS["scales"], "radius_clip": 0.0, "eps2d": 0.3},
+    ),
     "least_needed": (least_needed, {"contributions": some(N), "share": 0.1}),
 }
 TENSORS = [
@@ -111,7 +122,7 @@ def test_numbers_are_asked_for(door, name, value):
         run(door, **{name: value})
 
 
-@pytest.mark.parametrize("door", ["render", "the plain renderer", "contributions", "footprint", "rasterization_2dgs"])
+@pytest.mark.parametrize("door", [door for door, (_, given) in DOORS.items() if "width" in given])
 @pytest.mark.parametrize("side", [0, -1, 10**9, 3.5, True, torch.tensor(32)])
 def test_a_picture_without_a_size_is_refused(door, side):
     for name in ("width", "height"):
@@ -119,11 +130,24 @@ def test_a_picture_without_a_size_is_refused(door, side):
             run(door, **{name: side})
 
 
-@pytest.mark.parametrize("name", ["with_normal", "with_distortion"])
-def test_switches_are_switches(name):
+@pytest.mark.parametrize("value", [0.0, 1.5, float("nan"), "3", [1], torch.zeros(3)], ids=str)
+def test_the_filter_of_gaussians_is_a_small_variance(value):
+    for door, name in (("render_gaussians", "filter_px2"), ("rasterization", "eps2d")):
+        with pytest.raises((TypeError, ValueError), match=name):
+            run(door, **{name: value})
+
+
+@pytest.mark.parametrize(
+    ("door", "name"),
+    [
+        *((door, name) for door in ("render", "render_gaussians") for name in ("with_normal", "with_distortion")),
+        ("render_gaussians", "antialias"),
+    ],
+)
+def test_switches_are_switches(door, name):
     for value in (None, "no", torch.zeros(3), 0.5):
         with pytest.raises(TypeError, match=name):
-            run("render", **{name: value})
+            run(door, **{name: value})
 
 
 def test_surfels_with_nan_are_as_documented():

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from room2dgs.geometry.camera import NEAR_M
-from room2dgs.splat.checks import check_floor, check_near, check_shapes
+from room2dgs.splat.checks import check_filter, check_floor, check_near, check_shapes, switch
 from room2dgs.splat.constants import GAUSSIAN_FILTER_PX2, MIP_FILTER_PX2, OPACITY_FLOOR
 from room2dgs.splat.gaussians.operators import NOT_ON_GPU, Rasterize
 from room2dgs.splat.types import Gaussians, Rendering
@@ -53,8 +53,11 @@ def render(
             f"the Gaussians are {gaussians.centers.dtype}; the rasterizer takes torch.float32 "
             "(splat.gaussians.reference.render takes any type)"
         )
+    with_normal, with_distortion = switch("with_normal", with_normal), switch("with_distortion", with_distortion)
+    antialias = switch("antialias", antialias)
     if filter_px2 is None:
         filter_px2 = MIP_FILTER_PX2 if antialias else GAUSSIAN_FILTER_PX2
+    check_filter("filter_px2", filter_px2)
     if background is None:
         background = torch.zeros(3, dtype=torch.float32)
     *images, _ = Rasterize.apply(

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from room2dgs.splat.checks import check_far, check_near
+from room2dgs.geometry.arguments import number
+from room2dgs.splat.checks import check_far, check_filter, check_near
 from room2dgs.splat.constants import OPACITY_FLOOR
 from room2dgs.splat.gaussians.api import render
 from room2dgs.splat.gaussians.reference import project
@@ -123,6 +124,8 @@ def rasterization(
     among("rasterize_mode", rasterize_mode, MODES)
     check_near(near_plane)
     check_far("far_plane", far_plane, near_plane)
+    check_filter("eps2d", eps2d)
+    number("radius_clip", radius_clip, least=0.0)
     if colors is None and "RGB" not in render_mode:
         colors, sh_degree = opacities.detach()[..., None], None  # shaped as colours are, and not looked at
     scene = checked(means, quats, scales, opacities, colors, viewmats, Ks, backgrounds, sh_degree, 3)
