@@ -126,8 +126,10 @@ def rasterization(
     check_far("far_plane", far_plane, near_plane)
     check_filter("eps2d", eps2d)
     number("radius_clip", radius_clip, least=0.0)
-    if colors is None and "RGB" not in render_mode:
-        colors, sh_degree = opacities.detach()[..., None], None  # shaped as colours are, and not looked at
+    if colors is None:
+        if "RGB" in render_mode:
+            raise TypeError(f"colors is None, which render_mode {render_mode!r} does not draw")
+        colors, sh_degree = torch.zeros_like(opacities)[..., None], None
     scene = checked(means, quats, scales, opacities, colors, viewmats, Ks, backgrounds, sh_degree, 3)
     cameras = [
         _Camera(
