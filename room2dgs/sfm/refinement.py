@@ -34,8 +34,11 @@ from room2dgs.sfm.structure import track_errors
 from room2dgs.sfm.triangulation import MAX_EPIPOLAR_PX, triangulate_matches
 
 # Raised when the same input gives other poses.
-RECIPE = 8
+RECIPE = 9
 LEAST_TRACKS = 100
+# Of the training views, that have to have tracks enough for a pose: the others would stay where they were, and a room
+# that is half moved is worse than one that is a little off as a whole.
+LEAST_KNOWN = 0.5
 # "auto" takes poses that lower the held-out error to this share of it and by this much
 SHARE, LEAST_PX = 0.8, 0.05
 PROMISING = 0.95  # after the first round; else there is no second one
@@ -267,6 +270,9 @@ def judged(
     if forced or float(np.median(track_errors(cameras, judges))) <= PROMISING * before:
         cameras, known, more = adjusted(given, used, start=cameras, focal=focal)
         scale_change = (1 + scale_change) * (1 + more) - 1
+    if known.mean() < LEAST_KNOWN and not forced:
+        enough = int(np.count_nonzero(known))
+        return list(given), PoseReport(False, f"only {enough} of {len(given)} photos have tracks enough")
     metres, degrees = moves(cameras, given)
     jumped = metres > max(JUMP_M, JUMP * float(np.median(metres[known])))
     jumped |= degrees > max(JUMP_DEG, JUMP * float(np.median(degrees[known])))
