@@ -38,7 +38,7 @@ RECIPE = 9
 LEAST_TRACKS = 100
 # Of the training views, that have to have tracks enough for a pose: the others would stay where they were, and a room
 # that is half moved is worse than one that is a little off as a whole.
-LEAST_KNOWN = 0.5
+LEAST_KNOWN = 1 / 3
 # "auto" takes poses that lower the held-out error to this share of it and by this much
 SHARE, LEAST_PX = 0.8, 0.05
 PROMISING = 0.95  # after the first round; else there is no second one
