@@ -56,6 +56,7 @@ def fuse(views: Iterable[FusedView], config: MeshConfig, log: Log, device: str =
 def _made(views: KeptViews, watched: _Watched, config: MeshConfig, log: Log, device: str) -> trimesh.Trimesh:
     # no mesh has a name here for longer than it must: a room's is hundreds of megabytes, at each of these steps
     mesh, seen = _raw(views, watched, config, device)
+    views.keep_depths()
     mesh = clean(mesh)  # vertices that were meshed twice are one
     if seen is None:
         return finished(cleaned(mesh, config, log), config, log)

@@ -37,6 +37,19 @@ class KeptViews:
             yield view
         self._whole = True
 
+    @property
+    def in_memory(self) -> int:
+        """Bytes."""
+        return self._cache.in_memory
+
+    def keep_depths(self) -> None:
+        """Forget all but depths and what is expected of them; from now on their other maps are empty."""
+        for number in range(len(self._cameras)) if self._whole else ():
+            kept = self._cache.get(number)
+            assert kept is not None, "what is kept is not dropped before `clear`"
+            none = np.zeros(0)  # of a slice, the whole would stay
+            self._cache.put(number, (kept[0], none, none, none, kept[4]))
+
     def clear(self) -> None:
         """Forget them."""
         self._cache.clear()

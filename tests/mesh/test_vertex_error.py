@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from room2dgs.config import load_config
 from room2dgs.mesh.fuse import NoSurface, fuse
 from room2dgs.mesh.io import read_mesh, write_mesh
+from room2dgs.mesh.kept_views import KeptViews
 from room2dgs.mesh.vertex_error import FACTOR, LEAST_M, UNTOLD_M, evened, sure_part, surest_view
 from room2dgs.mesh.vertex_source import EXPECTED_ERROR, VIEWS, with_nearest_error
 from room2dgs.mesh.views import FusedView
@@ -117,3 +118,18 @@ def test_what_no_view_shows_is_the_least_sure():
     assert np.isinf(surest_view(POINT, TOWARDS, behind)).all()
     mesh = grid(4, 0.1)
     assert evened(np.minimum(np.full(len(mesh.vertices), np.inf), UNTOLD_M), mesh.faces).max() <= UNTOLD_M + 1e-12
+
+
+def test_of_kept_views_the_depths_alone_stay_until_the_mesh_is_finished():
+    views = [replace(view_of_wall(0.02), normal=np.zeros((120, 160, 3), np.float32)), view_of_wall(None)]
+    kept = KeptViews(views)
+    before = [view.depth for view in kept]
+    whole = kept.in_memory
+    kept.keep_depths()
+    assert kept.in_memory == 4 * 120 * 160 * 3 < whole / 2  # two depths and one map of what is expected
+    for _ in range(2):
+        first, second = kept
+        np.testing.assert_array_equal(first.depth, before[0])
+        assert (first.expected == np.float32(0.02)).all() and second.expected is None and first.normal is None
+    assert surest_view(POINT, TOWARDS, kept) == pytest.approx(0.02)
+    kept.clear()
