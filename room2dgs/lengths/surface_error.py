@@ -16,7 +16,8 @@ from room2dgs.mesh.vertex_source import EXPECTED_ERROR
 from room2dgs.runs.trust import Trust
 
 UNSEEN_M = 0.05  # where no view tells anything
-BIAS_STEPS = 0.2  # of a voxel: what a fused surface is off by as a whole, which no single view tells
+# Of a voxel: what a fused surface is off by as a whole, which no single view tells. A mesh's own error has it in it.
+BIAS_STEPS = 0.2
 SHARED = 0.4  # of the views' variance: causes that all views of a place share
 NEAR_SIGMAS, NEAR_M = 2.0, 0.03  # a view whose depth is farther off shows something else
 MEND = "mesh the run again"

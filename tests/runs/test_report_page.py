@@ -236,5 +236,6 @@ def test_the_expected_error_has_the_colours_of_the_true_one():
     room = page_mesh(box, 10**6)
     layer = with_expected(room, box, 0.1).layers["expected"]
     np.testing.assert_array_equal(layer, np.round(error_color(told, 0.1) * 255))
+    np.testing.assert_array_equal(with_expected(room, box, 0.1).off_m, told)  # the ± of the page's tape
     del box.vertex_attributes["expected_error"]
     assert with_expected(room, box, 0.1) is room

@@ -38,7 +38,7 @@ class PageMesh(NamedTuple):
         faces: (M, 3) int64.
         normals: (N, 3) unit, of the vertices.
         layers: what can be shown on it -> (N, 3) uint8.
-        off_m: (N,) how far it is off the photos' depth; NaN where none is known. None: not measured.
+        off_m: (N,) how far it is expected to be off, or else is off the photos' depth; None: neither is known.
     """
 
     vertices: np.ndarray
@@ -100,10 +100,10 @@ def with_error(one: PageMesh, out: Path, origin_m: Origin) -> PageMesh:
 
 
 def with_expected(one: PageMesh, mesh: trimesh.Trimesh, full_m: float) -> PageMesh:
-    """With the layer "expected", if the mesh says how far off it is expected to be; each vertex as the nearest.
+    """With the layer "expected", and lengths' ± by it, if the mesh says how far off it is expected to be.
 
     Args:
-        mesh: the run's whole one, in the same frame.
+        mesh: the run's whole one, in the same frame; each vertex is as far off as the nearest of it.
         full_m: from which on the colour stays, as in the layer "error".
     """
     expected = told_by(mesh, EXPECTED_ERROR)
@@ -111,7 +111,7 @@ def with_expected(one: PageMesh, mesh: trimesh.Trimesh, full_m: float) -> PageMe
         return one
     nearest = cKDTree(np.asarray(mesh.vertices)).query(one.vertices)[1]
     colors = np.round(error_color(expected[nearest], full_m) * 255).astype(np.uint8)
-    return one._replace(layers={**one.layers, "expected": colors})
+    return one._replace(layers={**one.layers, "expected": colors}, off_m=expected[nearest].astype(np.float64))
 
 
 def with_photos(one: PageMesh, photos: np.ndarray) -> PageMesh:

@@ -117,7 +117,9 @@ def _room(
     if room is None:
         return None, None, []
     seen = coverage(room, scene.train, maps)
-    room = with_off(with_photos(room, seen.photos), seen.off_m)
+    room = with_photos(room, seen.photos)
+    if room.off_m is None:
+        room = with_off(room, seen.off_m)
     return room, seen, spots(room, seen, scene.frames, run_boundary(scene, out))
 
 
