@@ -117,7 +117,8 @@ def _triangulate(matches: Matches, frames: Sequence[Frame], model: Path) -> pyco
         number = [db.read_image(image_id).camera_id for image_id in matches.image_ids]
         known = {camera.camera_id: camera for camera in db.read_all_cameras()}
         for camera_id, frame in zip(number, frames, strict=False):  # focal lengths may be others since the matching
-            known[camera_id].params = pinhole(frame.camera).params
+            known[camera_id] = pinhole(frame.camera)
+            known[camera_id].camera_id = camera_id
         for camera in known.values():
             reconstruction.add_camera_with_trivial_rig(camera)
         for frame, image_id, camera_id in zip(frames, matches.image_ids, number, strict=False):
