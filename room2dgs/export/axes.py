@@ -57,6 +57,14 @@ def y_down_from(up: np.ndarray | None) -> np.ndarray:
     return np.eye(3) if up is None else np.diag([1.0, -1.0, -1.0]) @ y_up_from(up)
 
 
+def z_up_from(up: np.ndarray | None) -> np.ndarray:
+    """(3, 3) rotation from the world to a frame with z up, as programs of printing and building have it.
+
+    A world with z up stays as it is.
+    """
+    return np.eye(3) if up is None else np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]) @ y_up_from(up) + 0.0
+
+
 def turned(splats: S, rotation: np.ndarray) -> S:
     """The primitives in another frame, with their colours from every side.
 

@@ -16,7 +16,7 @@ from room2dgs.captures.point_cloud import PointCloud
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.config import Config
-from room2dgs.export.axes import turned, up_of, y_down_from, y_up_from
+from room2dgs.export.axes import turned, up_of, y_down_from, y_up_from, z_up_from
 from room2dgs.logs import Log
 from room2dgs.mesh.vertex_source import with_nearest_error
 from room2dgs.primitives.primitive import Splats
@@ -118,6 +118,11 @@ class Source:
     def y_down(self) -> np.ndarray:
         """(3, 3) rotation from the world to the frame of PLY and .splat files."""
         return y_down_from(self.up)
+
+    @property
+    def z_up(self) -> np.ndarray:
+        """(3, 3) rotation from the world to the frame of STL files."""
+        return z_up_from(self.up)
 
     @cached_property
     def surfels_y_down(self) -> Splats:

@@ -78,6 +78,9 @@ EXPORTERS.register(
     **_MESH,
 )
 EXPORTERS.register(
+    "stl", f"{_AT}.stl:write_stl", "Triangles alone, metres, z up: CAD, printers.", place="mesh.stl", **_MESH
+)
+EXPORTERS.register(
     "textured",
     f"{_AT}.texture.write:write_textured_glb",
     "Few faces and a picture, for the web.",
@@ -85,6 +88,20 @@ EXPORTERS.register(
     **_MESH,
 )
 EXPORTERS.register("textured_obj", f"{_AT}.texture.write:write_textured_obj", "The same as OBJ, MTL, PNG.", **_MESH)
+EXPORTERS.register(
+    "usdz",
+    f"{_AT}.texture.usdz:write_usdz",
+    "Few faces and a picture, for iPhones and USD.",
+    place="room.usdz",
+    **_MESH,
+)
+EXPORTERS.register(
+    "html",
+    f"{_AT}.splats_page:write_splats_page",
+    "Splats as a page that opens anywhere, without a network.",
+    place="splats.html",
+    **_SPLATS,
+)
 EXPORTERS.register(
     "points",
     f"{_AT}.point_cloud:write_points",

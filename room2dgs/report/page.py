@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from functools import cache
+from importlib.resources import files
 from typing import Any, NamedTuple
 
 import cv2
@@ -28,6 +29,12 @@ class Figure(NamedTuple):
 def page(template: str, **values: Any) -> str:
     """A template of the folder `templates`, filled in; text is escaped, control characters and line breaks too."""
     return _environment().get_template(template).render(**values)
+
+
+@cache
+def script(name: str) -> Markup:
+    """A script of ours or three.js, as it stands: nothing of the user's is in it."""
+    return Markup(files("room2dgs.report").joinpath("web", f"{name}.js").read_text(encoding="utf-8"))
 
 
 def data_uri(picture: np.ndarray) -> str:

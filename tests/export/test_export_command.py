@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import zipfile
 from pathlib import Path
 
 import cv2
@@ -170,6 +171,16 @@ def test_inria_folder_is_in_the_world_of_its_cameras(run, tmp_path):
     assert cameras[3]["position"] == pytest.approx([0.3, 0, 0]) and cameras[3]["img_name"] == "000003"
 
 
+def test_stl_usdz_and_the_page_of_splats_are_of_the_run(run, tmp_path):
+    wanted = ["to=stl,usdz,html", f"out={tmp_path}", "export.texture_px=256"]
+    assert cli.main(["export", f"run={run}", *wanted]) == 0
+    assert len(trimesh.load(tmp_path / "mesh.stl").faces) == len(trimesh.load(run / "mesh.ply").faces)
+    with zipfile.ZipFile(tmp_path / "room.usdz") as package:
+        assert package.namelist() == ["room.usda", "textures/room.jpg"]
+    text = (tmp_path / "splats.html").read_text(encoding="utf-8")
+    assert "<title>wall</title>" in text and str(run.parent) not in text
+
+
 def test_faces_are_few_where_few_are_wanted(run, tmp_path):
     assert cli.main(["export", f"run={run}", "to=ply", f"out={tmp_path}", "faces=200"]) == 0
     assert len(trimesh.load(tmp_path / "mesh.ply").faces) <= 200
@@ -186,22 +197,22 @@ def test_no_two_formats_have_the_same_place_and_each_can_be_loaded():
 def test_a_format_of_another_package_is_written_listed_and_completed(run, tmp_path, capsys, monkeypatch):
     """A package's file that registers an exporter, found as pip would leave it."""
     (tmp_path / "site").mkdir()
-    (tmp_path / "site/stl_of_rooms.py").write_text(
+    (tmp_path / "site/x3d_of_rooms.py").write_text(
         "def write(source, path):\n"
         "    path.parent.mkdir(parents=True, exist_ok=True)\n"
         "    path.write_text(f'{len(source.mesh.faces)} faces')\n"
         "    return [path]\n"
     )
-    info = tmp_path / "site/stl_of_rooms-1.0.dist-info"
+    info = tmp_path / "site/x3d_of_rooms-1.0.dist-info"
     info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: stl-of-rooms\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[room2dgs.exporters]\nstl = stl_of_rooms:write\n")
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: x3d-of-rooms\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[room2dgs.exporters]\nx3d = x3d_of_rooms:write\n")
     monkeypatch.syspath_prepend(tmp_path / "site")
-    assert cli.main(["export", f"run={run}", "to=stl", f"out={tmp_path / 'out'}"]) == 0
-    assert (tmp_path / "out/stl").read_text() == f"{len(trimesh.load(run / 'mesh.ply').faces)} faces"
+    assert cli.main(["export", f"run={run}", "to=x3d", f"out={tmp_path / 'out'}"]) == 0
+    assert (tmp_path / "out/x3d").read_text() == f"{len(trimesh.load(run / 'mesh.ply').faces)} faces"
     assert cli.main(["export", "--help"]) == 0
-    assert "Comes from the installed package stl-of-rooms." in capsys.readouterr().out
-    assert "stl" in found_words().values[("export", "to")]
+    assert "Comes from the installed package x3d-of-rooms." in capsys.readouterr().out
+    assert "x3d" in found_words().values[("export", "to")]
 
 
 def test_what_cannot_be_exported_is_said_in_a_sentence(run, tmp_path, capsys):
@@ -209,7 +220,7 @@ def test_what_cannot_be_exported_is_said_in_a_sentence(run, tmp_path, capsys):
     assert "run=DIR" in refused(capsys, "to=spz")
     assert "holds no run" in refused(capsys, f"run={tmp_path}", "to=spz")
     assert "splats_2dgs" in refused(capsys, f"run={run}", f"out={out}")
-    assert "'stl'" in refused(capsys, f"run={run}", "to=spz,stl", f"out={out}")
+    assert "'x3d'" in refused(capsys, f"run={run}", "to=spz,x3d", f"out={out}")
     assert "export.faces=3" in refused(capsys, f"run={run}", "to=glb", "faces=3", f"out={out}")
     bare = Path(shutil.copytree(run, tmp_path / "bare"))
     (bare / "mesh.ply").unlink()

@@ -67,6 +67,24 @@ def test_the_glb_says_how_far_off_each_vertex_is_expected_to_be(painted):
     assert "_EXPECTED_ERROR" not in parts_of_glb(glb(painted, y_up_from(Z_UP)))[1]
 
 
+def test_glb_keeps_the_rules_of_buffers(painted):
+    """What a validator looks at: padding, alignment, extremes of places, extensions that are used."""
+    data = glb(painted, y_up_from(Z_UP))
+    tree, found = parts_of_glb(data)
+    size = int.from_bytes(data[12:16], "little")
+    assert size % 4 == 0 and int.from_bytes(data[20 + size : 24 + size], "little") % 4 == 0
+    assert tree["buffers"][0]["byteLength"] <= len(data) - 28 - size
+    for accessor in tree["accessors"]:
+        view = tree["bufferViews"][accessor["bufferView"]]
+        width = {5123: 2, 5125: 4, 5126: 4}[accessor["componentType"]]
+        assert (view.get("byteOffset", 0) + accessor.get("byteOffset", 0)) % width == 0
+    place = tree["accessors"][tree["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]
+    np.testing.assert_array_equal(np.float32(place["min"]), found["POSITION"].min(axis=0))
+    np.testing.assert_array_equal(np.float32(place["max"]), found["POSITION"].max(axis=0))
+    used = {name for one in tree["materials"] for name in one.get("extensions", {})}
+    assert used == set(tree["extensionsUsed"]) == {"KHR_materials_unlit"}
+
+
 def test_trimesh_opens_the_glb(painted):
     again = trimesh.load(io.BytesIO(glb(painted, np.eye(3))), file_type="glb", force="mesh", process=False)
     np.testing.assert_allclose(again.vertices, painted.vertices, atol=1e-5)

@@ -126,6 +126,21 @@ def obj_of(mesh: trimesh.Trimesh, found: Charts, rotation: np.ndarray, offset_m:
     return b"".join(parts)
 
 
+def turned_charts(mesh: trimesh.Trimesh, found: Charts, rotation: np.ndarray) -> trimesh.Trimesh:
+    """The charts' faces in another frame, with unit normals of the mesh that they were cut from."""
+    normals = np.asarray(mesh.vertex_normals)[found.source] @ rotation.T
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(lengths > 0.5, normals / np.maximum(lengths, 1e-9), (0.0, 1.0, 0.0))
+    return trimesh.Trimesh(found.vertices @ rotation.T, found.faces, vertex_normals=normals, process=False)
+
+
+def jpeg_of(picture: np.ndarray) -> bytes:
+    """(H, W, 3) uint8 sRGB as a file, colours as fine as light."""
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+    return buffer.getvalue()
+
+
 def glb_of(
     mesh: trimesh.Trimesh,
     found: Charts,
@@ -139,13 +154,8 @@ def glb_of(
         rotation: (3, 3) from the world to a frame with y up.
         offset_m: (3,) in that frame, where the mesh stands.
     """
-    normals = np.asarray(mesh.vertex_normals)[found.source] @ rotation.T
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = np.where(lengths > 0.5, normals / np.maximum(lengths, 1e-9), (0.0, 1.0, 0.0))
-    out = trimesh.Trimesh(found.vertices @ rotation.T, found.faces, vertex_normals=normals, process=False)
-    buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "JPEG", quality=JPEG_QUALITY, subsampling=0)
-    image = Image.open(buffer)
+    out = turned_charts(mesh, found, rotation)
+    image = Image.open(io.BytesIO(jpeg_of(picture)))
     setattr(image, "save", partial(image.save, quality="keep"))  # noqa: B010 - trimesh would encode it again, coarser
     out.visual = trimesh.visual.TextureVisuals(uv=found.uv, material=dull_material(image))
     expected = told_by(mesh, EXPECTED_ERROR)

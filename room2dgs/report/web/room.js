@@ -1,4 +1,5 @@
-// A room in a frame of the page: its mesh, with the photos on it where the page has them, and its surfels.
+// A room in a frame of the page: its mesh, with the photos on it where the page has them, and its surfels. Either may be
+// missing.
 "use strict";
 
 const BUTTONS_PX = 120; // above and below
@@ -35,8 +36,8 @@ async function createRoom(frame, about, block = (name) => name) {
   camera.add(new THREE.DirectionalLight(0xffffff, 1.9)); // at the eye
   scene.add(camera);
 
-  const plain = await readMesh();
-  scene.add(plain);
+  const plain = about.mesh ? await readMesh() : null;
+  if (plain) scene.add(plain);
   const textured = about.glb ? await readTextured() : null;
   if (textured) scene.add(textured);
   let discs = null; // read when first shown
@@ -83,8 +84,8 @@ async function createRoom(frame, about, block = (name) => name) {
     }
     if (discs) discs.visible = layer === "discs";
     if (textured) textured.visible = layer === "color";
-    plain.visible = layer !== "discs" && !(textured && layer === "color");
-    if (plain.visible) {
+    if (plain) plain.visible = layer !== "discs" && !(textured && layer === "color");
+    if (plain?.visible) {
       plain.geometry.setAttribute("color", plain.geometry.userData.layers[layer]);
       const Material = layer === "color" ? THREE.MeshBasicMaterial : THREE.MeshLambertMaterial;
       plain.material.dispose();
@@ -203,6 +204,7 @@ async function createRoom(frame, about, block = (name) => name) {
   const ray = new THREE.Raycaster();
   // Where a picture's place (pixels from the frame's corner) meets the mesh: {point, error_m}, or null.
   function hit(x, y) {
+    if (!plain) return null;
     const at = new THREE.Vector2((2 * x) / frame.clientWidth - 1, 1 - (2 * y) / frame.clientHeight);
     ray.setFromCamera(at, camera);
     const [first] = ray.intersectObject(plain);

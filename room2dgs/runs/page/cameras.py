@@ -48,6 +48,19 @@ def camera_size_m(cameras: Sequence[Camera]) -> float:
     return min(max(SHARE * spacing, LEAST_M), LARGEST_M)
 
 
+def first_side(cameras: Sequence[Camera], middle: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """(3,) unit, level: from where to look at first. Half a room is seen from the side of its cameras.
+
+    Args:
+        middle: (3,) of the room.
+        up: (3,) unit.
+    """
+    across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
+    side = np.mean([camera.centre for camera in cameras], axis=0) - middle
+    side = side - (side @ up) * up + 1e-3 * across
+    return side / np.linalg.norm(side)
+
+
 def _camera(frame: Frame) -> dict[str, Any]:
     one = frame.camera
     return {

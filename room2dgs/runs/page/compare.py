@@ -12,7 +12,7 @@ from room2dgs.config import Config
 from room2dgs.config.keys import leaf_keys
 from room2dgs.config.sentences import shown
 from room2dgs.files import whole_file
-from room2dgs.report.page import page
+from room2dgs.report.page import page, script
 from room2dgs.report.table import NOTHING, Table, table
 from room2dgs.runs.folder import value_at
 from room2dgs.runs.page.mesh_layer import PageMesh
@@ -20,7 +20,6 @@ from room2dgs.runs.page.places import named_only
 from room2dgs.runs.page.room import RoomFacts, completeness
 from room2dgs.runs.page.solid import solid
 from room2dgs.runs.page.texts import OWN, part
-from room2dgs.runs.page.write import script
 from room2dgs.runs.schema import is_number
 
 SCRIPTS = ("three.min", "blocks", "discs", "room", "beside")

@@ -10,10 +10,9 @@ import numpy as np
 
 from room2dgs.captures.scene import Scene
 from room2dgs.config import Config
-from room2dgs.geometry.camera import Camera
 from room2dgs.geometry.up_axis import up_axis
 from room2dgs.runs.page import surfel_layer
-from room2dgs.runs.page.cameras import camera_list, camera_size_m, path_of
+from room2dgs.runs.page.cameras import camera_list, camera_size_m, first_side, path_of
 from room2dgs.runs.page.coverage import Spot
 from room2dgs.runs.page.mesh_layer import PageMesh, block
 from room2dgs.runs.page.room import RoomFacts, belongs
@@ -55,7 +54,7 @@ def solid(
     most = PHOTOS_A_VIEW * config.report.views if photos else 0
     pictured = camera_list(scene.frames, {spot.photo for spot in places if spot.photo}, most)
     numbers = {one["name"]: number for number, one in enumerate(pictured)}
-    beside = _beside(room, cameras, up)
+    beside = first_side(cameras, room.vertices.mean(axis=0), up)
     about: dict[str, Any] = {
         "up": up.tolist(),
         "beside": beside.tolist(),
@@ -77,7 +76,9 @@ def solid(
         blocks.append(("glb", base64.b64encode(facts.glb).decode("ascii")))
     caption = f"{len(room.faces):,} triangles of the mesh"
     if config.report.max_surfels and surfels is not None:
-        about["discs"], surfel_bytes = surfel_layer.block(surfels, config.report.max_surfels, room)
+        about["discs"], surfel_bytes = surfel_layer.block(
+            surfels, config.report.max_surfels, surfel_layer.as_mesh_faces(room)
+        )
         blocks.append(("discs", surfel_bytes))
         shown["discs"] = None
         caption += f" and {about['discs']['count']:,} of {len(surfels.centers):,} surfels"
@@ -95,11 +96,3 @@ def box_m(room: PageMesh) -> np.ndarray:
     """(3,) sides of the box around the mesh, the longest first."""
     low, high = np.quantile(room.vertices, (STRAY, 1 - STRAY), axis=0)
     return np.sort(high - low)[::-1]
-
-
-def _beside(room: PageMesh, cameras: Sequence[Camera], up: np.ndarray) -> np.ndarray:
-    """(3,) unit, level: from where to look at first. Half a room is seen from the side of its cameras."""
-    across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
-    side = np.mean([camera.centre for camera in cameras], axis=0) - room.vertices.mean(axis=0)
-    side = side - (side @ up) * up + 1e-3 * across
-    return side / np.linalg.norm(side)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +17,7 @@ from room2dgs.files import whole_file
 from room2dgs.logs import logged
 from room2dgs.mesh.boundary_file import BoundaryEdges, read_boundary
 from room2dgs.mesh.world import read_in_scene
-from room2dgs.report.page import Figure, page
+from room2dgs.report.page import Figure, page, script
 from room2dgs.report.table import Table
 from room2dgs.runs.folder import BOUNDARY, EVAL, MESH, QUALITY, REPORT, TEXTURED, TRUST
 from room2dgs.runs.metrics import read_metrics
@@ -174,11 +172,3 @@ def _whole(out: Path, metrics: dict[str, Any]) -> list[Figure]:
     )
     caption += "; pixels that the mesh does not cover (red, yellow where no depth is known)"
     return [Figure(caption, cv2.resize(pixels, size, interpolation=cv2.INTER_AREA) / 255)]
-
-
-@cache
-def script(name: str) -> Any:
-    """A script of ours or three.js, as it stands: nothing of the user's is in it."""
-    from markupsafe import Markup
-
-    return Markup(files("room2dgs.report").joinpath("web", f"{name}.js").read_text(encoding="utf-8"))
