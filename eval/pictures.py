@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 import trimesh
 
@@ -28,6 +29,7 @@ TILE_WIDTH = 480  # pixels of one picture
 TOP_PIXELS = 700  # longer side of the picture from above
 ABOVE_CAMERAS_M = 0.3  # what stands higher than this above the highest camera is cut off, seen from above
 FULL_THRESHOLDS = 2.0  # the colour scale ends at so many thresholds (10 cm for 5 cm)
+DPI, CELL_PX, GAP_PX, TITLE_INCHES = 130, 416, 6, 0.3  # of a sheet: a cell for each picture, a line of titles
 COLUMNS = ("mesh", "error: mesh to truth", "missing: truth to mesh")
 EXPECTED, EXPECTED_COLUMNS = "expected.png", ("photo", "expected error, one standard deviation", "true error")
 
@@ -144,17 +146,28 @@ def new_sheet(rows: Sequence[Sequence[np.ndarray]], titles: Sequence[str], below
     from matplotlib.figure import Figure
 
     height, width = rows[0][-1].shape[:2]
-    tall = height / width * len(rows) * 3.2 + 0.3 + below  # inches: pictures of 3.2 across, titles
-    figure = Figure(figsize=(3.2 * len(titles), tall), dpi=130)
-    axes = figure.subplots(len(rows), len(titles), squeeze=False)
-    figure.subplots_adjust(0.005, below / tall, 0.995, 1 - 0.3 / tall, wspace=0.02, hspace=0.02)
-    for line, row in zip(axes, rows, strict=True):
-        for axis, picture in zip(line, row, strict=True):
-            axis.imshow(np.clip(picture, 0, 1), interpolation="antialiased")
-            axis.set_axis_off()
-    for axis, title in zip(axes[0], titles, strict=True):
-        axis.set_title(title, fontsize=9 if len(title) < 40 else 6, pad=4)
+    cell = CELL_PX, max(1, round(CELL_PX * height / width))
+    wide, tall = len(titles) * cell[0], len(rows) * cell[1] + round((TITLE_INCHES + below) * DPI)
+    figure = Figure(figsize=(wide / DPI, tall / DPI), dpi=DPI)
+    for number, row in enumerate(rows):
+        for column, picture in enumerate(row):
+            # without axes, which cost more than the pictures
+            pixels = fitted(picture, (cell[0] - GAP_PX, cell[1] - GAP_PX))
+            x = column * cell[0] + (cell[0] - pixels.shape[1]) // 2
+            y = round(below * DPI) + (len(rows) - 1 - number) * cell[1] + (cell[1] - pixels.shape[0]) // 2
+            figure.figimage(pixels, x, y, origin="upper")
+    for column, title in enumerate(titles):
+        place = (column + 0.5) / len(titles), 1 - TITLE_INCHES / 2 / (tall / DPI)
+        figure.text(*place, title, ha="center", va="center", fontsize=9 if len(title) < 40 else 6)
     return figure
+
+
+def fitted(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """The picture, 0..1, as large as fits into so many pixels (width, height)."""
+    scale = min(size[0] / picture.shape[1], size[1] / picture.shape[0])
+    how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    target = tuple(max(1, int(scale * side)) for side in picture.shape[1::-1])
+    return np.clip(cv2.resize(picture.astype(np.float32), target, interpolation=how), 0, 1)
 
 
 def _three(

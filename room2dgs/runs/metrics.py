@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -148,13 +149,17 @@ def peak_memory_mb() -> float:
 
 def versions() -> dict[str, str]:
     """Version of the package, of Python and of the libraries that decide a result."""
-    found = {"room2dgs": __version__, "python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "missing"
-    return found
+    libraries = {package: _version(package) for package in PACKAGES}
+    return {"room2dgs": __version__, "python": platform.python_version(), **libraries}
+
+
+@cache
+def _version(package: str) -> str:
+    """Asked for once: a process keeps the libraries that it began with."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "missing"
 
 
 def machine() -> dict[str, Any]:

@@ -19,7 +19,7 @@ from room2dgs.config import load_config
 from room2dgs.export.axes import y_up_from
 from room2dgs.export.texture.bake import baked, spread
 from room2dgs.export.texture.charts import charts, texels
-from room2dgs.export.texture.write import Textured, glb_of, write_textured_obj
+from room2dgs.export.texture.write import Textured, glb_of, picture_side, write_textured_obj
 
 WALL_Z, SIDE = 2.0, 256
 PLATE = (0.3, 0.7, -0.3, 0.3, 1.2)  # x, y, z: between cameras and wall, magenta
@@ -105,6 +105,15 @@ def test_the_picture_is_the_wall_without_the_plate_and_of_one_exposure(picture, 
     assert np.median(off) < 4  # of 255: the photos' own pixels and rounding
     assert (off > 30).mean() < 0.02  # neither magenta from the plate nor steps between photos
     assert 0.8 < share <= 1
+
+
+@pytest.mark.parametrize(
+    ("side", "count", "most", "px"), [(64, 8, 2048, 512), (640, 53, 2048, 2048), (1, 1, 2048, 256)]
+)
+def test_the_picture_is_no_larger_than_its_photos_can_fill(side, count, most, px):
+    frame = SimpleNamespace(camera=SimpleNamespace(width=side, height=side))
+    assert picture_side([frame] * count, most) == px
+    assert px == most or 2 * px * px >= side * side * count  # room for each pixel, with half of it used
 
 
 def test_what_no_photo_sees_has_the_meshs_colours(picture, frames):

@@ -34,7 +34,7 @@ class ExportConfig:
     textured: bool = expert(
         True, "Whether a run writes mesh.glb beside mesh.ply: few faces with a picture of the photos on them."
     )
-    texture_px: Int = expert(2048, "Side of the texture of a textured mesh, in pixels.", ge=256, le=8192)
+    texture_px: Int = expert(2048, "Largest side of a texture, in pixels; small photos fill less.", ge=256, le=8192)
     texture_faces: Int = expert(
         20_000, "Number of faces of a textured mesh where export.faces is not given.", ge=100, le=200_000
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import mmap
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import NamedTuple
 
@@ -58,14 +59,14 @@ def read_model(path: Path, sha256: str | None = None) -> ModelFile:
     if not path.is_file():
         raise InputError(f"{path} is not there; give the .onnx file of a network")
     try:
-        locations = external_locations(path)
+        own = _sha256(path)
+        locations = _locations(path, own)
         for location in locations:
             _check_inside(path, location)
         weights = [path.parent / location for location in locations]
         for file in weights:
             if not file.is_file():
                 raise InputError(f"{path} needs {file} beside it, which is not there; get both from the same place")
-        own = _sha256(path)
         digests = [own, *(_sha256(file) for file in weights)]
         size = sum(file.stat().st_size for file in (path, *weights))
     except OSError as error:
@@ -74,6 +75,12 @@ def read_model(path: Path, sha256: str | None = None) -> ModelFile:
         raise InputError(f"{path} has the SHA-256 {own}, not {sha256.lower()}; it is another file or is damaged")
     digest = own if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
     return ModelFile(path, digest, size)
+
+
+@lru_cache(maxsize=16)
+def _locations(path: Path, sha256: str) -> tuple[str, ...]:
+    """`external_locations` of a file with this content, which is walked once."""
+    return tuple(external_locations(path))
 
 
 def external_locations(path: Path) -> list[str]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import math
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +14,7 @@ import numpy as np
 import trimesh
 from PIL import Image
 
+from room2dgs.captures.scene import Frame
 from room2dgs.export.local_files import write_file
 from room2dgs.export.mesh_files import ERROR, NO_OFFSET, dull_material, gltf_bytes, turned_mesh
 from room2dgs.export.source import Source
@@ -25,6 +28,8 @@ from room2dgs.mesh.vertex_source import EXPECTED_ERROR, told_by, with_nearest_er
 
 JPEG_QUALITY = 90
 QUIET_S = 10.0
+LEAST_PX = 256
+TEXELS_A_PIXEL = 4  # of the photos: half of a picture is used, and texels do not lie as pixels do
 MATERIAL = """# dull, as a photographed surface that brings its light along
 newmtl room
 Ka 0 0 0
@@ -59,18 +64,25 @@ def textured(source: Source) -> Textured:
         result = simplified(source.mesh, settings.texture_faces)
         mesh = with_nearest_error(result.mesh, source.mesh)
         source.log(f"textured mesh: {len(source.mesh.faces):,} faces to {len(mesh.faces):,}, {result.sentence}")
-    found = charts(mesh, settings.texture_px)
+    side_px = picture_side(frames, settings.texture_px)
+    found = charts(mesh, side_px)
     source.log(f"textured mesh: laid flat, {len(frames)} photos to look at")
-    shown = texels(found, settings.texture_px)
+    shown = texels(found, side_px)
     progress = now_and_then(source.log)
-    picture, share = baked(mesh, source.mesh, found, shown, frames, settings.texture_px, progress)
-    used = len(shown.face) / settings.texture_px**2
+    picture, share = baked(mesh, source.mesh, found, shown, frames, side_px, progress)
+    used = len(shown.face) / side_px**2
     side_mm = 1000 * np.sqrt(mesh.area / max(len(shown.face), 1))
     source.log(
         f"textured mesh: {100 * share:.0f}% of the surface from photos, texels of {side_mm:.1f} mm, "
         f"{100 * used:.0f}% of the picture used"
     )
     return Textured(mesh, found, picture)
+
+
+def picture_side(frames: Sequence[Frame], most_px: int) -> int:
+    """Side of the picture: a power of two with room for every pixel of the photos, or `most_px` if that is less."""
+    pixels = TEXELS_A_PIXEL * sum(frame.camera.width * frame.camera.height for frame in frames)
+    return min(most_px, max(LEAST_PX, 2 ** math.ceil(math.log2(max(pixels, 1)) / 2)))
 
 
 def now_and_then(log: Log) -> Progress:
