@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
-from room2dgs.commands.own_arguments import own_arguments
+from room2dgs.commands.made_rooms import given_rooms, print_tables
 from room2dgs.commands.settings_help import asked_for_help, filled
-from room2dgs.errors import InputError
-from room2dgs.files import whole_file
-from room2dgs.report.table import terminal
-from room2dgs.runs.folder import earlier_run
 
 USAGE = "room2dgs bench lengths RUN... [to=FILE]"
 
@@ -24,21 +17,11 @@ def main(argv: list[str]) -> int:
     if asked_for_help(argv):
         print(f"{USAGE}\n\n{filled(main.__doc__ or '')}")
         return 0
-    own, runs = own_arguments(argv, ("to",))
-    if not runs:
-        raise InputError("no run is given; name the folders of runs of made rooms")
-    from room2dgs.bench.lengths import as_json, measured_rows, tables, truth_of
-    from room2dgs.pipeline.measure import measured_run
+    rooms, to = given_rooms(argv)
+    from room2dgs.bench.lengths import as_json, measured_rows, tables
 
     rows = []
-    for folder in runs:
-        config = earlier_run([f"out={folder}", "export.up=z"])
-        truth = truth_of(config)
-        rows += measured_rows(measured_run(config, print, 0.0), Path(config.scene.path).name, truth)
-    for one in tables(rows):
-        print(terminal(one))
-    if "to" in own:
-        to = Path(own["to"]).expanduser()
-        with whole_file(to) as temporary:
-            temporary.write_text(json.dumps(as_json(rows), indent=1) + "\n", encoding="utf-8")
+    for name, truth, run in rooms:
+        rows += measured_rows(run, name, truth)
+    print_tables(tables(rows), as_json(rows), to)
     return 0

@@ -74,8 +74,8 @@ def _one_channel(
     gain = np.zeros(views)
     noise, weight = np.inf, given
     for number in range(ROUNDS):
-        gain = _solved(gain, view, place, value, weight, (views, places), _prior(noise, number))
-        level = _means(place, value - gain[view], weight, places)
+        gain = solved(gain, view, place, value, weight, (views, places), _prior(noise, number))
+        level = means(place, value - gain[view], weight, places)
         left = np.abs(value - gain[view] - level[place])
         noise = max(_middle(left, given) / 0.6745, SAME / 4)
         weight = given / (1 + (left / (CUT * noise)) ** 2)
@@ -88,7 +88,7 @@ def _prior(noise: float, number: int) -> float:
     return 1e-3 if number == 0 else (noise / LIKELY) ** 2
 
 
-def _solved(
+def solved(
     start: np.ndarray,
     view: np.ndarray,
     place: np.ndarray,
@@ -97,7 +97,14 @@ def _solved(
     shape: tuple[int, int],
     prior: float,
 ) -> np.ndarray:
-    """(V,) the gains of mean 0 of weighted least squares, with the places' colours taken out (Schur complement)."""
+    """(V,) the gains of mean 0 of weighted least squares, with the places' colours taken out (Schur complement).
+
+    Args:
+        start: (V,) to begin with.
+        view, place, value, weight: (O,) of each observation: value = gain of its view + level of its place.
+        shape: number of views and of places.
+        prior: weight of the gain 0 of each view, in observations.
+    """
     ties = sparse.csr_matrix((weight, (view, place)), shape=shape)
     turned = ties.T.tocsr()
     of_view, of_place = np.bincount(view, weight, shape[0]), np.bincount(place, weight, shape[1])
@@ -136,7 +143,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> float:
     return float((a * b).sum())
 
 
-def _means(group: np.ndarray, values: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
+def means(group: np.ndarray, values: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
     """(count,) weighted means; 0 of an empty group."""
     total = np.bincount(group, weight, count)
     return np.divide(np.bincount(group, weight * values, count), total, out=np.zeros(count), where=total > 0)

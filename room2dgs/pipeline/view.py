@@ -14,7 +14,7 @@ import numpy as np
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.captures.selection import evenly_spaced
 from room2dgs.config import Config
-from room2dgs.pipeline.kept_views import PATH, write_path
+from room2dgs.pipeline.saved_path import PATH, write_path
 from room2dgs.pipeline.scene import scene_of_run
 from room2dgs.pipeline.surfels import surfels_if_trained, use_threads
 from room2dgs.runs.folder import MESH, TEXTURED, required

@@ -31,7 +31,7 @@ def dimensions(plan: FloorPlan, scale: ScaleTrust) -> dict[str, Any]:
         "scale": scale.words,
         "lengths": [{"what": name, **length.as_dict(scale.unit)} for name, length in lengths_of(plan)],
         "areas": [
-            {"what": f"room {number}, floor", "value": area.value, "sigma": area.sigma, "unit": f"{scale.unit}2"}
+            {"what": f"room {number}, floor", "value": area.value, "sigma": area.sigma, "unit": f"{scale.unit}²"}
             for number, area in enumerate(areas, start=1)
         ],
     }

@@ -124,7 +124,7 @@ def sentences(plan: FloorPlan) -> list[str]:
         lengths = " x ".join(_text(side.measured, side.length_m, plan.unit) for side in room.sides)
         opened = sum(side.wall is None for side in room.sides)
         more = f"; {opened} of {len(room.sides)} sides have no wall" if opened else ""
-        lines.append(f"room {number}: {room.area_m2:.2f} m2, {height}, sides {lengths}{more}")
+        lines.append(f"room {number}: {room.area_m2:.2f} {plan.unit}², {height}, sides {lengths}{more}")
     for one in plan.openings:
         wall = plan.wall_name(plan.rooms[one.room].sides[one.side])
         shut = "closed " if one.closed else ""
@@ -132,7 +132,7 @@ def sentences(plan: FloorPlan) -> list[str]:
             f"{shut}{one.kind} in {wall}: {one.width.text(plan.unit)} wide, {one.height.text(plan.unit)} high, "
             f"{one.low_m:.2f} m over the floor, probability {one.probability:.2f}"
         )
-    lines += [f"{one.name}: {one.area_m2:.1f} m2 seen, {one.spread_m * 1000:.1f} mm uneven" for one in plan.planes]
+    lines += [f"{one.name}: {one.area_m2:.1f} {plan.unit}² seen, {one.spread_m * 1000:.1f} mm uneven" for one in plan.planes]
     return lines
 
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from room2dgs.captures.scene import Frame
+from room2dgs.exposure.gains import means, solved
 from room2dgs.mesh.coloring.best import Levels, Points, Views
 from room2dgs.mesh.coloring.drawn import Surface
 
@@ -58,17 +58,11 @@ def view_offsets(
         doubt: a residual at which an observation counts half.
     """
     found, weight = np.zeros(shape[0]), np.ones(len(values))
-    for _ in range(ROUNDS):
-        table = csr_matrix((weight, (view, point)), shape)
-        total = np.maximum(np.bincount(point, weight, shape[1]), 1e-12)
-        mean = np.bincount(point, weight * values, shape[1]) / total
-        shared = table.multiply(1 / total).tocsr() @ table.T
-        normal = np.diag(np.bincount(view, weight, shape[0]) + PRIOR) - shared.toarray()
-        right = np.bincount(view, weight * (values - mean[point]), shape[0])
-        found = np.linalg.solve(normal, right)
-        own = np.bincount(point, weight * (values - found[view]), shape[1]) / total
+    for _ in range(ROUNDS if len(values) else 0):
+        found = solved(found, view, point, values, weight, shape, PRIOR)
+        own = means(point, values - found[view], weight, shape[1])
         weight = 1 / (1 + ((values - found[view] - own[point]) / doubt) ** 2)
-    return found - found.mean() if len(found) else found
+    return found
 
 
 def _observed(points: Points, surface: Surface, frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
