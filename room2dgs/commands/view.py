@@ -24,17 +24,18 @@ def main(argv: list[str]) -> int:
     """
     if asked_for_help(argv):
         return show(argv, USAGE, main.__doc__, ("render",))
-    from room2dgs.pipeline.view import viewer_of
-    from room2dgs.viewer.door import names_of
-    from room2dgs.viewer.guarded_server import free_port
-    from room2dgs.viewer.server import LOOPBACK, warn_of_host
-
     own, overrides = own_arguments(argv, OWN)
     config = earlier_run(overrides)
-    host = own.get("host") or LOOPBACK
     fps, port = whole_number(own, "fps", 15, 1, 60), whole_number(own, "port", 8080, 1, 65535)
+    print(f"reading {config.out}", flush=True)  # before the libraries, which take seconds
+    from room2dgs.viewer.door import LOOPBACK, names_of
+    from room2dgs.viewer.guarded_server import free_port
+
+    host = own.get("host") or LOOPBACK
     free_port(names_of(host)[0], port)  # reported now if it cannot be, not after the run is read
-    print(f"reading {config.out}", flush=True)
+    from room2dgs.pipeline.view import viewer_of
+    from room2dgs.viewer.server import warn_of_host
+
     viewer = viewer_of(config, host, port, fps)
     try:
         viewer.start()

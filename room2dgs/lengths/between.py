@@ -76,4 +76,4 @@ def angle_deg(one: FoundPlane, other: FoundPlane) -> float:
 
 
 def _words(plane: FoundPlane) -> str:
-    return f"{plane.name} ({plane.sigma.area_m2:.1f} m2 of the mesh)"
+    return f"{plane.name} ({plane.sigma.area_m2:.1f} m² of the mesh)"

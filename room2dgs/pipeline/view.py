@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ import numpy as np
 from room2dgs.captures.scene import Frame, Scene
 from room2dgs.captures.selection import evenly_spaced
 from room2dgs.config import Config
+from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.saved_path import PATH, write_path
 from room2dgs.pipeline.scene import scene_of_run
 from room2dgs.pipeline.surfels import surfels_if_trained, use_threads
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from room2dgs.geometry.camera import Camera
     from room2dgs.primitives.primitive import Splats
     from room2dgs.runs.page.mesh_views import DrawnMesh
-    from room2dgs.viewer.server import Viewer
+    from room2dgs.viewer.server import Box, Viewer
 
 PHOTO_WIDTH = 160  # pixels of the photos in the cameras' frames
 CAMERAS = 120  # at most, evenly spaced
@@ -59,7 +61,7 @@ def viewer_of(config: Config, host: str, port: int, fps: float) -> Viewer:
         _add_cameras(viewer, scene)
         if surfels is not None:
             viewer.add_crop_box(*_box_of(surfels))
-        _add_saving(viewer, scene, out)
+        _add_saving(viewer, scene, surfels, config)
     except BaseException:
         viewer.stop()
         raise
@@ -102,8 +104,15 @@ def _box_of(splats: Splats) -> tuple[np.ndarray, np.ndarray]:
     return (known.min(axis=0), known.max(axis=0)) if len(known) else (np.zeros(3), np.ones(3))
 
 
-def _add_saving(viewer: Viewer, scene: Scene, out: Path) -> None:
-    files = {name: partial(Path.read_bytes, out / name) for name in (TEXTURED, MESH) if (out / name).is_file()}
+def _add_saving(viewer: Viewer, scene: Scene, surfels: Splats | None, config: Config) -> None:
+    out = Path(config.out)
+    readers: dict[str, Callable[[Box], bytes]] = {
+        TEXTURED: lambda box: _cropped_glb(scene, surfels, config, box),
+        MESH: lambda box: _cropped_ply(scene, out, box),
+    }
+
+    def reader(name: str) -> Callable[[Box | None], bytes]:
+        return lambda box: (out / name).read_bytes() if box is None else readers[name](box)
 
     def save_path(views: list[Camera]) -> str:
         try:
@@ -112,7 +121,38 @@ def _add_saving(viewer: Viewer, scene: Scene, out: Path) -> None:
             return f"{PATH} cannot be written ({error.strerror})."
         return f"{count} pictures: `room2dgs render {shlex.quote(out.name)} path={shlex.quote(f'{out.name}/{PATH}')}`"
 
-    viewer.add_saving(files, save_path)
+    record = None if surfels is None else partial(_recorded, scene, surfels, config)
+    viewer.add_saving({name: reader(name) for name in readers if (out / name).is_file()}, save_path, record)
+
+
+def _cropped_ply(scene: Scene, out: Path, box: Box) -> bytes:
+    from room2dgs.export.cropped import cropped_ply
+
+    return cropped_ply(out / MESH, box, scene.origin_m)
+
+
+def _cropped_glb(scene: Scene, surfels: Splats | None, config: Config, box: Box) -> bytes:
+    from room2dgs.export.cropped import cropped_glb
+    from room2dgs.pipeline.export import source_of
+
+    source = source_of(config, print)
+    source.scene = scene
+    if surfels is not None:
+        source.surfels = surfels
+    return cropped_glb(Path(config.out) / TEXTURED, box, source.y_up, source.offset_m(source.y_up))
+
+
+def _recorded(scene: Scene, surfels: Splats, config: Config, views: list[Camera]) -> bytes:
+    """The video that `room2dgs render path=` makes of the path through these views; nothing is left on the disk."""
+    from room2dgs.pipeline.camera_path import VIDEO, PathOptions, render_path
+
+    with tempfile.TemporaryDirectory() as folder:
+        path, to = Path(folder) / PATH, Path(folder) / "video"
+        write_path(views, scene.origin_m, path)
+        render_path(
+            PathOptions(str(path), to, ("video",)), scene, surfels, config, RunFolder(to, lambda _: None, bar=False)
+        )
+        return (to / VIDEO).read_bytes()
 
 
 def _thumbnail(photo: np.ndarray) -> np.ndarray:

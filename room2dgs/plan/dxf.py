@@ -54,7 +54,7 @@ def dxf(plan: FloorPlan) -> str:
                         dxfattribs={"layer": "DIMENSIONS"},
                     )
                     dimension.render()
-        lines = [f"room {number}: {room.area_m2:.2f} m2"]
+        lines = [f"room {number}: {room.area_m2:.2f} m²"]
         lines += [] if plan.height_m is None else [f"height {plan.height_m:.3f} m"]
         place = room_label(room, lines, TEXT_M)
         for line, at in zip(lines, place.lines, strict=True):

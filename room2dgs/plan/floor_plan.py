@@ -132,7 +132,9 @@ def sentences(plan: FloorPlan) -> list[str]:
             f"{shut}{one.kind} in {wall}: {one.width.text(plan.unit)} wide, {one.height.text(plan.unit)} high, "
             f"{one.low_m:.2f} m over the floor, probability {one.probability:.2f}"
         )
-    lines += [f"{one.name}: {one.area_m2:.1f} {plan.unit}² seen, {one.spread_m * 1000:.1f} mm uneven" for one in plan.planes]
+    lines += [
+        f"{one.name}: {one.area_m2:.1f} {plan.unit}² seen, {one.spread_m * 1000:.1f} mm uneven" for one in plan.planes
+    ]
     return lines
 
 

@@ -92,5 +92,5 @@ def _between(
 ) -> Length:
     surface = np.hypot(one[0].surface_m / one[1], other[0].surface_m / other[1])
     fit = np.hypot(one[0].fit_m / one[1], other[0].fit_m / other[1])
-    areas = f"{one[0].area_m2:.1f} and {other[0].area_m2:.1f} m2 of the mesh"
+    areas = f"{one[0].area_m2:.1f} and {other[0].area_m2:.1f} m² of the mesh"
     return Length(value, float(surface), float(fit), scale * value, f"{names} ({areas})")

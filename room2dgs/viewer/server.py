@@ -28,6 +28,7 @@ from room2dgs.viewer.picture import KINDS, camera_at, cropped, hit, picture
 if TYPE_CHECKING:
     from room2dgs.runs.page.mesh_views import DrawnMesh
 
+Box = tuple[np.ndarray, np.ndarray]  # (3,) corners, metres
 STILL_S = 0.3  # so long after its last move a camera stands: then the picture is drawn at full size
 WIDEST = 1280  # pixels of a picture that stands
 HIGHEST = 2 * WIDEST
@@ -39,6 +40,8 @@ LINE_PX = 1.5  # thickness of a camera's frame
 PATH_SIZE = 1280, 720  # of a path's pictures
 LONGEST_NAME = 60
 CROP_STEPS = 200
+VIDEO = "path.mp4"
+FEW = "Keep two views at least, then save the path or record it."
 NOWHERE = "-"  # in the list of photos
 MARK_M = 0.015  # radius of a measured point
 
@@ -90,7 +93,7 @@ class Viewer:
         viser = found_viser()
         self._shown, self._number, self._fps, self._near_m = shown, 0, fps, near_m
         self._visible: Splats | DrawnMesh = shown  # of it, what lies in the crop box
-        self._box: tuple[np.ndarray, np.ndarray] | None = None
+        self._box: Box | None = None
         self.host, names = names_of(host)
         self.door = Door(names)
         self._named = next((name for name in names if name not in EVERYWHERE), EVERYWHERE.get(self.host, LOOPBACK))
@@ -219,7 +222,7 @@ class Viewer:
     def add_crop_box(self, low: np.ndarray, high: np.ndarray) -> None:
         """Sliders that cut splats away outside of a box; with corners (3,) to begin with, metres."""
         sides = []
-        with self._server.gui.add_folder("crop box (splats)", expand_by_default=False):
+        with self._server.gui.add_folder("crop box (splats and saved meshes)", expand_by_default=False):
             for axis, least, most in zip("xyz", low.tolist(), high.tolist(), strict=True):
                 step = max((most - least) / CROP_STEPS, 1e-6)
                 slider = self._server.gui.add_multi_slider(axis, least, most, step, (least, most))
@@ -239,17 +242,23 @@ class Viewer:
     def _crop(self) -> None:
         self._visible = self._shown if self._box is None else cropped(self._shown, *self._box)
 
-    def add_saving(self, files: Mapping[str, Callable[[], bytes]], save_path: Callable[[list[Camera]], str]) -> None:
+    def add_saving(
+        self,
+        files: Mapping[str, Callable[[Box | None], bytes]],
+        save_path: Callable[[list[Camera]], str],
+        record: Callable[[list[Camera]], bytes] | None = None,
+    ) -> None:
         """Buttons that save what a browser sees, files of the run, and a path of views that were kept.
 
         Args:
-            files: name -> its bytes; the browser saves them.
+            files: name -> its bytes, of what lies in a box if there is one; the browser saves them.
             save_path: takes two kept views or more, writes a path through them, and says where.
+            record: a video of that path as MP4; None: there is nothing to draw it from.
         """
         with self._server.gui.add_folder("save", expand_by_default=False):
             self._button("this picture", self._save_picture)
             for name, read in files.items():
-                self._button(name, partial(_send, name, read))
+                self._button(name, partial(self._send, name, read))
             kept: list[Camera] = []
 
             def keep(client: Any) -> None:
@@ -261,16 +270,33 @@ class Viewer:
                 self.show_message("No view is kept.")
 
             def save(client: Any) -> None:
-                self.show_message(save_path(kept) if len(kept) > 1 else "Keep two views at least, then save the path.")
+                self.show_message(save_path(kept) if len(kept) > 1 else FEW)
+
+            def film(client: Any) -> None:
+                if len(kept) < 2 or record is None:
+                    return self.show_message(FEW)
+                self.show_message("Recording a video of the path; the browser saves it at the end.")
+                self._send(VIDEO, lambda _: record(list(kept)), client)
 
             self._button("path: keep this view", keep)
             self._button("path: save", save)
+            if record is not None:
+                self._button("path: record a video", film)
             self._button("path: forget", forget)
 
     def _button(self, label: str, pressed: Callable[[Any], None]) -> None:
         button = self._server.gui.add_button(label)
         self._accepts(button, switch)
         button.on_click(lambda event: pressed(event.client) if event.client is not None else None)
+
+    def _send(self, name: str, read: Callable[[Box | None], bytes], client: Any) -> None:
+        try:
+            data = read(self._box)
+        except (OSError, InputError) as error:
+            return self.show_message(f"{name}: {first_line(error)}")
+        client.send_file_download(name, data)
+        cut = " (what lies in the crop box)" if self._box is not None and name != VIDEO else ""
+        self.show_message(f"{name} is saved{cut}.")
 
     def _save_picture(self, client: Any) -> None:
         kind = self._kind.value if self._kind.value in KINDS else KINDS[0]
@@ -447,10 +473,6 @@ def warn_of_host(host: str, log: Log) -> None:
             f"WARNING: everyone who reaches this machine at {address} and knows the token can look, and the connection "
             "is not encrypted; leave host= out for this machine alone"
         )
-
-
-def _send(name: str, read: Callable[[], bytes], client: Any) -> None:
-    client.send_file_download(name, read())
 
 
 def _go(client: Any, wxyz: np.ndarray, position: np.ndarray) -> None:

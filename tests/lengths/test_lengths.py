@@ -101,7 +101,7 @@ def test_between_two_planes_all_parts_are_counted_once():
     assert length.value == pytest.approx(4.0)
     assert length.surface_m == pytest.approx(0.005) and length.scale_m == pytest.approx(0.02)
     assert length.sigma == pytest.approx(np.sqrt(0.005**2 + 0.001**2 + 0.002**2 + 0.02**2))
-    assert "wall_1 (4.0 m2" in length.rests_on
+    assert "wall_1 (4.0 m²" in length.rests_on
     tilted = FoundPlane(np.array([0, 1.0, 0]), 0.0, np.zeros(3), PlaneSigma(0, 0, 1), "floor")
     with pytest.raises(InputError, match="90 degrees from parallel"):
         plane_to_plane(one, tilted, 0.0)

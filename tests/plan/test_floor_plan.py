@@ -187,7 +187,7 @@ def test_a_rooms_text_stays_within_its_walls(sides):
     width, length = sides
     corners = np.array([(0, 0), (width, 0), (width, length), (0, length)], float)
     walls = [Side(one, other, 0) for one, other in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
-    lines = ["room 1: 12.34 m2", "height 2.550 m"]
+    lines = ["room 1: 12.34 m²", "height 2.550 m"]
     label = room_label(Outline(tuple(walls), (), width * length), lines, 0.14)
     half = LETTER * max(map(len, lines)) * label.size_m / 2
     for at in label.lines:

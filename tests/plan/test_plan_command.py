@@ -33,7 +33,7 @@ def run(wall, make, tmp_path):
 
 def test_files_of_a_plan(run, capsys):
     assert cli.main(["plan", f"run={run}", "up=z"]) == 0
-    assert "room 1: 12.00 m2, height 2.500 m" in capsys.readouterr().out
+    assert "room 1: 12.00 m², height 2.500 m" in capsys.readouterr().out
     plan = json.loads((run / "plan/plan.json").read_text())
     assert sorted(side["length_m"] for side in plan["rooms"][0]["sides"]) == pytest.approx([3, 3, 4, 4], abs=1e-4)
     floor = plan["planes"][0]

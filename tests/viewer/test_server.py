@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import socket
+import subprocess
+import sys
 import time
 from contextlib import contextmanager
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 import trimesh
@@ -19,7 +22,9 @@ from room2dgs.mesh.io import write_mesh
 from room2dgs.pipeline.camera_path import PathOptions, path_frames
 from room2dgs.pipeline.scene import scene_of_run
 from room2dgs.pipeline.view import viewer_of
+from room2dgs.runs.folder import write_config
 from room2dgs.train import save_surfels
+from room2dgs.viewer import server
 from room2dgs.viewer.pace import Pace
 from room2dgs.viewer.picture import hit
 from room2dgs.viewer.server import Browser, Viewer, distance_text, found_viser, full_size, warn_of_host
@@ -79,6 +84,15 @@ def until(condition, seconds: float = 20.0) -> None:
     while not condition():
         assert time.monotonic() < end, "nothing came of it"
         time.sleep(0.02)
+
+
+def pictures_of(video: bytes, path) -> list[np.ndarray]:
+    """(H, W, 3) uint8 RGB of each picture."""
+    path.write_bytes(video)
+    film, found = cv2.VideoCapture(str(path)), []
+    while (read := film.read())[0]:
+        found.append(read[1][..., ::-1])
+    return found
 
 
 def _free_port() -> int:
@@ -242,7 +256,8 @@ def test_what_is_nearer_than_the_settings_draw_is_not_drawn(wall, wall_surfels, 
     assert seen[0.2][0] < 1 and seen[0.2][1] == ["Now the second point."]
 
 
-def test_a_photo_of_the_list_is_flown_to_and_kept_views_become_a_path(wall, wall_surfels, tmp_path):
+def test_a_photo_of_the_list_is_flown_to_and_kept_views_become_a_path(wall, wall_surfels, tmp_path, monkeypatch):
+    monkeypatch.setattr(server, "PATH_SIZE", (320, 180))  # a video of 61 pictures is made
     out = tmp_path / "my run"
     config = load_config([f"scene.path={wall}", f"out='{out}'"])
     save_surfels(out / "surfels.safetensors", wall_surfels, {})
@@ -274,9 +289,19 @@ def test_a_photo_of_the_list_is_flown_to_and_kept_views_become_a_path(wall, wall
             send(socket_, set_to(controls["path: save"], True))
             until(lambda: "61 pictures" in viewer._message.content)
             assert "render 'my run' path='my run/path.json'" in viewer._message.content
+            downloads = []
+            browser.client.send_file_download = lambda name, data: downloads.append((name, data))
+            send(socket_, set_to(controls["path: record a video"], True))
+            until(lambda: downloads, seconds=60)
             assert "this picture" in controls and "mesh.ply" in controls and "mesh.glb" not in controls
     finally:
         viewer.stop()
+    ((name, video),) = downloads
+    assert name == "path.mp4"
+    pictures = pictures_of(video, tmp_path / name)
+    assert len(pictures) == 61 and pictures[0].shape == (180, 320, 3)
+    red, _, blue = pictures[-1][90, 160].astype(int)
+    assert blue - red > 150  # where x is 0.6, as the wall is
     frames = path_frames(PathOptions(path=str(out / "path.json")), scene)
     assert len(frames) == 61
     assert np.allclose([frames[0].camera.centre, frames[-1].camera.centre], [[0, 0, 0], [0.6, 0, 0]], atol=1e-6)
@@ -304,3 +329,21 @@ def test_a_box_of_the_sliders_cuts_pictures_and_measures(wall_surfels):
         until(lambda: viewer._visible is viewer._shown)
         viewer.show(wall_surfels)
         assert viewer._visible is wall_surfels
+
+
+FIRST_WORD = """
+import builtins, os, sys
+from room2dgs import cli
+said = builtins.print
+def heard(*words, **how):
+    said(*words, sorted({"torch", "viser", "open3d", "cv2", "trimesh"} & set(sys.modules)), flush=True)
+    os._exit(0)
+builtins.print = heard
+cli.main(["view", sys.argv[1]])
+"""
+
+
+def test_its_first_word_comes_before_the_libraries_that_take_seconds(wall, tmp_path):
+    write_config(tmp_path, load_config([f"scene.path={wall}", f"out={tmp_path}"]))
+    done = subprocess.run([sys.executable, "-c", FIRST_WORD, str(tmp_path)], capture_output=True, text=True, check=True)
+    assert done.stdout == f"reading {tmp_path} []\n"

@@ -153,6 +153,12 @@ def jpeg_of(picture: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
+def kept_jpeg(image: Image.Image) -> Image.Image:
+    """A JPEG that is written as it was read: trimesh would encode it again, coarser."""
+    setattr(image, "save", partial(image.save, quality="keep"))  # noqa: B010 - of this picture alone
+    return image
+
+
 def glb_of(
     mesh: trimesh.Trimesh,
     found: Charts,
@@ -167,8 +173,7 @@ def glb_of(
         offset_m: (3,) in that frame, where the mesh stands.
     """
     out = turned_charts(mesh, found, rotation)
-    image = Image.open(io.BytesIO(jpeg_of(picture)))
-    setattr(image, "save", partial(image.save, quality="keep"))  # noqa: B010 - trimesh would encode it again, coarser
+    image = kept_jpeg(Image.open(io.BytesIO(jpeg_of(picture))))
     out.visual = trimesh.visual.TextureVisuals(uv=found.uv, material=dull_material(image))
     expected = told_by(mesh, EXPECTED_ERROR)
     if expected is not None:
