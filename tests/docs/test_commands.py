@@ -30,7 +30,7 @@ LAUNCHERS = {"basic", "joblib", "submitit_slurm", "submitit_local", "ray"}
 SWEEPS = {"-m", "ablate", "suite"}
 GROUPS = tuple(dict.fromkeys(key.name.partition(".")[0] for key in leaf_keys() if "." in key.name))
 FILES = re.compile(
-    r"\.(json|md|py|ply|html|svg|dxf|npz|npy|csv|yaml|safetensors|txt|png|glb|obj|spz|splat|jpg|xml|log|mp4|cpp|h|cu|onnx|ci)$"
+    r"\.(json|md|py|ply|html|svg|dxf|npz|npy|csv|yaml|safetensors|txt|png|glb|obj|spz|stl|splat|jpg|xml|log|mp4|cpp|h|cu|onnx|ci)$"
 )
 
 
