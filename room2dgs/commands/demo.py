@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
 from room2dgs.commands.flags import add_flags
@@ -42,4 +43,5 @@ def main(argv: list[str]) -> int:
     out, overwrite = given.pop("out"), given.pop("overwrite")
     make_room(out, RoomOptions(**given), overwrite)
     print(f"{out}: {given['frames']} photos of {given['width']}x{given['height']}, seed {given['seed']}")
+    print(f"next: room2dgs run {shlex.quote(str(out))} out={shlex.quote(f'runs/{out.name}')}")
     return 0

@@ -17,10 +17,11 @@ def summary(out: Path) -> list[str]:
         InputError: as `read_metrics`.
     """
     metrics = read_metrics(out)
-    lines = []
+    lines, score = [], ""
     f_score, precision, recall = (metrics.get(f"{name}_5cm") for name in ("f_score", "precision", "recall"))
     if f_score is not None and precision is not None and recall is not None:
         lines.append(f"F-score @ 5 cm {f_score:.3f} (precision {precision:.3f}, recall {recall:.3f})")
+        score = f"; F-score @ 5 cm {f_score:.3f}"
     seconds = metrics["seconds"]
     stages = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
     called = metrics.get("primitives_called") or "surfels"
@@ -32,14 +33,14 @@ def summary(out: Path) -> list[str]:
         lines.append(f"pictures  {out / RENDERS}")
     if (out / "eval" / "views.png").exists():
         lines.append(f"          {out / 'eval' / 'views.png'}, {out / 'eval' / 'top.png'}")
-    return lines + _last_lines(out, noted_verdict(metrics))
+    return lines + _last_lines(out, noted_verdict(metrics), score)
 
 
-def _last_lines(out: Path, verdict: Verdict | None) -> list[str]:
+def _last_lines(out: Path, verdict: Verdict | None, score: str) -> list[str]:
     run = shlex.quote(str(out))
     said = verdict.lines() if verdict is not None else []
     look = f"{out / REPORT} (room2dgs open {run})" if (out / REPORT).exists() else f"room2dgs view {run}"
     step = (
         verdict.advice[0] if verdict is not None and verdict.advice else f"room2dgs view {run} walks through the room"
     )
-    return [*said[1:], *said[:1], f"look at: {look}", f"next: {step}"]
+    return [*said[1:], *(f"{word}{score}" for word in said[:1]), f"look at: {look}", f"next: {step}"]

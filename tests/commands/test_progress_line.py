@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 
 import pytest
@@ -54,7 +55,8 @@ def test_a_run_ends_with_its_last_three_lines(wall, tmp_path, capsys, monkeypatc
     said = capsys.readouterr()
     assert code == 0, said.err
     *before, verdict, look, step = said.out.splitlines()
-    assert verdict.startswith("verdict: ") and look.startswith("look at: ") and step.startswith("next: ")
+    assert re.fullmatch(r"verdict: \w+; F-score @ 5 cm [01]\.\d{3}", verdict)
+    assert look.startswith("look at: ") and step.startswith("next: ")
     details = [line for line in (out / "log.txt").read_text().splitlines() if line.startswith("mesh: ")]
     assert details
     assert all(line in before for line in details) == (how != "line")
