@@ -51,7 +51,7 @@ def cropped_glb(path: Path, box: Box, y_up: np.ndarray, offset_m: np.ndarray) ->
 
 def _cut(mesh: trimesh.Trimesh, places: np.ndarray, box: Box) -> trimesh.Trimesh:
     """Places (V, 3) are those of the vertices in the box's frame."""
-    inside = np.asarray((places >= box[0]) & (places <= box[1])).all(axis=1)
+    inside: np.ndarray = np.all((places >= box[0]) & (places <= box[1]), axis=1)
     mesh.update_faces(inside[mesh.faces].all(axis=1))
     mesh.remove_unreferenced_vertices()
     return mesh
