@@ -24,6 +24,8 @@ PUBLISHED = {  # F-score at 5 cm on ScanNet and on ScanNet++, as the 2DGS-Room p
     "NeuS": (0.409, 0.251), "Neuralangelo": (0.255, 0.141), "3DGS": (0.085, 0.104), "SuGaR": (0.366, 0.361),
     "2DGS": (0.341, 0.183), "PGSR": (0.426, 0.249), "RaDe-GS": (0.306, 0.166), "2DGS-Room": (0.575, 0.464),
 }  # fmt: skip
+NEAR = (0.5, 0.01)  # dB and F: rows whose labels would cover each other
+LABEL_PT = 11  # from a label to the one below it
 FIGURES = ("f_score", FINE, "psnr_db", "run_s", "primitives")
 NOTES = (
     "rows: our own code under the settings of that name, each in runs of its own; means over the seeds",
@@ -100,11 +102,14 @@ def picture(lines: Sequence[Line], at: str) -> np.ndarray:
     figure = Drawing(figsize=(5.5 * (len(captures) + 1), 4.6), layout="constrained")
     *plots, bars = figure.subplots(1, len(captures) + 1, squeeze=False)[0]
     for plot, capture in zip(plots, captures, strict=True):
+        labelled: list[tuple[float, float]] = []
         for line in (line for line in lines if line.capture == capture):
             f_score, psnr = line.values.get("f_score"), line.values.get("psnr_db")
             if f_score is not None and psnr is not None:
                 plot.plot(psnr, f_score, "s" if line.method in METHODS else "o", color=_color(line.method))
-                plot.annotate(in_drawing(line.method), (psnr, f_score), textcoords="offset points", xytext=(5, 4))
+                place = (5, 4 - LABEL_PT * sum(_near(psnr, f_score, other) for other in labelled))
+                plot.annotate(in_drawing(line.method), (psnr, f_score), textcoords="offset points", xytext=place)
+                labelled.append((psnr, f_score))
             elif f_score is not None:
                 plot.axhline(f_score, color="grey", lw=0.8, ls=":")
                 plot.annotate(in_drawing(line.method), (0.01, f_score), xycoords=("axes fraction", "data"))
@@ -115,6 +120,11 @@ def picture(lines: Sequence[Line], at: str) -> np.ndarray:
     bars.invert_yaxis()
     bars.set(title="published, on ScanNet", xlabel="F @ 5cm")
     return drawn(figure, dpi=110)
+
+
+def _near(psnr: float, f_score: float, other: tuple[float, float]) -> bool:
+    """Would a label here lie on that of another row?"""
+    return abs(psnr - other[0]) < NEAR[0] and abs(f_score - other[1]) < NEAR[1]
 
 
 def _published() -> list[str]:

@@ -10,8 +10,9 @@ import pytest
 
 from room2dgs import cli
 from room2dgs.commands import ablate, bench_table
-from room2dgs.config import load_config
+from room2dgs.config import TermConfig, load_config
 from room2dgs.study.method_table import METHODS, OURS, PUBLISHED, Line, picture
+from room2dgs.train.schedule import term_weight
 
 VALUES = {"f_score": 0.6, "f_score_2cm": 0.3, "psnr_db": 24.5, "run_s": 90.0, "primitives": 12345.0, "recall": 0.5}
 
@@ -70,6 +71,24 @@ def test_the_rows_are_settings_that_can_be():
     for name in (*METHODS, *OURS):
         config = load_config([f"experiment={name}", "scene.path=x", "out=y"])
         assert (config.primitive == "gaussian3d") == ("3dgs" in name)
+
+
+def test_rows_differ_in_short_runs_too():
+    iterations = 300
+    acting = []
+    for name in METHODS:
+        config = load_config([f"experiment={name}", "scene.path=room", "out=out", f"train.iterations={iterations}"])
+        terms = {key: term for key, term in vars(config.loss).items() if isinstance(term, TermConfig)}
+        of_it = {key for key, term in terms.items() if term_weight(iterations - 1, term, iterations) > 0}
+        acting.append((config.primitive, frozenset(of_it)))
+    assert len(set(acting)) == len(METHODS)
+
+
+def test_labels_of_rows_in_one_place_stand_below_each_other():
+    line = Line("room", "plain", {"psnr_db": 20.0, "f_score": 0.5})
+    other = Line("room", "plain", {"psnr_db": 30.0, "f_score": 0.9})  # so that the axes are the same
+    one, two = (int((picture(lines, "5cm") < 0.5).sum()) for lines in ([line, other], [line, line, other]))
+    assert two > one + 100
 
 
 def test_the_picture_has_a_drawing_for_each_capture_and_one_of_what_was_published():
