@@ -36,11 +36,13 @@ class Gains(NamedTuple):
         log: (V, 3) float64 logarithms of the factors; their mean over the photos is 0.
         error: (V, 3) float64 expected errors of the logarithms.
         noise: (3,) deviation of the observations' logarithms from what the gains say.
+        places: (V,) how many places tie each photo to others, of the colour with the fewest.
     """
 
     log: np.ndarray
     error: np.ndarray
     noise: np.ndarray
+    places: np.ndarray
 
 
 def estimated_gains(seen: Observed, views: int) -> Gains:
@@ -53,17 +55,18 @@ def estimated_gains(seen: Observed, views: int) -> Gains:
     Args:
         views: number of photos; some may have no observation.
     """
-    log, error = np.zeros((2, views, 3))
+    log, error, places = np.zeros((3, views, 3))
     noise = np.zeros(3)
     for channel in range(3):
         used = np.flatnonzero(seen.weight[:, channel] > 0)
         shared = np.bincount(seen.place[used])[seen.place[used]] > 1
         used = used[shared]
+        places[:, channel] = np.bincount(seen.view[used], minlength=views)
         if len(used):
             values = np.log(seen.color[used, channel].astype(np.float64))
             ties = seen.view[used], seen.place[used], values, seen.weight[used, channel].astype(np.float64)
             log[:, channel], error[:, channel], noise[channel] = _one_channel(*ties, views)
-    return Gains(log, error, noise)
+    return Gains(log, error, noise, places.min(axis=1))
 
 
 def _one_channel(

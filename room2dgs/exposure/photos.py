@@ -17,6 +17,8 @@ from room2dgs.exposure.observed import observed
 from room2dgs.exposure.places import on_surfaces, on_tracks, together
 
 SURE = 0.03  # expected error of a logarithm up to which a photo's gain is known
+# and places that have to tie it to other photos: few sparse points may all lie on one glossy thing beside a window
+LEAST_PLACES = 100
 LEAST_PHOTOS = 5  # that tell whether gains follow the order of the photos
 DIGITS = 5
 MOST = 0.9  # of the photos lie within what is called the variation
@@ -57,7 +59,7 @@ def photo_gains(
 def known(gains: Gains) -> np.ndarray:
     """(V,) bool: photos whose gains are more than a guess."""
     least, worst = gains.error.min(axis=1), gains.error.max(axis=1)
-    return np.asarray((least > 0) & (worst < SURE))  # 0: of no observation at all
+    return np.asarray((least > 0) & (worst < SURE) & (gains.places >= LEAST_PLACES))  # 0: of no observation at all
 
 
 def variation(gains: Gains) -> Variation:

@@ -98,6 +98,15 @@ def test_what_is_seen_from_behind_something_is_not_compared(varying):
     assert np.abs(others - others.mean(axis=0)).max() < 0.015
 
 
+def test_a_photo_that_few_points_tie_to_others_is_not_known(varying):
+    tracks = tracks_of(varying)
+    kept = (tracks.frame != 3) | (np.cumsum(tracks.frame == 3) <= 60)
+    parts = tracks.frame[kept], tracks.point[kept], tracks.pixel[kept]
+    found = photo_gains(varying.train, Tracks(tracks.frames, *parts), {})
+    assert not known(found)[3] and np.delete(known(found), 3).all()
+    assert found.places[3] <= 60 and found.error[3].max() < 0.03  # its noise would not tell
+
+
 def test_without_shared_places_nothing_is_said(varying):
     assert photo_gains(varying.train, None, {}) is None
 
