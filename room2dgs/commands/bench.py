@@ -12,10 +12,10 @@ BENCHES = {
     "prior": ("room2dgs.commands.bench_prior", "a prior's depth, normals and confidence where depth is known"),
     "lengths": (
         "room2dgs.commands.bench_lengths",
-        "lengths of runs of made rooms, and their deviations, against truth",
+        "lengths in runs of made rooms, and their ±, against truth",
     ),
     "calibration": ("room2dgs.commands.bench_calibration", "expected errors of meshes against the true ones"),
-    "plan": ("room2dgs.commands.bench_plan", "plans of runs of made rooms against truth: walls, doors, windows"),
+    "plan": ("room2dgs.commands.bench_plan", "plans of runs of made rooms against truth: walls, openings"),
     "splats": ("room2dgs.commands.bench_splats", "pictures of splats against seconds, and another program's"),
     "table": ("room2dgs.commands.bench_table", "methods of the paper's Table I on captures with ground truth"),
     "suite": ("room2dgs.commands.bench_suite", "the same settings on several captures, as one table"),
