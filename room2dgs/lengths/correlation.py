@@ -6,7 +6,7 @@ import numpy as np
 
 CELL_M = 0.25  # faces in a square of this side share their error
 RANGE_M = 0.5  # over which errors of one surface forget each other
-SHARED = 0.15  # of the variance: what a whole surface shares, such as a bias of the depth
+SHARED = 0.5  # of the variance: what a whole surface shares, such as a bias of the depth
 
 
 def correlation(place: np.ndarray) -> np.ndarray:

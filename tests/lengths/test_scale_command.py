@@ -186,7 +186,7 @@ def test_what_cannot_be_scaled_is_said(run, capsys):
         (["floor", "ceiling"], "two ends and length"),
         (["floor", "length=2"], "two ends and length"),
         (["floor", "ceiling", "length=x"], "no length in metres"),
-        (["-2,0,0", "-1.999,0.0,0", "length=1"], "too short"),
+        (["-2,0,0", "-1.9998,0.0,0", "length=1"], "too short"),
         (["floor", "ceiling", "length=1e9"], "check its unit"),
     ):
         assert cli.main(["scale", str(run), "up=z", *arguments]) == 2
