@@ -50,6 +50,7 @@ FLOW = (
         "sfm",
         "stereo",
         "depth",
+        "mirrors",
         "splat",
         "primitives",
         "seeds",

@@ -3,10 +3,13 @@
     python -m room2dgs.tools.make_captures OUT --rooms 8 --seed 9000
     python -m room2dgs.tools.make_captures OUT --rooms 8 --phone
     python -m room2dgs.tools.make_captures OUT --rooms 8 --phone wander,blur
+    python -m room2dgs.tools.make_captures OUT --rooms 8 --mirrors 1
 
 Written: OUT/room_00, room_01, ..., each as `capture_files` says, with the noise of lens and sensor on the photos;
 gt_mesh.ply is only what the cameras saw; plan_true.json has the outline, the openings and the tops of tables of the
-whole room (`truth`). With --pose-noise the poses are wrong, and `pose_true` holds the right ones.
+whole room (`truth`). With --mirrors mirrors hang on the walls, and mirror/0.png, ... are 255 where the photos show one;
+depth and the mesh are those of the glass.
+With --pose-noise the poses are wrong, and `pose_true` holds the right ones.
 With --phone the photos are a phone's (`phone_camera.effects`), each room's another one: its noise and JPEG take the
 place of those options, phone.json says what it did, depth and the mesh stay exact.
 The same options give the same bytes; captures that are there already are kept. Seed 0 is refused: it made the rooms
@@ -50,7 +53,8 @@ from room2dgs.tools.phone_camera.effects import EFFECTS, chosen, spelled
 from room2dgs.tools.phone_camera.filming import filming
 from room2dgs.tools.random_rooms.blank import with_blank_walls
 from room2dgs.tools.random_rooms.layout import RandomRoom, random_room
-from room2dgs.tools.random_rooms.render import Room, light_up, render
+from room2dgs.tools.random_rooms.mirrors import GLASS, with_mirrors
+from room2dgs.tools.random_rooms.render import Room, light_up, rays, render
 from room2dgs.tools.random_rooms.truth import plan_truth
 from room2dgs.tools.random_rooms.walk import Walk, floor_area, random_walk
 from room2dgs.tools.shake_poses import shaken
@@ -78,6 +82,7 @@ class CaptureOptions:
         pose_noise_deg, pose_noise_cm: error of the written poses, root of the mean square over the photos.
         jpeg_quality: 1 to 100.
         phone: effects of a phone, as `phone_camera.effects.chosen` reads them.
+        mirrors: that hang on the walls, where these are free.
     """
 
     seed: int = 9000
@@ -91,10 +96,12 @@ class CaptureOptions:
     pose_noise_cm: float = 0.0
     jpeg_quality: int = 92
     phone: str = "none"
+    mirrors: int = 0
 
 
 PHONE = "phone.json"
 PLAN_TRUTH = "plan_true.json"
+MIRROR = "mirror"
 LIMITS = {
     "seed": (1, 2**63 - 1),
     "photos": (0, 10_000),
@@ -106,6 +113,7 @@ LIMITS = {
     "pose_noise_deg": (0, 45),
     "pose_noise_cm": (0, 100),
     "jpeg_quality": (1, 100),
+    "mirrors": (0, 8),
 }
 
 
@@ -165,9 +173,26 @@ def write_capture(out: Path, number: int, options: CaptureOptions) -> None:
         write_poses(out / "pose_true", walk.poses)
     write_poses(out / "pose", wrong)
     write_intrinsics(out, K)
+    if options.mirrors:
+        write_mirror_masks(out / MIRROR, room, patches, K, walk.poses, options)
     mesh = visible_mesh(room, patches, K, walk.poses, options.width, options.height)
     write_truth(out, mesh, made(options, number, draw, walk))
     write_plan_truth(out, planned)
+
+
+def write_mirror_masks(
+    out: Path, room: Room, patches: list[Patch], K: np.ndarray, poses: np.ndarray, options: CaptureOptions
+) -> None:
+    """Writes out/0.png, ...: 255 where the photo shows a mirror."""
+    out.mkdir()
+    mirrors = np.array([patch.tag == GLASS for patch in patches])
+    for index, world_from_cam in enumerate(poses):
+        hits = cast(room.scene, *rays(K[0, 0], world_from_cam, options.width, options.height, 1))
+        seen = np.isfinite(hits["t_hit"])
+        seen[seen] = mirrors[room.soup.patch[hits["primitive_ids"][seen]]]
+        mask = np.where(seen, 255, 0).astype(np.uint8).reshape(options.height, options.width)
+        if not cv2.imwrite(str(out / f"{index}.png"), mask):
+            raise OSError(f"{out / f'{index}.png'} cannot be written")
 
 
 def write_plan_truth(out: Path, room: RandomRoom) -> None:
@@ -191,6 +216,8 @@ def found_room(number: int, options: CaptureOptions) -> tuple[RandomRoom, list[P
             evenly_cut(patch)
             for patch in with_blank_walls(room.patches, options.blank, stream(options, number, draw, 1))
         ]
+        if options.mirrors:
+            patches = with_mirrors(room, patches, options.mirrors, stream(options, number, draw, 10))
         walk = walked(room, patches, stream(options, number, draw, 2), options.photos or None)
         if walk is not None:
             return room, patches, walk, draw
@@ -261,6 +288,7 @@ def main(arguments: list[str]) -> None:
         metavar="EFFECTS",
         help=f"photos as a phone's: all, or some of {', '.join(EFFECTS)}, with commas between",
     )
+    parser.add_argument("--mirrors", type=int, default=plain.mirrors, help="that hang on the walls of a room")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     given = vars(parser.parse_args(arguments))
     out, rooms, workers, pose_noise = (given.pop(name) for name in ("out", "rooms", "workers", "pose_noise"))
@@ -299,7 +327,8 @@ def _made_with(out: Path) -> dict[str, Any]:
     """Options and number of the capture in a folder; nothing if it holds none."""
     try:
         made = json.loads((out / OPTIONS).read_text(encoding="utf-8"))
-        return {**{name: made[name] for name in (*LIMITS, "room")}, "phone": made.get("phone", "none")}
+        later = {"phone": made.get("phone", "none"), "mirrors": made.get("mirrors", 0)}
+        return {**{name: made[name] for name in (*LIMITS, "room") if name not in later}, **later}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 

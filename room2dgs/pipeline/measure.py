@@ -72,9 +72,9 @@ class MeasuredRun:
         """
         from room2dgs.plan.openings import with_openings
         from room2dgs.plan.sight import rays_of
-        from room2dgs.runs.trust import read_trust
+        from room2dgs.runs.mirrors import trusted_depths
 
-        maps = read_trust(self.source.folder / TRUST)
+        maps = trusted_depths(self.source.folder, self.source.scene)
         if not maps:
             return self.plan
         rays = rays_of(self.source.scene.train, maps).turned(self.plan.level_from_world)

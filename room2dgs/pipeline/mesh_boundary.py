@@ -10,8 +10,8 @@ from room2dgs.captures.scene import Scene
 from room2dgs.captures.selection import evenly_spaced
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.runs.depth_coverage import SURE
-from room2dgs.runs.folder import BOUNDARY, TRUST
-from room2dgs.runs.trust import read_trust
+from room2dgs.runs.folder import BOUNDARY
+from room2dgs.runs.mirrors import trusted_depths
 
 if TYPE_CHECKING:
     import trimesh
@@ -51,7 +51,7 @@ def judged_boundary(mesh: trimesh.Trimesh, scene: Scene, run: RunFolder) -> Judg
     from room2dgs.eval.sightlines import sightlines
     from room2dgs.eval.surface import Surface
 
-    trust = read_trust(run.path / TRUST)
+    trust = trusted_depths(run.path, scene)
     if not any(one.depth is not None for one in trust.values()):
         return None
     surface = Surface(mesh)

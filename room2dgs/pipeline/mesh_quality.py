@@ -15,8 +15,9 @@ from room2dgs.config import Config
 from room2dgs.errors import InputError
 from room2dgs.logs import Log
 from room2dgs.runs.depth_coverage import SURE
-from room2dgs.runs.folder import EVAL, QUALITY, TRUST
-from room2dgs.runs.trust import Trust, read_trust
+from room2dgs.runs.folder import EVAL, QUALITY
+from room2dgs.runs.mirrors import trusted_depths
+from room2dgs.runs.trust import Trust
 
 if TYPE_CHECKING:
     import trimesh
@@ -58,7 +59,7 @@ def known_views(scene: Scene, config: Config, out: Path) -> list[KnownView]:
     """
     from room2dgs.eval.mesh_quality import MOST_VIEWS, KnownView
 
-    trust = read_trust(out / TRUST)
+    trust = trusted_depths(out, scene)
     return [
         KnownView(frame.camera, tuple(_depths(frame, config, trust.get(frame.name))), frame.mask())
         for frame in evenly_spaced(scene.train, MOST_VIEWS)

@@ -32,6 +32,7 @@ from room2dgs.runs.folder import (
     EXPORTS,
     MESH,
     METRICS,
+    MIRRORS,
     POSES,
     PRIORS,
     REPORT,
@@ -44,6 +45,7 @@ from room2dgs.runs.folder import (
     write_config,
 )
 from room2dgs.runs.metrics import MESH_SCORES, read_metrics
+from room2dgs.runs.mirrors import scaled_mirrors
 from room2dgs.runs.replacing import commit, finish, left, note_left, staging
 
 TAPE_M = 0.005  # of a known length that nobody said the error of
@@ -163,6 +165,8 @@ def _stage(config: Config, out: Path, rescaling: Rescaling) -> None:
         (place / TRUST).write_bytes(scaled_trust((out / TRUST).read_bytes(), factor))
     if (out / PRIORS).is_file():
         (place / PRIORS).write_text(_scaled_priors((out / PRIORS).read_text(encoding="utf-8"), factor), "utf-8")
+    if (out / MIRRORS).is_file():
+        _write(place / MIRRORS, scaled_mirrors(out / MIRRORS, factor))
     _write(place / POSES, _scaled_poses(poses, factor))
     _write(place / METRICS, _scaled_metrics(metrics, unit, rescaling))
 

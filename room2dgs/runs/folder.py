@@ -24,7 +24,7 @@ from room2dgs.owner import LOCK, FolderGone, owned, refuse_if_owned
 from room2dgs.runs.replacing import refuse_unfinished
 
 CONFIG, MESH, METRICS = "config.yaml", "mesh.ply", "metrics.json"
-TEXTURED, BOUNDARY = "mesh.glb", "boundary.ply"
+TEXTURED, BOUNDARY, MIRRORS = "mesh.glb", "boundary.ply", "mirrors.json"
 SURFELS, CHECKPOINTS, POINTS, RENDERS = "surfels.safetensors", "checkpoints", "points", "renders"
 PRIORS, PRIOR_MAPS, CACHE, POSES = "priors.csv", "priors", "cache", "poses.json"
 REPORT, TRUST, EXPORTS = "report.html", "trust.npz", "export"
@@ -39,7 +39,7 @@ MADE = {
 
 # Where a file of these names, or a folder, cannot be written
 FILES = (
-    *(CONFIG, MESH, TEXTURED, BOUNDARY, METRICS, SURFELS, PRIORS, POSES, REPORT, TRUST, LOG_FILE),
+    *(CONFIG, MESH, TEXTURED, BOUNDARY, MIRRORS, METRICS, SURFELS, PRIORS, POSES, REPORT, TRUST, LOG_FILE),
     *("dense.ply", "coverage.json"),
 )
 FOLDERS = (KEPT, CHECKPOINTS, POINTS, RENDERS, PRIOR_MAPS, CACHE, EXPORTS, CAPTURE, EVAL, "tensorboard")

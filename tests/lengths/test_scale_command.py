@@ -19,12 +19,16 @@ from room2dgs.eval.boundary_kinds import COLORS
 from room2dgs.lengths.scaled_files import scaled_glb, scaled_ply
 from room2dgs.mesh.boundary_file import BoundaryEdges, read_boundary, write_boundary
 from room2dgs.mesh.io import write_mesh
+from room2dgs.mirrors.mirror import Mirror
 from room2dgs.pipeline.scene import read_capture
 from room2dgs.runs import replacing
 from room2dgs.runs.folder import write_config
 from room2dgs.runs.metrics import record
+from room2dgs.runs.mirrors import read_mirrors, write_mirrors
 from room2dgs.splat.types import Surfels
 from room2dgs.train import save_surfels
+
+MIRROR = np.array([[0.5, 1.5, -0.5], [0.5, 1.5, 0.5], [-0.5, 1.5, 0.5], [-0.5, 1.5, -0.5]])
 
 
 @pytest.fixture
@@ -42,6 +46,7 @@ def run(wall, make, tmp_path):
     (out / "mesh.glb").write_bytes(room.export(file_type="glb"))
     rim = BoundaryEdges(np.array([[[0.0, 0, 1], [0, 0.5, 1]]]), np.array([1], np.uint8))
     write_boundary(out / "boundary.ply", rim, COLORS, (0.0, 0.0, 0.0))
+    write_mirrors(out / "mirrors.json", [Mirror(MIRROR, 9)], (0.0, 0.0, 0.0))
     one = Surfels(
         torch.tensor([[1.0, 2, 3]]),
         torch.tensor([[1.0, 0, 0, 0]]),
@@ -99,6 +104,7 @@ def test_all_files_follow(run, capsys):
     rim = read_boundary(run / "boundary.ply", len(COLORS), (0.0, 0.0, 0.0))
     np.testing.assert_allclose(rim.ends, [[[0, 0, 2], [0, 1, 2]]])
     assert list(rim.kind) == [1]
+    np.testing.assert_allclose(read_mirrors(run / "mirrors.json", (0.0, 0.0, 0.0))[0].corners, 2 * MIRROR)
     assert json.loads((run / "poses.json").read_text())["report"]["moved_m"] == pytest.approx(0.02)
     assert "0,1.6,0.2,0.03,100" in (run / "priors.csv").read_text()
     assert not (run / "checkpoints").exists() and not (run / replacing.PLACE).exists()

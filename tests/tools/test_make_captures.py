@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
+import cv2
 import numpy as np
 import open3d as o3d
 import pytest
@@ -20,6 +21,7 @@ from room2dgs.tools.random_rooms.blank import with_blank_walls
 from room2dgs.tools.random_rooms.cameras import picture_rays
 from room2dgs.tools.random_rooms.walk import Walk
 from room2dgs.tools.shake_poses import shaken
+from tests.oracles.made_captures import read_capture
 
 OPTIONS = CaptureOptions(seed=77, photos=6, width=80, height=60)
 FLAGS = ("--rooms", "1", "--seed", "77", "--photos", "6", "--width", "80", "--height", "60")
@@ -95,6 +97,35 @@ def test_depth_is_where_the_mesh_is(films):
             # triangles that are mostly hidden are not in the mesh, so some pixels at silhouettes pass through
             assert np.mean(np.abs(hit[solid] - depth[solid]) < 6e-4) > 0.95
             assert np.mean(hit[solid] < depth[solid] - 6e-4) < 1e-3
+
+
+def test_a_mirror_shows_the_room_and_has_its_glass_in_depth_and_mask(films, tmp_path):
+    out = make_capture(tmp_path / "room", 1, replace(OPTIONS, photos=16, mirrors=2))
+    assert json.loads((out / "room.json").read_text())["mirrors"] == 2
+    masks = [cv2.imread(str(out / f"mirror/{index}.png"), cv2.IMREAD_UNCHANGED) for index in range(16)]
+    assert all(set(np.unique(mask)) <= {0, 255} and mask.shape == (60, 80) for mask in masks)
+    film = read_capture(out)
+    seen = [
+        (film.poses[index][:3, :3] @ (film.rays() * depth[..., None])[mask > 0].T).T + film.poses[index][:3, 3]
+        for index, (mask, depth) in enumerate(zip(masks, film.depths, strict=True))
+    ]
+    points = np.concatenate(seen)
+    assert len(points) > 100
+    outline = np.array(json.loads((out / "plan_true.json").read_text())["rooms"][0]["outline"])
+    following = np.roll(outline, -1, axis=0)
+    along = (following - outline) / np.linalg.norm(following - outline, axis=1)[:, None]
+    across = along[:, ::-1] * [-1, 1]
+    away = np.abs(((points[:, None, :2] - outline[None]) * across[None]).sum(axis=2)).min(axis=1)
+    assert np.percentile(away, 95) < 0.03  # on the walls
+    assert not (films[1].path / "mirror").exists()
+
+
+def test_captures_of_before_there_were_mirrors_are_kept(tmp_path):
+    out = make_capture(tmp_path / "room", 1, OPTIONS)
+    said = json.loads((out / "room.json").read_text())
+    del said["mirrors"]
+    (out / "room.json").write_text(json.dumps(said))
+    assert make_capture(out, 1, OPTIONS) == out
 
 
 def test_photos_are_neither_dark_nor_glaring_and_stick_to_the_surfaces(films):

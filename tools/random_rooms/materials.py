@@ -11,6 +11,7 @@ from room2dgs.demo_room.geometry import Material
 from room2dgs.tools.random_rooms.pictures import KINDS, PER_KIND
 
 Rng = np.random.Generator
+SILVERED = 2.0  # gloss of a mirror
 Color = tuple[float, float, float]
 
 
@@ -23,7 +24,7 @@ class Surface(Material):
         repeat: metres that the picture covers; None = the picture fills the patch.
         tint: mean colour, sRGB 0 to 1; None = the picture's own.
         contrast: strength of the picture's deviations from its mean.
-        gloss: weight of the mirror reflection's Fresnel term, 0 to 1.
+        gloss: weight of the mirror reflection's Fresnel term, 0 to 1; above it the surface is silvered.
         roughness: spread of the mirrored rays, radians.
     """
 
@@ -140,6 +141,11 @@ def glass_like(rng: Rng) -> Surface:
     """Dark and mirroring: a hob, an oven's door, a bottle."""
     tint = _hsv(rng, (0, 0.6), (0.01, 0.2))
     return _surface(rng, "plaster", tint=tint, contrast=0.0, gloss=1.0)
+
+
+def silver(rng: Rng) -> Surface:
+    """A mirror: it reflects nearly all light, whatever the angle."""
+    return _surface(rng, "plaster", tint=(0.05, 0.05, 0.05), contrast=0.0, gloss=SILVERED)
 
 
 def picture(rng: Rng) -> Surface:

@@ -23,6 +23,7 @@ from room2dgs.tools.random_rooms.pictures import SIDE, mean_colors, pool
 LIGHT_TEXEL = 0.09  # metres
 BOUNCE_RAYS = 40
 FINE = 2  # colour rays along each side of a pixel
+SILVER = 0.92  # of the light that a mirror reflects
 GLARE = 3.0  # radiance of the weakest light in the picture; white is 1
 MIRRORED_FROM = 0.004  # metres above the surface
 
@@ -202,7 +203,8 @@ def shade(room: Room, origins: np.ndarray, directions: np.ndarray, rng: np.rando
         normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
         normal *= np.where((normal * along).sum(1, keepdims=True) > 0, -1, 1)
         cosine = np.clip(-(normal * along).sum(1, keepdims=True), 0, 1)
-        share = room.looks.gloss[patch[rows], None] * (0.04 + 0.96 * (1 - cosine) ** 5)
+        gloss = room.looks.gloss[patch[rows], None]
+        share = np.where(gloss > 1, SILVER, gloss * (0.04 + 0.96 * (1 - cosine) ** 5)).astype(np.float32)
         spread = room.looks.roughness[patch[rows], None] * rng.standard_normal(along.shape, dtype=np.float32)
         mirrored = along + 2 * cosine * normal + spread
         points = origins[rows] + hits["t_hit"][rows, None] * directions[rows] + MIRRORED_FROM * normal

@@ -45,6 +45,11 @@ class MeshConfig:
         5, "Steps of smoothing that remove the roughness of the voxels; borders stay in place.", ge=0, le=100
     )
     flatten: bool = expert(True, "Put walls, floors and table tops on their planes where they lie within 8 mm.")
+    glass: Literal["leave_out", "keep"] = expert(
+        "leave_out",
+        "What mirrors show. leave_out: the glass takes its place in mesh and plan, mirrors.json says where. keep: it "
+        "is meshed as a room behind the wall.",
+    )
     inferred: bool = expert(
         True,
         "Close gaps of up to 20 cm between measured parts of the surface; mesh.ply marks their vertices (source = 1).",

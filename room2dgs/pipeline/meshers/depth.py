@@ -11,7 +11,9 @@ from room2dgs.errors import InputError
 from room2dgs.pipeline.depth import points_and_priors
 from room2dgs.pipeline.exposure import with_even_exposure
 from room2dgs.pipeline.meshers.mesher import MakeMesh
+from room2dgs.pipeline.mirrors import without_mirrored
 from room2dgs.pipeline.run_folder import RunFolder
+from room2dgs.runs.folder import TRUST
 
 if TYPE_CHECKING:
     import trimesh
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 def surface(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder) -> MakeMesh:
     """Fuses the prior depth of the training views; see `Mesher`."""
     from room2dgs.mesh.fuse import fuse
+    from room2dgs.runs.trust import read_trust
 
     points, priors = points_and_priors(scene, config, run)
     if not any(maps.depth is not None for maps in priors.by_frame.values()):
@@ -32,7 +35,10 @@ def surface(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder
     scene = with_even_exposure(scene, points, priors.by_frame, config, run)
 
     def make(settings: MeshConfig) -> trimesh.Trimesh:
-        return fuse(views_with_depth(scene, priors, config), settings, run.log, config.render.device)
+        views = without_mirrored(
+            views_with_depth(scene, priors, config), scene, read_trust(run.path / TRUST), config, run
+        )
+        return fuse(views, settings, run.log, config.render.device)
 
     return make
 

@@ -9,6 +9,7 @@ from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config, MeshConfig
 from room2dgs.pipeline.exposure import with_even_exposure
 from room2dgs.pipeline.meshers.mesher import MakeMesh
+from room2dgs.pipeline.mirrors import without_mirrored
 from room2dgs.pipeline.points import find_points_alone
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.stereo import find_stereo, fused_stereo
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 def surface(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder) -> MakeMesh:
     """Fuses the training views' stereo, as `room2dgs depth` makes it; see `Mesher`."""
     from room2dgs.mesh.fuse import fuse
-    from room2dgs.runs.trust import write_trust
+    from room2dgs.runs.trust import read_trust, write_trust
 
     points = find_points_alone(scene, config, run, depth_source="stereo")
     stereo, share = find_stereo(scene, points, config, run)
@@ -35,6 +36,9 @@ def surface(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder
     scene = with_even_exposure(scene, points, maps, config, run)
 
     def make(settings: MeshConfig) -> trimesh.Trimesh:
-        return fuse(fused_stereo(scene.keyframes, stereo), settings, run.log, config.render.device)
+        views = without_mirrored(
+            fused_stereo(scene.keyframes, stereo), scene, read_trust(run.path / TRUST), config, run
+        )
+        return fuse(views, settings, run.log, config.render.device)
 
     return make

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from room2dgs.captures.scene import Scene
 from room2dgs.config import Config, MeshConfig
 from room2dgs.pipeline.meshers.mesher import MakeMesh
+from room2dgs.pipeline.mirrors import without_mirrored
 from room2dgs.pipeline.run_folder import RunFolder
 from room2dgs.pipeline.surfels import render_frames
 from room2dgs.runs.folder import TRUST
@@ -26,7 +27,8 @@ def surface(scene: Scene, surfels: Splats | None, config: Config, run: RunFolder
     from room2dgs.mesh.fuse import fuse
 
     assert surfels is not None
-    views = _RenderedViews(scene, surfels, config, _trust(scene, config, run))
+    trust = _trust(scene, config, run)
+    views = without_mirrored(_RenderedViews(scene, surfels, config, trust), scene, trust, config, run)
 
     def make(settings: MeshConfig) -> trimesh.Trimesh:
         return fuse(views, settings, run.log, config.render.device)

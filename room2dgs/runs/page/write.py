@@ -19,20 +19,22 @@ from room2dgs.mesh.boundary_file import BoundaryEdges, read_boundary
 from room2dgs.mesh.world import read_in_scene
 from room2dgs.report.page import Figure, page, script
 from room2dgs.report.table import Table
-from room2dgs.runs.folder import BOUNDARY, EVAL, MESH, QUALITY, REPORT, TEXTURED, TRUST
+from room2dgs.runs.folder import BOUNDARY, EVAL, MESH, MIRRORS, QUALITY, REPORT, TEXTURED
 from room2dgs.runs.metrics import read_metrics
+from room2dgs.runs.mirrors import read_mirrors, trusted_depths
 from room2dgs.runs.page import texts, trust
 from room2dgs.runs.page.boundary import boundary_figure, boundary_sentences
 from room2dgs.runs.page.coverage import Coverage, Spot, advice, coverage, spots
 from room2dgs.runs.page.keys import kind_keys, layer_keys
 from room2dgs.runs.page.mesh_layer import PageMesh, page_mesh, with_error, with_expected, with_off, with_photos
+from room2dgs.runs.page.mirrors import mirror_figures
 from room2dgs.runs.page.places import Places, named_only
 from room2dgs.runs.page.plots import drawings, read_plots
 from room2dgs.runs.page.results import files_of, next_steps
 from room2dgs.runs.page.room import RoomFacts, first_facts
 from room2dgs.runs.page.solid import box_m, solid
 from room2dgs.runs.page.views import KINDS, Rendered, view_pictures
-from room2dgs.runs.trust import Trust, read_trust
+from room2dgs.runs.trust import Trust
 from room2dgs.runs.verdict import noted_verdict
 
 if TYPE_CHECKING:
@@ -68,7 +70,7 @@ def write_report(
     """
     metrics = read_metrics(out)
     log = logged(out)
-    maps = read_trust(out / TRUST)
+    maps = trusted_depths(out, scene)
     source = str(metrics.get("depth_source") or "none")
     facts, places = facts or RoomFacts(), Places(config)
     room, seen, wanting = _room(scene, config, out, maps)
@@ -92,7 +94,11 @@ def write_report(
         views=view_pictures(scene, rendered, maps, config.report.views),
         kinds=[kind for kind in KINDS if kind[0] != "trust" or maps],
         kind_keys=kind_keys(source),
-        whole=[*_boundary(scene, out), *_whole(out, metrics)],
+        whole=[
+            *mirror_figures(read_mirrors(out / MIRRORS, scene.origin_m), scene.frames, unit),
+            *_boundary(scene, out),
+            *_whole(out, metrics),
+        ],
         spots=[spot.text for spot in wanting],
         advice=places.out_of_all([*boundary_sentences(metrics, unit), *advice(scene, seen)]),
         trusted=trust.sentences(maps, source),
@@ -146,6 +152,10 @@ def run_boundary(scene: Scene, out: Path) -> BoundaryEdges | None:
     if not (out / BOUNDARY).is_file():
         return None
     return read_boundary(out / BOUNDARY, len(KINDS_BEYOND), scene.origin_m)
+
+
+def _mirrors(scene: Scene, out: Path, unit: str) -> list[Figure]:
+    return mirror_figures(read_mirrors(out / MIRRORS, scene.origin_m), scene.frames, unit)
 
 
 def _boundary(scene: Scene, out: Path) -> list[Figure]:
