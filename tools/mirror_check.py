@@ -66,9 +66,10 @@ def counted(scene: Scene, trust: dict[str, Trust], mirrors: list[Mirror], masks:
 
 def true_depth(frame: Frame, size: tuple[int, int]) -> np.ndarray:
     """(h, w) the capture's depth, 0 = unknown."""
-    if frame.depth_path is None:
+    depth = frame.depth()
+    if depth is None:
         return np.zeros(size[::-1], np.float32)
-    return cv2.resize(frame.depth().astype(np.float32), size, interpolation=cv2.INTER_NEAREST)
+    return cv2.resize(depth.astype(np.float32), size, interpolation=cv2.INTER_NEAREST)
 
 
 def line(name: str, mirrors: list[Mirror], count: dict[str, int]) -> str:

@@ -145,7 +145,7 @@ def glass_like(rng: Rng) -> Surface:
 
 def silver(rng: Rng) -> Surface:
     """A mirror: it reflects nearly all light, whatever the angle."""
-    return _surface(rng, "plaster", tint=(0.05, 0.05, 0.05), contrast=0.0, gloss=SILVERED)
+    return _surface(rng, "plaster", tint=(0.05, 0.05, 0.05), contrast=0.0, gloss=SILVERED, roughness=0.0)
 
 
 def picture(rng: Rng) -> Surface:
