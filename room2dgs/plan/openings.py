@@ -74,9 +74,15 @@ def with_openings(plan: FloorPlan, rays: Rays, scale: float) -> FloorPlan:
     found: list[Opening] = []
     for number, room in enumerate(plan.rooms):
         for index, side in enumerate(room.sides):
-            if side.wall is not None and side.length_m >= SMALLEST_M:
+            if side.wall is not None and side.length_m >= SMALLEST_M and _faces_in(plan, side):
                 found += _of_side(plan, number, index, side, rays, scale)
     return replace(plan, openings=tuple(found))
+
+
+def _faces_in(plan: FloorPlan, side: Side) -> bool:
+    """Whether a side's wall is seen from its own room, which is on its left: the next room has its back."""
+    along = side.end - side.start
+    return bool(plan.walls[side.wall or 0].normal[:2] @ np.array([-along[1], along[0]]) > 0)
 
 
 def _of_side(plan: FloorPlan, room: int, index: int, side: Side, rays: Rays, scale: float) -> Iterator[Opening]:

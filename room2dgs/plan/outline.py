@@ -18,6 +18,9 @@ SEEN_SHARE = 0.5  # of a cell: inside
 LEAST_CAMERAS, CAMERAS_SHARE = 2, 0.05  # of all cameras, that stood in a cell: inside
 EDGE_SHARE = 0.001  # of what was seen lies beyond the box in which rooms are sought, on each side
 MIN_ROOM_M2 = 1.0
+COLUMN_M, COLUMN_SHARE = 0.1, 0.1  # of a line between two cells, and of a column's area, that is seen to be wall
+WALLED, GAP_M = 0.6, 1.3  # so much of the line's length is wall, and no gap as wide, where it parts them
+WALL_COS = 0.94  # of faces from their wall's normal
 ON_WALL_M = 0.02
 NEAR_EDGE_M = 0.3
 NEAR_AXIS = 0.999  # cosine
@@ -79,8 +82,7 @@ def outlines(
     whole = shapely.unary_union([shapely.box(*low, *high).exterior, *lines])
     cells = shapely.polygonize([whole]).geoms
     inside = [cell for cell in cells if seen.share(cell) >= SEEN_SHARE or _stood_in(cell, stood)]
-    joined = shapely.union_all(inside, grid_size=1e-6)
-    rooms = [part for part in getattr(joined, "geoms", [joined]) if part.area >= MIN_ROOM_M2]
+    rooms = [room for room in _rooms(inside, surface, floor, ceiling, walls) if room.area >= MIN_ROOM_M2]
     if not rooms:
         raise InputError("no room came out of the mesh's floor and walls; film floor, ceiling and walls, or mesh again")
     rooms.sort(key=lambda room: -room.area)
@@ -110,6 +112,48 @@ def _seen(surface: LevelSurface, floor: Plane, ceiling: Plane | None) -> _Seen:
     below = surface.upward | (level & (np.abs(height - floor.offset_m) < LEVEL_M))
     above = level & (np.abs(height + ceiling.offset_m) < LEVEL_M) if ceiling else surface.downward
     return _Seen(rows[below], rows[above])
+
+
+def _rooms(cells: list, surface: LevelSurface, floor: Plane, ceiling: Plane | None, walls: Sequence[Plane]) -> list:
+    """Cells joined with their neighbours, where no wall was seen between them; the line of a wall goes on beyond it."""
+    import shapely
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    top = -ceiling.offset_m if ceiling else float(np.quantile(surface.middle[:, 2], 0.995))
+    pairs = []
+    for one, other in shapely.STRtree(cells).query(cells, predicate="touches").T if cells else ():
+        edge = shapely.intersection(cells[one], cells[other])
+        if one < other and edge.length > 1e-6 and not _walled(edge, surface, walls, top - floor.offset_m):
+            pairs.append((one, other))
+    row, column = np.array(pairs, np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(row)), (row, column)), shape=(len(cells), len(cells)))
+    count, label = connected_components(graph, directed=False)
+    groups = ([cell for cell, part in zip(cells, label, strict=True) if part == number] for number in range(count))
+    joined = (shapely.union_all(group, grid_size=1e-6) for group in groups)
+    return [part for one in joined for part in getattr(one, "geoms", [one])]
+
+
+def _walled(edge, surface: LevelSurface, walls: Sequence[Plane], height_m: float) -> bool:
+    """Whether a wall was seen along an edge between two cells, with no gap wider than a door; above a door is wall."""
+    start, end = np.array(edge.coords[0]), np.array(edge.coords[-1])  # cells are convex
+    length = float(np.linalg.norm(end - start))
+    along = (end - start) / length
+    columns = max(1, round(length / COLUMN_M))
+    seen = np.zeros(columns)
+    for wall in walls:
+        across = wall.normal[:2]
+        if abs(across @ along) > np.sin(np.radians(1)) or abs(start @ across - wall.offset_m) > ON_WALL_M:
+            continue
+        on = surface.upright & (surface.normal[:, :2] @ across > WALL_COS)
+        on &= np.abs(surface.middle[:, :2] @ across - wall.offset_m) < LEVEL_M
+        place = (surface.middle[on][:, :2] - start) @ along / length
+        inside = (place > 0) & (place < 1)
+        seen += np.bincount((place[inside] * columns).astype(np.int64), surface.area[on][inside], columns)
+    wall_m = length / columns
+    there = np.flatnonzero(seen > COLUMN_SHARE * height_m * wall_m)
+    gaps = np.diff(np.concatenate([[-1], there, [columns]])) - 1
+    return bool(len(there) * wall_m > WALLED * length and gaps.max() * wall_m < GAP_M)
 
 
 def _stood_in(cell, stood: np.ndarray) -> bool:

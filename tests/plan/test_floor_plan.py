@@ -84,6 +84,27 @@ def test_any_world_and_any_heading_give_the_same_plan(furnished):
     assert floor["offset_m"] == pytest.approx(up @ (5, -7, 2), abs=0.003)
 
 
+@pytest.mark.parametrize(("wide", "rooms"), [(0.9, [12.0, 7.5]), (1.8, [19.5])])
+def test_a_wall_with_a_door_parts_two_rooms_and_one_with_a_wide_gap_to_the_ceiling_does_not(wide, rooms):
+    """Only the larger room saw the wall between them: the line of its other walls goes on beyond them too."""
+    left, right, high = 2.0 - wide / 2, 2.0 + wide / 2, 2.5
+    inside, beyond = (2.0, 1.5, 1.0), (2.0, -1.5, 1.0)
+    around = [[(4, 0), (4, 3)], [(4, 3), (0, 3)], [(0, 3), (0, 0)], [(0, 0), (left, 0)], [(right, 0), (4, 0)]]
+    other = [[(0.8, 0), (0.8, -3)], [(0.8, -3), (3.3, -3)], [(3.3, -3), (3.3, 0)]]
+    parts = [
+        surface([(*start, 0), (*end, 0), (*start, high)], towards)
+        for sides, towards in ((around, inside), (other, beyond))
+        for start, end in sides
+    ]
+    if wide < 1:
+        parts.append(surface([(left, 0, 2.0), (right, 0, 2.0), (left, 0, high)], inside))
+    for x0, y0, x1, y1 in ((0, 0, 4, 3), (0.8, -3, 3.3, 0)):
+        parts.append(surface([(x0, y0, 0), (x1, y0, 0), (x0, y1, 0)], (x0, y0, 1)))
+        parts.append(surface([(x0, y0, high), (x1, y0, high), (x0, y1, high)], (x0, y0, 0)))
+    plan = floor_plan(trimesh.util.concatenate(parts), Z_UP)
+    assert [room.area_m2 for room in plan.rooms] == pytest.approx(rooms, abs=0.02)
+
+
 def test_a_room_with_a_corner_cut_out():
     outline = [(0, 0), (5, 0), (5, 2), (3, 2), (3, 4), (0, 4)]
     mesh = room_of(outline, 2.6, [(0, 0, 5, 2), (0, 2, 3, 4)])
