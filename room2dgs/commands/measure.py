@@ -75,7 +75,7 @@ def _dimensions(run: MeasuredRun, only_height: bool) -> dict[str, Any]:
     if not only_height:
         return {**dimensions(run.plan, run.scale), "errors": run.errors_of}
     if run.plan.height is None:
-        raise InputError("no ceiling was seen, so there is no height; measure from a point")
+        raise InputError("no level ceiling was seen, so there is no height; measure from a point")
     return {**run.plan.height.as_dict(run.scale.unit), "scale": run.scale.words, "errors": run.errors_of}
 
 

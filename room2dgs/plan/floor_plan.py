@@ -117,7 +117,9 @@ def plan_in_world(plan: FloorPlan, origin_m: Origin) -> FloorPlan:
 def sentences(plan: FloorPlan) -> list[str]:
     """The plan in a few lines."""
     height = (
-        "no ceiling was seen" if plan.height_m is None else f"height {_text(plan.height, plan.height_m, plan.unit)}"
+        "no level ceiling was seen"
+        if plan.height_m is None
+        else f"height {_text(plan.height, plan.height_m, plan.unit)}"
     )
     lines = []
     for number, room in enumerate(plan.rooms, start=1):

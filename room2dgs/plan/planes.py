@@ -18,6 +18,9 @@ TALL = 0.8  # of the room's height: what a wall reaches, and furniture mostly do
 BEFORE_WALL_M = 0.4  # in front of a larger wall stand curtains and wardrobes
 TALLER = 0.9  # of the room's height: what a pillar or a chimney reaches there, and they mostly do not
 MIN_WALL_M2 = 0.5
+SLANTED_SHARE = 0.2  # of the floor's area: what slanted ceilings have at least
+LOWEST_SLANT_M = 0.9  # over the floor: lower down things stand that lean
+ROOF_NEAR_M, ROOF_COLUMN_M = 0.3, 0.2  # before a wall, and along it: where its height and the ceiling's are compared
 ANGLE_BINS = 180
 ANGLE_DEG = 10.0
 OFFSET_M = 0.03
@@ -64,7 +67,15 @@ def level_planes(surface: LevelSurface) -> tuple[Plane, Plane | None]:
     if floor is None:
         raise InputError("no floor was found in the mesh; give up=z (or x, y, -z, ...), or film the floor too")
     above = surface.downward & (surface.middle[:, 2] > floor.offset_m + LOWEST_ROOM_M)
-    return floor, _level(surface, above, "ceiling", lowest=False)
+    ceiling = _level(surface, above, "ceiling", lowest=False)
+    slanted = float(surface.area[_slanted(surface, floor)].sum())
+    level = 0.0 if ceiling is None else ceiling.area_m2
+    return floor, ceiling if slanted < max(SLANTED_SHARE * floor.area_m2, level) else None
+
+
+def _slanted(surface: LevelSurface, floor: Plane) -> np.ndarray:
+    """(F,) bool: faces of slanted ceilings, above what furniture has."""
+    return surface.overhanging & (surface.middle[:, 2] > floor.offset_m + LOWEST_SLANT_M)
 
 
 def wall_planes(surface: LevelSurface, floor: Plane, ceiling: Plane | None, snap: bool = True) -> list[Plane]:
@@ -75,6 +86,8 @@ def wall_planes(surface: LevelSurface, floor: Plane, ceiling: Plane | None, snap
     """
     top = -ceiling.offset_m if ceiling else float(np.quantile(surface.middle[:, 2], 0.995))
     tall = floor.offset_m + TALL * (top - floor.offset_m)
+    slanted = ceiling is None and surface.area[_slanted(surface, floor)].sum() > SLANTED_SHARE * floor.area_m2
+    roof = _slanted(surface, floor) & slanted
     upright = np.flatnonzero(surface.upright)
     normal = surface.normal[upright, :2]
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
@@ -94,7 +107,7 @@ def wall_planes(surface: LevelSurface, floor: Plane, ceiling: Plane | None, snap
             continue
         height = place[on, 2]
         low, high = _quantile(height, area[on], 0.05), _quantile(height, area[on], 0.95)
-        if high >= tall:
+        if high >= tall or (roof.any() and _meets(place[on], direction, surface.middle[roof], floor.offset_m)):
             spread = float(np.sqrt(np.average((place[on, :2] @ direction - offset) ** 2, weights=area[on])))
             found.append(Plane("", np.append(direction, 0.0), offset, float(area[on].sum()), spread, low, high))
     return _without_hangings(_distinct(found), floor.offset_m + TALLER * (top - floor.offset_m))
@@ -117,6 +130,28 @@ def _level(surface: LevelSurface, which: np.ndarray, name: str, lowest: bool) ->
     spread = float(np.sqrt(np.average((height[on] - level) ** 2, weights=area[on])))
     sign = 1.0 if lowest else -1.0
     return Plane(name, np.array([0, 0, sign]), sign * level, float(area[on].sum()), spread, level, level)
+
+
+def _meets(place: np.ndarray, direction: np.ndarray, roof: np.ndarray, floor_m: float) -> bool:
+    """Whether a wall rises to the slanted ceiling before it, along most of what was seen of both.
+
+    Args:
+        place: (N, 3) of the wall's faces; direction: (2,) of its normal.
+        roof: (M, 3) of the ceiling's faces.
+    """
+    away = roof[:, :2] @ direction - np.median(place[:, :2] @ direction)
+    near = roof[(away > -BAND_M) & (away < ROOF_NEAR_M)]
+    along = np.array([-direction[1], direction[0]])
+    start = (place[:, :2] @ along).min()
+    column, above = (np.floor((one[:, :2] @ along - start) / ROOF_COLUMN_M).astype(np.int64) for one in (place, near))
+    count = int(column.max()) + 1
+    beside = (above >= 0) & (above < count)
+    above, near = above[beside], near[beside]
+    top, ceiling = np.full(count, -np.inf), np.full(count, np.inf)
+    np.maximum.at(top, column, place[:, 2] - floor_m)
+    np.minimum.at(ceiling, above, near[:, 2] - floor_m)
+    known = np.isfinite(top) & np.isfinite(ceiling)
+    return bool(known.any() and (top[known] >= TALL * ceiling[known]).mean() > 0.5 and known.mean() > 0.3)
 
 
 def _largest(normal: np.ndarray, place: np.ndarray, area: np.ndarray) -> tuple[np.ndarray, float] | None:

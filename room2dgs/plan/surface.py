@@ -9,6 +9,7 @@ import trimesh
 
 from room2dgs.geometry.cells import cell_indices
 
+SLANTED_DEG = 20.0  # faces of a slanted ceiling lean at least so far, from level and from upright
 UPRIGHT_DEG = 12.0  # faces that lean less are of walls
 LEVEL_DEG = 12.0
 BIN_DEG = 1.0
@@ -45,6 +46,12 @@ class LevelSurface:
     def downward(self) -> np.ndarray:
         """(F,) bool: faces that may be the ceiling's."""
         return self.normal[:, 2] < -np.cos(np.radians(LEVEL_DEG))
+
+    @property
+    def overhanging(self) -> np.ndarray:
+        """(F,) bool: faces that may be a slanted ceiling's."""
+        steep, flat = np.sin(np.radians(SLANTED_DEG)), np.cos(np.radians(SLANTED_DEG))
+        return (self.normal[:, 2] < -steep) & (self.normal[:, 2] > -flat)
 
 
 def level_surface(mesh: trimesh.Trimesh, up: np.ndarray) -> LevelSurface:

@@ -84,6 +84,33 @@ def test_any_world_and_any_heading_give_the_same_plan(furnished):
     assert floor["offset_m"] == pytest.approx(up @ (5, -7, 2), abs=0.003)
 
 
+def attic(knee: float, ridge: float, wardrobe: bool) -> trimesh.Trimesh:
+    """4 x 3 m under a gable roof whose ridge runs along x."""
+    inside, high = (2.0, 1.5, 0.8), (0.0, 1.5, ridge)
+    parts = [surface([(0, 0, 0), (4, 0, 0), (0, 3, 0)], (0, 0, 1))]
+    for x in (0.0, 4.0):
+        gable = surface([(x, 0, 0), (x, 3, 0), (x, 0, ridge)], inside)
+        middle = gable.triangles_center
+        gable.update_faces(middle[:, 2] < ridge - (ridge - knee) * np.abs(middle[:, 1] - 1.5) / 1.5)
+        parts.append(gable)
+    for y in (0.0, 3.0):
+        parts.append(surface([(0, y, 0), (4, y, 0), (0, y, knee)], inside))
+        parts.append(surface([(0, y, knee), (4, y, knee), high], inside))
+    if wardrobe:
+        parts.append(box((1.0, 2.0, 0), (1.8, 2.9, 0.7)))
+    return trimesh.util.concatenate(parts)
+
+
+@pytest.mark.parametrize(("knee", "ridge"), [(1.0, 2.5), (1.3, 2.8)])
+@pytest.mark.parametrize("wardrobe", [False, True])
+def test_walls_below_a_slanted_ceiling_are_walls_and_what_stands_there_is_none(knee, ridge, wardrobe):
+    plan = floor_plan(attic(knee, ridge, wardrobe), Z_UP)
+    assert plan.ceiling is None and "no level ceiling was seen" in sentences(plan)[0]
+    (room,) = plan.rooms
+    assert sorted(side.length_m for side in room.sides) == pytest.approx([3, 3, 4, 4], abs=0.01)
+    assert len(plan.walls) == 4 and all(side.wall is not None for side in room.sides)
+
+
 @pytest.mark.parametrize(("wide", "rooms"), [(0.9, [12.0, 7.5]), (1.8, [19.5])])
 def test_a_wall_with_a_door_parts_two_rooms_and_one_with_a_wide_gap_to_the_ceiling_does_not(wide, rooms):
     """Only the larger room saw the wall between them: the line of its other walls goes on beyond them too."""
