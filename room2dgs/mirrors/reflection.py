@@ -182,6 +182,7 @@ def _reflect(grid: WallGrid, sights: Sights, views: Sequence[SmallView]) -> _Ask
     which = np.flatnonzero(sights.measured[grid.number])
     if len(which) > ASKED:
         which = np.sort(np.random.default_rng(0).choice(which, ASKED, replace=False))
+    far = sights.distance[grid.number[which]]  # what was measured from afar is off by more
     image, color = (reflected(sights.point[grid.number[which]], grid.plane), sights.color[grid.number[which]])
     surface, air = (np.zeros(len(which), np.int64) for _ in range(2))
     for view in views:
@@ -192,8 +193,10 @@ def _reflect(grid: WallGrid, sights: Sights, views: Sequence[SmallView]) -> _Ask
         depth, z = view.depth[row, column], z[place]
         known = (depth > 0) & (view.num_consistent[row, column] >= CONSISTENT)
         same = (np.abs(view.color[row, column] - color[place]) < SAME_COLOR).all(axis=1)
-        surface[place] += known & same & (np.abs(depth - z) < np.maximum(SURFACE_M, SURFACE * z))
-        air[place] += known & (depth - z > np.maximum(FREE_M, FREE * z))
+        surface[place] += (
+            known & same & (np.abs(depth - z) < np.maximum(SURFACE_M, SURFACE * np.maximum(z, far[place])))
+        )
+        air[place] += known & (depth - z > np.maximum(FREE_M, FREE * np.maximum(z, far[place])))
     on = (surface >= VIEWS) & (surface >= air)
     return _Asked(which, image, on, (air >= VIEWS) & (air > 2 * surface))
 
