@@ -25,13 +25,13 @@ SURFACE_M, SURFACE, FREE_M, FREE = 0.05, 0.03, 0.15, 0.08  # from a view's depth
 SAME_COLOR = 40.0, 16.0, 16.0  # L*a*b* of a place and its image
 LEAST_CELLS, LEAST_SIGHTS, LEAST_VIEWS = 8, 60, 4
 SAME_M = 0.06
-MOST_FREE = 0.3  # of those on surface: in the cells that mirror, and in all of the rectangle
+MOST_FREE, MOST_FREE_INSIDE = 0.3, 0.45  # of those on surface: in the cells that mirror, in all of the rectangle
 CONFIRMED = 0.35  # of the rectangle's cells, that mirror
 ALIKE, TINTED, GREY = 0.6, 0.5, 2.0  # correlation of lightness, of hue, and deviation of hue of a room without one
 RIM_KNOWN, RIM = 0.4, 0.35  # of the cells around that are known, and of all: where the plane itself is seen
 LEAST_SIDE = 3  # cells
 SMALLER, LARGER = 3, 6  # cells that a side of a rectangle is moved from the cells that mirror
-DEPTH_M = 1.2  # behind the glass, that something is seen: as deep as a room is before it
+DEPTH_M = 1.5  # behind the glass, that something is seen: as deep as a room is before it
 
 
 class Patch(NamedTuple):
@@ -92,7 +92,7 @@ def mirroring(grid: WallGrid, sights: Sights, views: Sequence[SmallView]) -> lis
         frame = framed(grid, cells)
         alike = room.alike(asked.image[inside], sights.color[grid.number[which]])
         surface, free = on[frame.inside].sum(), air[frame.inside].sum()
-        whole = cells[frame.inside].mean() > CONFIRMED and free < MOST_FREE * surface
+        whole = cells[frame.inside].mean() > CONFIRMED and free < MOST_FREE_INSIDE * surface
         if alike is not None and frame.fits and whole:
             found.append(Patch(frame.rectangle, photos, frame.of_all * alike * surface / (surface + 2 * free)))
     return found
