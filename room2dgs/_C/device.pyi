@@ -46,6 +46,40 @@ class BlockFrame:
         The gradients of the frame's last view, which must be number `view`; alpha and depth are its maps. to_pose, to_K and to_background are float64, all else float32.
         """
 
+class GaussianBlockFrame:
+    """One rendered view: what its backward pass needs."""
+
+    def __init__(self) -> None: ...
+
+    @property
+    def visible(self) -> int:
+        """Surfels that reach a pixel."""
+
+    @property
+    def entries(self) -> int:
+        """(surfel, tile) pairs."""
+
+    @property
+    def bytes(self) -> int:
+        """Memory of the device that it holds."""
+
+    @property
+    def moved(self) -> int:
+        """Rows of center_px that are not 0."""
+
+    def camera(self) -> tuple:
+        """
+        The last view's pose (16 numbers), K (9) and background (3), as the device read them.
+        """
+
+    def forward(self, centers: Annotated[NDArray, dict(writable=False)], rotations: Annotated[NDArray, dict(writable=False)], scales: Annotated[NDArray, dict(writable=False)], opacities: Annotated[NDArray, dict(writable=False)], sh: Annotated[NDArray, dict(writable=False)], cam_from_world: Annotated[NDArray, dict(writable=False)], K: Annotated[NDArray, dict(writable=False)], width: int, height: int, near: float, opacity_floor: float, background: Annotated[NDArray, dict(writable=False)], color: NDArray, alpha: NDArray, depth: NDArray, median: NDArray, normal: NDArray | None, distortion: NDArray | None, filter_px2: float, compensated: bool, center_px: Annotated[NDArray, dict(writable=False)] | None = None, queue: int = 0) -> int:
+        """As BlockFrame's, of 3D Gaussians: scales are (n, 3)."""
+
+    def backward(self, view: int, centers: Annotated[NDArray, dict(writable=False)], rotations: Annotated[NDArray, dict(writable=False)], scales: Annotated[NDArray, dict(writable=False)], opacities: Annotated[NDArray, dict(writable=False)], sh: Annotated[NDArray, dict(writable=False)], alpha: Annotated[NDArray, dict(writable=False)], depth: Annotated[NDArray, dict(writable=False)], g_color: Annotated[NDArray, dict(writable=False)] | None, g_alpha: Annotated[NDArray, dict(writable=False)] | None, g_depth: Annotated[NDArray, dict(writable=False)] | None, g_median: Annotated[NDArray, dict(writable=False)] | None, g_normal: Annotated[NDArray, dict(writable=False)] | None, g_distortion: Annotated[NDArray, dict(writable=False)] | None, to_centers: NDArray, to_rotations: NDArray, to_scales: NDArray, to_opacities: NDArray, to_sh: NDArray, to_center_px: NDArray, to_pose: NDArray, to_K: NDArray, to_background: NDArray | None, queue: int = 0) -> None:
+        """
+        The gradients of the frame's last view, which must be number `view`; alpha and depth are its maps. to_pose, to_K and to_background are float64, all else float32.
+        """
+
 class BlockLosses:
     """
     The fused losses of training, with the buffers that one queue uses again and again.

@@ -61,20 +61,10 @@ class Config:
 
     @model_validator(mode="after")
     def _groups_fit_together(self) -> Config:
-        self._primitive_fits()
         self._decoder_fits()
         self._strategy_fits()
         self._mesher_fits()
         return self
-
-    def _primitive_fits(self) -> None:
-        entry, device = PRIMITIVES.get(self.primitive), self.render.device
-        devices = entry.facts.get("devices", (device,))
-        if device not in devices:
-            raise ValueError(
-                f"primitive={entry.name} has no kernels for render.device={device}; "
-                f"give render.device={' or '.join(devices)}"
-            )
 
     def _decoder_fits(self) -> None:
         name, degree = self.seeds.decoder, self.render.sh_degree

@@ -28,7 +28,7 @@ nb::dict time_stages(RasterFrame& f, const Input& centers, const Input& rotation
   Claim claim(f);
   Arguments check;
   require_view(f);
-  const SurfelArrays surfels = surfels_of(check, kScalesOf<RasterFrame>, centers, rotations, scales, opacities, sh);
+  const SurfelArrays surfels = surfels_of(check, RasterFrame::kScales, centers, rotations, scales, opacities, sh);
   const Images out = images_of(check, f.camera.width, f.camera.height, color, alpha, depth, median, normal, std::nullopt);
   nb::dict seconds;
   Timer timer;

@@ -37,7 +37,7 @@ bool draw(RasterFrame& f, const Arguments&, const ViewArrays& view, const Surfel
 
 bool draw_gaussians(GaussianFrame& f, const Arguments&, const ViewArrays& view, const SurfelArrays& gaussians,
                     const Images& out, double filter_px2, bool compensated) {
-  require(filter_px2 >= 0.01 && filter_px2 <= 1, "filter_px2 is " + std::to_string(filter_px2) + ", not from 0.01 to 1");
+  require_filter(filter_px2);
   Camera camera = camera_of(view);
   camera.filter_px2 = filter_px2, camera.compensated = compensated;
   draw_with(f, camera, view, gaussians, out);

@@ -25,11 +25,10 @@ class Claim {
   Frame& frame_;
 };
 
-// How many scales has what a frame draws?
-template <class Frame>
-constexpr int64_t kScalesOf = 2;
-template <>
-inline constexpr int64_t kScalesOf<GaussianFrame> = 3;
+// The variance of a pixel's own filter of 3D Gaussians.
+inline void require_filter(double filter_px2) {
+  require(filter_px2 >= 0.01 && filter_px2 <= 1, "filter_px2 is " + std::to_string(filter_px2) + ", not from 0.01 to 1");
+}
 
 inline SurfelArrays surfels_of(Arguments& check, int64_t scale_count, const Input& centers, const Input& rotations,
                                const Input& scales, const Input& opacities, const Input& sh) {
@@ -118,7 +117,7 @@ void def_forward(nb::class_<Frame>& type, const char* about, Start start, Draw d
                               static_cast<int>(width),
                               static_cast<int>(height),
                               centers.device_id()};
-        const SurfelArrays surfels = surfels_of(check, kScalesOf<Frame>, centers, rotations, scales, opacities, sh);
+        const SurfelArrays surfels = surfels_of(check, Frame::kScales, centers, rotations, scales, opacities, sh);
         const Images out = images_of(check, width, height, color, alpha, depth, median, normal, distortion);
         require(normal || !distortion, "distortion is drawn with the normal or not at all: normal is None");
         if (!draw(f, check, view, surfels, out, more...)) return 0;
@@ -149,7 +148,7 @@ void def_backward(nb::class_<Frame>& type, Start start, Size size, Run run, cons
         require_view(f);
         require(view == static_cast<int64_t>(f.view), "the frame has drawn another view since: its backward pass is lost");
         Arguments check = start(f, centers);
-        const SurfelArrays surfels = surfels_of(check, kScalesOf<Frame>, centers, rotations, scales, opacities, sh);
+        const SurfelArrays surfels = surfels_of(check, Frame::kScales, centers, rotations, scales, opacities, sh);
         const int64_t n = f.count, terms = surfels.sh_count;
         require(surfels.count == n, std::to_string(surfels.count) + " surfels come back, " + std::to_string(n) +
                                         " were drawn");
@@ -167,7 +166,7 @@ void def_backward(nb::class_<Frame>& type, Start start, Size size, Run run, cons
                                   check.input<float>("g_distortion", g_distortion, {height, width})};
         const SurfelGradients to{check.output<float>("to_centers", to_centers, {n, 3}),
                                  check.output<float>("to_rotations", to_rotations, {n, 4}),
-                                 check.output<float>("to_scales", to_scales, {n, kScalesOf<Frame>}),
+                                 check.output<float>("to_scales", to_scales, {n, Frame::kScales}),
                                  check.output<float>("to_opacities", to_opacities, {n}),
                                  check.output<float>("to_sh", to_sh, {n, terms, 3}),
                                  check.output<float>("to_center_px", to_center_px, {n, 2})};

@@ -55,7 +55,7 @@ class Gaussian3D(Primitive):
 
     def normals(self, splats: Splats) -> Tensor:
         thinnest = splats.scales.detach().argmin(dim=1)
-        return self.scale_axes(splats)[torch.arange(len(thinnest)), thinnest]
+        return self.scale_axes(splats)[torch.arange(len(thinnest), device=thinnest.device), thinnest]
 
     def footprints(self, splats: Splats) -> Tensor:
         low, high = splats.scales.amin(dim=1), splats.scales.amax(dim=1)

@@ -1,8 +1,4 @@
-"""What a room is made of, optimised and rendered: the values of `primitive`.
-
-Fact of each entry:
-    devices: where its kernels run, as `render.device` names them.
-"""
+"""What a room is made of, optimised and rendered: the values of `primitive`."""
 
 from __future__ import annotations
 
@@ -15,13 +11,8 @@ if TYPE_CHECKING:
 
 PRIMITIVES: Registry[type[Primitive]] = Registry("primitive")
 _AT = "room2dgs.primitives"
+PRIMITIVES.register("surfel2d", f"{_AT}.surfel2d:Surfel2D", "2D Gaussian discs, which 2DGS calls surfels.")
+PRIMITIVES.register("gaussian3d", f"{_AT}.gaussian3d:Gaussian3D", "3D Gaussians, as in 3DGS.")
 PRIMITIVES.register(
-    "surfel2d", f"{_AT}.surfel2d:Surfel2D", "2D Gaussian discs, which 2DGS calls surfels.", devices=("cpu", "cuda")
-)
-PRIMITIVES.register("gaussian3d", f"{_AT}.gaussian3d:Gaussian3D", "3D Gaussians, as in 3DGS.", devices=("cpu",))
-PRIMITIVES.register(
-    "mip_gaussian3d",
-    f"{_AT}.gaussian3d:MipGaussian3D",
-    "3D Gaussians with Mip-Splatting's filter of pixels.",
-    devices=("cpu",),
+    "mip_gaussian3d", f"{_AT}.gaussian3d:MipGaussian3D", "3D Gaussians with Mip-Splatting's filter of pixels."
 )

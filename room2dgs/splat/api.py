@@ -66,8 +66,12 @@ def render(
     return Rendering(*images)
 
 
-def check_kernels(like: Tensor) -> None:
-    """Kernels for surfels of this type on this device.
+def check_kernels(like: Tensor, called: str = "surfels", reference: str = "splat.reference.render") -> None:
+    """Kernels for splats of this type on this device.
+
+    Args:
+        called: what an error's sentence calls them.
+        reference: what takes any type.
 
     Raises:
         ValueError: there are none; says what to do.
@@ -79,5 +83,5 @@ def check_kernels(like: Tensor) -> None:
         raise ValueError(f"no rasterizer for tensors on {device}; move them to the CPU")
     if like.dtype != torch.float32:
         raise ValueError(
-            f"the surfels are {like.dtype}; the rasterizer takes torch.float32 (splat.reference.render takes any type)"
+            f"the {called} are {like.dtype}; the rasterizer takes torch.float32 ({reference} takes any type)"
         )

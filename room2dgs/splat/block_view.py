@@ -1,10 +1,13 @@
 """One view by block code: on a GPU (`_cuda`), or the same source as plain C++ (`_C.device`). Tensors in, tensors out.
 
-What `cpu_view` is to the CPU's own kernels. Values are checked after the kernels have seen them, from numbers that come
-back with the counts that the host waits for: checking them before would be another wait.
+What `cpu_view` is to the CPU's own kernels. `frame_class` is the extension's that draws it, and `more` what its
+`forward` takes besides. Values are checked after the kernels have seen them, from numbers that come back with the
+counts that the host waits for: checking them before would be another wait.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import torch
 
@@ -17,23 +20,23 @@ from room2dgs.splat.checks import check_floor, check_near, check_values
 def forward(
     build: Build,
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, center_px,
-    width, height, near_m, opacity_floor, with_normal, with_distortion,
+    width, height, near_m, opacity_floor, with_normal, with_distortion, *, frame_class="BlockFrame", more=(),
 ):  # fmt: skip
     """Images as in `Rendering`, and the state that the backward pass needs (`frames`)."""
     images = cpu_view.empty_images(centers, width, height)
-    kind = frames.Kind(build.extension.BlockFrame, centers.device)
+    kind = frames.Kind(getattr(build.extension, frame_class), centers.device)
     frame = frames.acquire(kind)
     number = _draw(
         build, frame, [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)],
         cam_from_world, K, background, center_px, images, width, height, near_m, opacity_floor,
-        with_normal, with_distortion,
+        with_normal, with_distortion, more,
     )  # fmt: skip
     return *images, frames.keep(kind, frame, number)
 
 
 def _draw(
     build, frame, parameters, cam_from_world, K, background, center_px, images, width, height, near_m, opacity_floor,
-    with_normal, with_distortion,
+    with_normal, with_distortion, more: tuple[Any, ...],
 ) -> int:  # fmt: skip
     """Fill the images and the frame; gives the view's number there."""
     check_near(near_m)
@@ -45,7 +48,7 @@ def _draw(
         width, height, near_m, opacity_floor,
         background.detach().to(torch.float32).contiguous(), *others,
         normal if with_normal or with_distortion else None, distortion if with_distortion else None,
-        shift, queue=build.queue(parameters[0]),
+        *more, shift, queue=build.queue(parameters[0]),
     )  # fmt: skip
     pose, intrinsics, behind = (torch.tensor(x, dtype=torch.float64) for x in frame.camera())
     check_values(intrinsics.reshape(3, 3), pose.reshape(4, 4), behind, near_m, opacity_floor)
@@ -62,11 +65,12 @@ def backward(
     build: Build,
     centers, rotations, scales, opacities, sh, cam_from_world, K, background, alpha, depth, state,
     to_color, to_alpha, to_depth, to_median, to_normal, to_distortion,
-    width, height, near_m, opacity_floor, with_normal, with_distortion, with_background,
+    width, height, near_m, opacity_floor, with_normal, with_distortion, with_background, *, frame_class="BlockFrame",
+    more=(),
 ):  # fmt: skip
     """Gradients of the surfels' five tensors, the pose, K, the background (if wanted) and the projected centres."""
     parameters = [x.detach().contiguous() for x in (centers, rotations, scales, opacities, sh)]
-    kind = frames.Kind(build.extension.BlockFrame, centers.device)
+    kind = frames.Kind(getattr(build.extension, frame_class), centers.device)
     known = frames.find(state)
     if known is not None:
         frame, number = known
@@ -75,7 +79,7 @@ def backward(
         number = _draw(
             build, frame, parameters, cam_from_world, K, background, None,
             cpu_view.empty_images(centers, width, height), width, height, near_m, opacity_floor,
-            with_normal, with_distortion,
+            with_normal, with_distortion, more,
         )  # fmt: skip
     wanted = (True, True, True, True, with_normal, with_distortion)
     gradients = (to_color, to_alpha, to_depth, to_median, to_normal, to_distortion)

@@ -14,6 +14,7 @@ from room2dgs import _C
 
 SURFELS = ("centers", "rotations", "scales", "opacities", "sh")
 FLOOR = 1 / 255
+FRAMES = {2: ("BlockFrame", "RasterFrame"), 3: ("GaussianBlockFrame", "GaussianFrame")}  # by the number of scales
 
 
 def _corpus() -> dict[str, dict[str, np.ndarray]]:
@@ -24,12 +25,12 @@ def _corpus() -> dict[str, dict[str, np.ndarray]]:
         return {
             name: {key.partition("/")[2]: file[key] for key in file if key.startswith(name + "/")} for name in names
         }
-    from room2dgs.tools.numerics.scenes import SCENES
+    from room2dgs.tools.numerics.measure import ALL_SCENES
 
-    return {name: plain(make()) for name, make in SCENES.items()}
+    return {name: plain(make(), "mip" in name) for name, make in ALL_SCENES.items()}
 
 
-def plain(scene) -> dict[str, np.ndarray]:
+def plain(scene, mip: bool) -> dict[str, np.ndarray]:
     """A hard scene as arrays."""
     found = {name: np.ascontiguousarray(getattr(scene.surfels, name).numpy()) for name in SURFELS}
     return found | {
@@ -38,6 +39,7 @@ def plain(scene) -> dict[str, np.ndarray]:
         "size": np.array([scene.width, scene.height]),
         "near": np.array(scene.near_m),
         "floor": np.array(scene.opacity_floor),
+        "filter": np.array([0.1, 1.0] if mip else [0.3, 0.0]),  # variance, and whether the opacity makes good for it
     }
 
 
@@ -54,7 +56,8 @@ def drawn(frame, scene, background, queue: tuple = (), **wanted) -> list[np.ndar
     if wanted.get("color_alone"):
         maps[4:] = None, None
     view = (scene["pose"], scene["K"], w, h, float(scene["near"]), float(scene["floor"]))
-    number = frame.forward(*surfels, *view, background, *maps, **extra)
+    more = (float(scene["filter"][0]), bool(scene["filter"][1])) if scene["scales"].shape[1] == 3 else ()
+    number = frame.forward(*surfels, *view, background, *maps, *more, **extra)
     rng = np.random.default_rng(0)
     flows = [rng.standard_normal(shape, np.float32) for shape in shapes]
     if wanted.get("color_alone"):
@@ -68,7 +71,8 @@ def drawn(frame, scene, background, queue: tuple = (), **wanted) -> list[np.ndar
 @pytest.mark.parametrize("name", CORPUS)
 def test_the_corpus(name):
     background = np.array([0.1, 0.4, 0.7], np.float32)
-    frame = _C.device.BlockFrame()
+    of_blocks, of_the_cpu = FRAMES[CORPUS[name]["scales"].shape[1]]
+    frame = getattr(_C.device, of_blocks)()
     first = drawn(frame, CORPUS[name], background, (0,))
     assert all(np.isfinite(x).all() for x in first)
     for threads, seed in ((1, 7), (3, 8)):
@@ -78,12 +82,13 @@ def test_the_corpus(name):
     alone = drawn(frame, CORPUS[name], background, (9,), color_alone=True)
     assert np.array_equal(alone[0], first[0])
     assert frame.bytes > 0
-    cpu = _C.RasterFrame()
+    cpu = getattr(_C, of_the_cpu)()
     drawn(cpu, CORPUS[name], background)
     assert (frame.visible, frame.entries) == (cpu.visible, cpu.entries)  # the same tile lists
 
 
-def test_surfels_of_any_bits():
+@pytest.mark.parametrize("scales", FRAMES)
+def test_splats_of_any_bits(scales):
     """Numbers as they may come, NaN and infinite among them: nothing is written where it should not be."""
     rng = np.random.default_rng(3)
     background = np.zeros(3, np.float32)
@@ -91,14 +96,14 @@ def test_surfels_of_any_bits():
         n = int(rng.integers(1, 200))
         scene = {
             name: rng.integers(0, 2**32, (n, *shape), np.uint64).astype(np.uint32).view(np.float32)
-            for name, shape in zip(SURFELS, ((3,), (4,), (2,), (), (4, 3)), strict=True)
+            for name, shape in zip(SURFELS, ((3,), (4,), (scales,), (), (4, 3)), strict=True)
         }
         wild = rng.random(n) < 0.7
         scene["centers"][wild] = rng.normal(0, 2, (wild.sum(), 3))
         scene["opacities"][wild] = rng.random(wild.sum())
         scene |= {"pose": np.eye(4), "K": np.diag([90.0, 80, 1]), "near": np.array(0.05), "floor": np.array(FLOOR)}
-        scene["size"] = rng.integers(1, 300, 2)
-        drawn(_C.device.BlockFrame(), scene, background, (k,))
+        scene |= {"size": rng.integers(1, 300, 2), "filter": np.array([0.1, k % 2])}
+        drawn(getattr(_C.device, FRAMES[scales][0])(), scene, background, (k,))
 
 
 @pytest.mark.parametrize(("entry", "value"), [((0, 0), 0.0), ((1, 1), -5.0), ((0, 2), np.nan)])

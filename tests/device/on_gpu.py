@@ -78,7 +78,7 @@ def _class(kind: type) -> type:
     return Moving
 
 
-for _name in ("BlockFrame", "BlockLosses", "PatchMatch"):
+for _name in ("BlockFrame", "GaussianBlockFrame", "BlockLosses", "PatchMatch"):
     setattr(_C.device, _name, _class(getattr(_cuda, _name)))
 for _name in ("touched_blocks", "fuse_depth"):
     setattr(_C.device, _name, _moving(getattr(_cuda, _name), CAMERA))

@@ -28,24 +28,27 @@ class Limit(NamedTuple):
     spilled: int = 0
 
 
+HITS = ("SurfelHits", "GaussianHits")
+BLENDED = [f"{hits}, {maps}" for hits in HITS for maps in ("false, false", "true, false", "true, true")]
+BLENDED_BACKWARD = [*BLENDED, *(f"{hits}, false, true" for hits in HITS)]
+
 # The surfels' double arithmetic has many values alive at once; pixels cost far more than surfels.
 LIMITS: dict[str, Limit] = {
-    "ReadView": Limit(32, 80, 0, 0.3),
-    "ProjectSurfels": Limit(128, 208, 128, 0.12),
+    "ReadView<SurfelKind>": Limit(32, 80, 0, 0.3),
+    "ReadView<GaussianKind>": Limit(32, 80, 0, 0.3),
+    "ProjectSurfels<SurfelKind>": Limit(128, 208, 128, 0.12),
+    "ProjectSurfels<GaussianKind>": Limit(128, 128, 128, 0.25),
     "CountView": Limit(256, 40, 256, 0.7),
-    "SurfelsBackward": Limit(128, 168, 1024, 0.18),
+    "SurfelsBackward<SurfelKind>": Limit(128, 168, 1024, 0.18),
+    "SurfelsBackward<GaussianKind>": Limit(128, 208, 1024, 0.12),
     "CameraBackward": Limit(256, 72, 1280, 0.4),
     "Gather": Limit(256, 24, 0, 1.0),
     "ListTiles": Limit(128, 32, 0, 1.0),
-    "ListTallTiles": Limit(128, 160, 0, 0.18),
+    "ListTallTiles<SurfelKind>": Limit(128, 160, 0, 0.18),
+    "ListTallTiles<GaussianKind>": Limit(128, 88, 0, 0.3),
     "FindTiles": Limit(128, 24, 0, 1.0),
-    "BlendTiles<false, false>": Limit(256, 64, 16 * 1024, 0.5),
-    "BlendTiles<true, false>": Limit(256, 64, 16 * 1024, 0.5),
-    "BlendTiles<true, true>": Limit(256, 64, 16 * 1024, 0.5),
-    "BlendTilesBackward<false, false>": Limit(256, 80, 24 * 1024, 0.37),
-    "BlendTilesBackward<true, false>": Limit(256, 80, 24 * 1024, 0.37),
-    "BlendTilesBackward<false, true>": Limit(256, 80, 24 * 1024, 0.37),
-    "BlendTilesBackward<true, true>": Limit(256, 80, 24 * 1024, 0.37),
+    **{f"BlendTiles<{args}>": Limit(256, 64, 16 * 1024, 0.5) for args in BLENDED},
+    **{f"BlendTilesBackward<{args}>": Limit(256, 80, 24 * 1024, 0.37) for args in BLENDED_BACKWARD},
     "BackgroundOfTiles": Limit(256, 40, 256, 0.7),
     "BackgroundBackward": Limit(256, 40, 256, 0.7),
     "SsimOfPatches": Limit(256, 56, 13000, 0.5),

@@ -14,20 +14,17 @@ import torch
 from room2dgs import splat
 from room2dgs.kernels.builds import CUDA, set_order
 from room2dgs.kernels.emulation import cuda_kernels_on_cpu
-from room2dgs.splat import Surfels
+from room2dgs.primitives.gaussian3d import MipGaussians
+from room2dgs.splat import Gaussians, Surfels
 from room2dgs.splat.api import check_kernels
 from room2dgs.splat.constants import OPACITY_FLOOR
+from room2dgs.splat.gaussians import operators as gaussian_operators
 from room2dgs.splat.operators import rasterize, rasterize_backward
 from room2dgs.tools.numerics.compare import compare, differentiate, image_weights, relative_error
-from room2dgs.tools.numerics.scenes import (
-    ILL_CONDITIONED,
-    NEAR_M,
-    SCENES,
-    HardScene,
-    intrinsics,
-    pose,
-    random_surfels,
-)
+from room2dgs.tools.numerics.gaussians import thickened
+from room2dgs.tools.numerics.kinds import kind_of
+from room2dgs.tools.numerics.measure import ALL_SCENES
+from room2dgs.tools.numerics.scenes import ILL_CONDITIONED, NEAR_M, HardScene, intrinsics, pose, random_surfels
 
 APART = 3e-5  # what sums in another order change, and fused arithmetic on one side
 
@@ -39,7 +36,19 @@ def tall() -> HardScene:
     return HardScene(surfels, intrinsics(170, 180, 101.3, 77.2), pose(), 203, 149)
 
 
-ALL = {**SCENES, "tall": tall}
+def as_gaussians(surfels: Surfels) -> Gaussians:
+    """With a third scale."""
+    return Gaussians(*surfels._replace(scales=torch.cat([surfels.scales, 0.4 * surfels.scales[:, :1]], dim=1)))
+
+
+KINDS = {"surfels": lambda surfels: surfels, "3D": as_gaussians}
+RENDER = {"surfels": splat.render, "3D": splat.render_gaussians}
+ALL = {
+    **ALL_SCENES,
+    "tall": tall,
+    "tall, 3D": lambda: thickened(tall()),
+    "tall, 3D mip": lambda: thickened(tall(), kind=MipGaussians),
+}
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +64,7 @@ def one_thread():
 def both(scene: HardScene) -> list[torch.Tensor]:
     """Images and gradients."""
     weights = image_weights(scene.width, scene.height, unit=scene.near_m / NEAR_M)
-    images, gradients = differentiate(splat.render, scene, weights, torch.float32)
+    images, gradients = differentiate(kind_of(scene).render, scene, weights, torch.float32)
     return [*images, *gradients.values()]
 
 
@@ -77,11 +86,11 @@ def test_they_equal_the_cpu_and_themselves_in_any_order(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in SCENES if name != "coincident layers"])  # that takes long
+@pytest.mark.parametrize("name", [name for name in ALL_SCENES if "coincident layers" not in name])  # they take long
 def test_they_equal_the_float64_reference(name):
     set_order(3)
     with cuda_kernels_on_cpu():
-        found = compare(SCENES[name](), name in ILL_CONDITIONED, splat.render)
+        found = compare(ALL_SCENES[name](), name in ILL_CONDITIONED)
     assert found.passed, found
 
 
@@ -94,7 +103,7 @@ def test_bits_of_the_cpu_without_fused_arithmetic_and_the_way_to_a_build_of_cuda
         "import sys, torch, room2dgs\n"
         "from room2dgs import _C\n"
         "sys.modules['room2dgs._cuda'] = room2dgs._cuda = _C.device\n"
-        "from tests_of_blocks import ALL, SimpleNamespace, cuda_kernels_on_cpu, splat\n"
+        "from tests_of_blocks import ALL, SimpleNamespace, cuda_kernels_on_cpu, kind_of, splat\n"
         "from room2dgs.kernels import builds\n"
         "like = SimpleNamespace(device=torch.device('cuda'), dtype=torch.float32)\n"
         "splat.api.check_kernels(like)\n"
@@ -105,9 +114,10 @@ def test_bits_of_the_cpu_without_fused_arithmetic_and_the_way_to_a_build_of_cuda
         "    s = make()\n"
         "    args = (s.surfels, s.K, s.cam_from_world, s.width, s.height)\n"
         "    options = {'near_m': s.near_m, 'opacity_floor': s.opacity_floor}\n"
-        "    expected = splat.render(*args, **options)\n"
+        "    render = kind_of(s).render\n"
+        "    expected = render(*args, **options)\n"
         "    with cuda_kernels_on_cpu():\n"
-        "        pairs = zip(expected, splat.render(*args, **options))\n"
+        "        pairs = zip(expected, render(*args, **options))\n"
         "    assert all(torch.equal(a, b) for a, b in pairs), name\n"
     )
     load = (
@@ -121,36 +131,43 @@ def test_bits_of_the_cpu_without_fused_arithmetic_and_the_way_to_a_build_of_cuda
     subprocess.run([sys.executable, "-c", f"{head}{load}from tests_of_blocks{rest}"], check=True, env=env)
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("flows", [("color",), ("median_depth", "alpha"), ("distortion",), ("normal", "depth")])
-def test_gradients_of_some_images_alone(flows):
+def test_gradients_of_some_images_alone(flows, kind):
     """Kernels without normals or distortion, and images that nothing flows back from."""
-    surfels = Surfels(*(x.requires_grad_() for x in random_surfels(80, 3)))
+    splats = KINDS[kind](random_surfels(80, 3))
+    splats, render = type(splats)(*(x.requires_grad_() for x in splats)), RENDER[kind]
     wanted = {"with_normal": "normal" in flows, "with_distortion": "distortion" in flows}
     found = []
     for kernels in (nullcontext, cuda_kernels_on_cpu):
         with kernels():
-            out = splat.render(surfels, intrinsics(), pose(), 37, 29, **wanted)
+            out = render(splats, intrinsics(), pose(), 37, 29, **wanted)
             total = sum(getattr(out, name).square().sum() for name in flows)
-            found.append([*out, *torch.autograd.grad(total, surfels)])
+            found.append([*out, *torch.autograd.grad(total, splats)])
     for a, b in zip(*found, strict=True):
         assert relative_error(b.detach(), a.detach()) < APART
 
 
-def test_a_lost_state_is_rendered_again():
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_lost_state_is_rendered_again(kind):
     """A copy of the state is no frame: the backward pass draws again, to the same bits."""
-    surfels = random_surfels(40, 5)
-    inputs = (*surfels, pose(), intrinsics(), torch.zeros(3))
-    options = (37, 29, NEAR_M, OPACITY_FLOOR, True, True)
+    forward, backward, more = {
+        "surfels": (rasterize, rasterize_backward, ()),
+        "3D": (gaussian_operators.rasterize, gaussian_operators.rasterize_backward, (0.1, True)),
+    }[kind]
+    inputs = (*KINDS[kind](random_surfels(40, 5)), pose(), intrinsics(), torch.zeros(3))
+    options = (37, 29, NEAR_M, OPACITY_FLOOR, True, True, *more)
     with cuda_kernels_on_cpu():
-        color, alpha, depth, *_, state = rasterize(*inputs, None, *options)
+        color, alpha, depth, *_, state = forward(*inputs, None, *options)
         flows = (torch.ones_like(color), *[None] * 5)
-        first = rasterize_backward(*inputs, alpha, depth, state, *flows, *options, True)
-        again = rasterize_backward(*inputs, alpha, depth, state.clone(), *flows, *options, True)
+        first = backward(*inputs, alpha, depth, state, *flows, *options, True)
+        again = backward(*inputs, alpha, depth, state.clone(), *flows, *options, True)
     assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))
 
 
-def test_what_the_cpu_refuses_is_refused_in_the_same_words():
-    surfels, K, place = random_surfels(5), intrinsics(), pose()
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_the_cpu_refuses_is_refused_in_the_same_words(kind):
+    splats, K, place, render = KINDS[kind](random_surfels(5)), intrinsics(), pose(), RENDER[kind]
     skewed, nan = K.clone(), place.clone()
     skewed[0, 1], nan[1, 1] = 0.5, float("nan")
     moved = torch.zeros(5, 2)
@@ -164,11 +181,11 @@ def test_what_the_cpu_refuses_is_refused_in_the_same_words():
         said = []
         for kernels in (nullcontext, cuda_kernels_on_cpu):
             with kernels(), pytest.raises(ValueError) as error:
-                splat.render(surfels, **arguments)
+                render(splats, **arguments)
             said.append(str(error.value))
         assert said[0] == said[1], changed
     with cuda_kernels_on_cpu():
-        splat.render(surfels, K, place, 8, 8)
+        render(splats, K, place, 8, 8)
 
 
 def test_without_cuda_one_sentence_says_how_to_get_it():

@@ -7,12 +7,12 @@ from itertools import count
 
 import pytest
 
-from room2dgs import splat
 from room2dgs.kernels.emulation import cuda_kernels_on_cpu
 from room2dgs.tools.gpu_check import __main__ as gpu_check
 from room2dgs.tools.gpu_check import corpus
 
 CASE = "one pixel"
+CASES = [CASE, f"{CASE}, 3D", f"{CASE}, 3D mip"]
 TURN = count()
 QUICK = [
     "points.source=file", "seeds.voxel_m=0.1", "train.iterations=30", "train.tensorboard=false", "prior=none",
@@ -30,7 +30,8 @@ def test_the_whole_check(wall, tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "demo room by cpu" in printed and "within" in printed
     found = json.loads(path.read_text())
-    assert [row["case"] for row in found["corpus"]] == [CASE] and found["failed"] == []
+    assert [row["case"] for row in found["corpus"]] == CASES and found["failed"] == []
+    assert [row["kind"] for row in found["speed"]] == ["surfels", "Gaussians"]
     assert {row["backend"] for row in found["demo"]} == {"cpu"}
     assert all(row["f_score_5cm"] is not None and row["train_s"] > 0 and row["psnr"] > 10 for row in found["demo"])
     assert found["speed"][0]["ours"]["backward_ms"] > 0 and found["left_out"] == []
@@ -38,11 +39,11 @@ def test_the_whole_check(wall, tmp_path, capsys):
 
 def test_nothing_is_begun_when_time_is_up(capsys):
     assert gpu_check.main(["--backend", "cpu", "--tiny", "--only", CASE, "--minutes", "0"]) == 0
-    assert (
-        f"left out for want of time: 2000 surfels at 160x120, the demo room by cpu, {CASE}" in capsys.readouterr().out
-    )
+    left_out = ["2000 surfels at 160x120", "2000 Gaussians at 160x120", "the demo room by cpu", *CASES]
+    assert f"left out for want of time: {', '.join(left_out)}" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("case", CASES[:2])
 @pytest.mark.parametrize(
     "change",
     [
@@ -52,9 +53,9 @@ def test_nothing_is_begun_when_time_is_up(capsys):
     ],
     ids=["values", "gradients", "bits"],
 )
-def test_a_wrong_backend_is_found(change, monkeypatch):
-    monkeypatch.setattr(corpus, "renderer", lambda backend: lambda *args, **more: change(splat.render(*args, **more)))
-    assert not corpus.corpus_row(CASE, "cpu")["passed"]
+def test_a_wrong_backend_is_found(change, case, monkeypatch):
+    monkeypatch.setattr(corpus, "renderer", lambda backend, by: lambda *args, **more: change(by(*args, **more)))
+    assert not corpus.corpus_row(case, "cpu")["passed"]
 
 
 def test_a_demo_that_scores_otherwise_fails():

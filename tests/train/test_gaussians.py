@@ -9,7 +9,6 @@ import pytest
 import torch
 
 from room2dgs import splat
-from room2dgs.errors import InputError
 from room2dgs.geometry.rotations import rotation_matrices
 from room2dgs.primitives.gaussian3d import FIRST_THICKNESS, Gaussian3D, MipGaussian3D, MipGaussians
 from room2dgs.primitives.primitive import Rates
@@ -112,8 +111,3 @@ def test_they_train_grow_resume_to_the_same_bits_and_are_read_back(
     (tmp_path / "whole/checkpoints/iteration_0000008.safetensors").unlink()
     again = train(*capture, configure(*settings, "resume=true"), tmp_path / "whole", log)
     assert all(torch.equal(a, b) for a, b in zip(found, load_surfels(again.surfels_path), strict=True))
-
-
-def test_a_gpu_is_refused_in_one_sentence(configure):
-    with pytest.raises(InputError, match=r"primitive=gaussian3d has no kernels for render\.device=cuda; give render"):
-        configure("primitive=gaussian3d", "render.device=cuda")

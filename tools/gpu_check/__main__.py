@@ -27,8 +27,11 @@ with the CPU's kernels; times forward and backward (and gsplat's 2DGS on the sam
 and scores the demo room with it and with the CPU's. Whatever the time does not suffice for is left out and named. The
 exit code is 1 if a case is beyond its bound, if a second run gives other bits, or if the demo's F-score differs by more
 than 0.005."""
-SPEEDS = ((640, 480, 100_000), (640, 480, 500_000), (1296, 968, 500_000), (1296, 968, 2_000_000))
-TINY_SPEEDS = ((160, 120, 2000),)
+SPEEDS = (
+    (640, 480, 100_000, "surfels"), (640, 480, 500_000, "surfels"), (1296, 968, 500_000, "surfels"),
+    (1296, 968, 2_000_000, "surfels"), (640, 480, 100_000, "Gaussians"), (1296, 968, 500_000, "Gaussians"),
+)  # fmt: skip
+TINY_SPEEDS = ((160, 120, 2000, "surfels"), (160, 120, 2000, "Gaussians"))
 SAME_F = 0.005
 Row = dict[str, Any]
 
@@ -80,7 +83,7 @@ def _checked(args: argparse.Namespace, end: float) -> tuple[dict[str, list[Row]]
     """Rows of all three parts, and what was left out."""
     from room2dgs.tools.gpu_check.corpus import corpus_row
     from room2dgs.tools.gpu_check.speed import speed_row
-    from room2dgs.tools.numerics.scenes import SCENES
+    from room2dgs.tools.numerics.measure import ALL_SCENES
 
     found: dict[str, list[Row]] = {"corpus": [], "speed": [], "demo": []}
     left_out: list[str] = []
@@ -94,16 +97,13 @@ def _checked(args: argparse.Namespace, end: float) -> tuple[dict[str, list[Row]]
         found[kind].append(row)
         print("   ", "; ".join(LINES[kind](row)[1:]), flush=True)  # a run that is killed has said what it found
 
-    names = [name for name in SCENES if args.only in name]
+    names = [name for name in ALL_SCENES if args.only in name]
     if not names:
         raise InputError(f"no case has {args.only!r} in its name; leave --only out to see all")
     speeds = TINY_SPEEDS if args.tiny else SPEEDS
-    for width, height, count in speeds:
-        do(
-            "speed",
-            f"{count} surfels at {width}x{height}",
-            partial(speed_row, args.backend, width, height, count),
-        )
+    for width, height, count, kind in speeds:
+        name = f"{count} {kind} at {width}x{height}"
+        do("speed", name, partial(speed_row, args.backend, width, height, count, kind))
     with tempfile.TemporaryDirectory() as folder:
         _demo(args, Path(folder), do)
     for name in names:
@@ -147,11 +147,11 @@ def summary(found: dict[str, list[Row]]) -> Table:
 
 def _speed(row: Row) -> tuple[str, str, str]:
     ours, theirs = row["ours"], row["gsplat"]
-    beside = "gsplat is not installed"
+    beside = "gsplat is not installed" if row["kind"] == "surfels" else ""
     if theirs:
         ratio = sum(theirs.values()) / sum(ours.values())
         beside = f"gsplat {theirs['forward_ms']:.2f} + {theirs['backward_ms']:.2f}: {ratio:.2f} times ours"
-    what = f"{row['surfels']} surfels, {row['width']}x{row['height']}"
+    what = f"{row['surfels']} {row['kind']}, {row['width']}x{row['height']}"
     return what, f"{ours['forward_ms']:.2f} + {ours['backward_ms']:.2f} ms", beside
 
 

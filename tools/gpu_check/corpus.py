@@ -6,18 +6,19 @@ from typing import Any
 
 import torch
 
-from room2dgs import splat
 from room2dgs.tools.gpu_check.rendering import renderer
 from room2dgs.tools.numerics.compare import compare, differentiate, image_weights, relative_error
-from room2dgs.tools.numerics.kinds import smooth
-from room2dgs.tools.numerics.scenes import ILL_CONDITIONED, SCENES, HardScene
+from room2dgs.tools.numerics.kinds import kind_of, smooth
+from room2dgs.tools.numerics.measure import ALL_SCENES
+from room2dgs.tools.numerics.scenes import ILL_CONDITIONED, HardScene
 
 Row = dict[str, Any]
 
 
 def corpus_row(name: str, backend: str) -> Row:
     """One case: the worst relative error of images and gradients, where the bound lies, and what the CPU differs by."""
-    scene, render = SCENES[name](), renderer(backend)
+    scene = ALL_SCENES[name]()
+    render = renderer(backend, kind_of(scene).render)
     found = compare(scene, name in ILL_CONDITIONED, render)
     errors = {**found.images, **found.gradients}
     worst = max(errors, key=lambda key: errors[key] / found.bounds[key])
@@ -34,7 +35,7 @@ def against_cpu(scene: HardScene, render: Any) -> float:
     kept = smooth(scene)
     weights = [w * (kept[..., None] if w.ndim == 3 else kept) for w in image_weights(scene.width, scene.height)]
     ours, to_ours = differentiate(render, scene, weights, torch.float32)
-    theirs, to_theirs = differentiate(splat.render, scene, weights, torch.float32)
+    theirs, to_theirs = differentiate(kind_of(scene).render, scene, weights, torch.float32)
     images = [relative_error(a[kept], b[kept]) for a, b in zip(ours, theirs, strict=True)]
     return max([*images, *(relative_error(to_ours[name], to_theirs[name]) for name in to_ours)])
 

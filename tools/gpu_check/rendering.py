@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from room2dgs import splat
 from room2dgs.errors import InputError
-from room2dgs.splat.types import Rendering, Surfels
+from room2dgs.splat.types import Rendering
 
 DEVICES = ("cpu", "cuda")
 
@@ -29,14 +30,18 @@ def device_of(backend: str) -> str:
     return backend
 
 
-def renderer(backend: str) -> Callable[..., Rendering]:
-    """`splat.render` by a backend, wherever it works: tensors go there and images come back, gradients likewise."""
+def renderer(backend: str, by: Callable[..., Rendering] = splat.render) -> Callable[..., Rendering]:
+    """`by` on a backend, wherever it works: tensors go there and images come back, gradients likewise.
+
+    Args:
+        by: with the arguments of `splat.render`.
+    """
     device = device_of(backend)
 
-    def render(surfels: Surfels, K: Tensor, cam_from_world: Tensor, width: int, height: int, **options) -> Rendering:
-        moved = Surfels(*(x.to(device) for x in surfels))
+    def render(splats: Any, K: Tensor, cam_from_world: Tensor, width: int, height: int, **options) -> Rendering:
+        moved = type(splats)(*(x.to(device) for x in splats))
         options = {name: x.to(device) if isinstance(x, Tensor) else x for name, x in options.items()}
-        images = splat.render(moved, K.to(device), cam_from_world.to(device), width, height, **options)
+        images = by(moved, K.to(device), cam_from_world.to(device), width, height, **options)
         return Rendering(*(x.cpu() for x in images))
 
-    return splat.render if device == "cpu" else render
+    return by if device == "cpu" else render

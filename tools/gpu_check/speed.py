@@ -12,27 +12,39 @@ from torch import Tensor
 
 from room2dgs import splat
 from room2dgs.bench.raster_scene import box_surfels, inside_view
-from room2dgs.splat import Surfels
+from room2dgs.splat import Gaussians, Surfels
 from room2dgs.tools.gpu_check.rendering import device_of
 
 NEAR_M = 0.2  # see tools/roofline/scene.py
 Row = dict[str, Any]
-Draw = Callable[[Surfels, Tensor, Tensor, int, int], tuple[Tensor, Tensor, Tensor]]
+Draw = Callable[[Any, Tensor, Tensor, int, int], tuple[Tensor, Tensor, Tensor]]
+FLAT = 0.1  # a Gaussian's third scale, of the smaller one of its disc
+RENDER = {"surfels": splat.render, "Gaussians": splat.render_gaussians}
 
 
-def speed_row(backend: str, width: int, height: int, count: int, repeats: int = 10) -> Row:
-    """The box room: colour, depth and normals, gradients of all parameters; medians. gsplat's are None without it."""
+def speed_row(backend: str, width: int, height: int, count: int, kind: str = "surfels", repeats: int = 10) -> Row:
+    """The box room: colour, depth and normals, gradients of all parameters; medians.
+
+    gsplat's, of its 2DGS, are None without it, and where `kind` is "Gaussians".
+    """
     device = device_of(backend)
 
-    def ours(surfels: Surfels, K: Tensor, pose: Tensor, w: int, h: int) -> tuple[Tensor, Tensor, Tensor]:
-        out = splat.render(surfels, K, pose, w, h, near_m=NEAR_M, with_distortion=False)
+    def ours(splats: Any, K: Tensor, pose: Tensor, w: int, h: int) -> tuple[Tensor, Tensor, Tensor]:
+        out = RENDER[kind](splats, K, pose, w, h, near_m=NEAR_M, with_distortion=False)
         return out.color, out.depth, out.normal
 
-    row: Row = {"width": width, "height": height, "surfels": count, "gsplat": None}
-    row["ours"] = _milliseconds(ours, device, width, height, count, repeats)
-    if device == "cuda" and importlib.util.find_spec("gsplat"):
-        row["gsplat"] = _milliseconds(_gsplat, device, width, height, count, repeats)
+    row: Row = {"width": width, "height": height, "surfels": count, "kind": kind, "gsplat": None}
+    surfels = box_surfels(count)
+    splats = surfels if kind == "surfels" else _thickened(surfels)
+    row["ours"] = _milliseconds(ours, splats, device, width, height, repeats)
+    if kind == "surfels" and device == "cuda" and importlib.util.find_spec("gsplat"):
+        row["gsplat"] = _milliseconds(_gsplat, surfels, device, width, height, repeats)
     return row
+
+
+def _thickened(surfels: Surfels) -> Gaussians:
+    third = FLAT * surfels.scales.amin(dim=1, keepdim=True)
+    return Gaussians(*surfels._replace(scales=torch.cat([surfels.scales, third], dim=1)))
 
 
 def _gsplat(surfels: Surfels, K: Tensor, pose: Tensor, w: int, h: int) -> tuple[Tensor, Tensor, Tensor]:
@@ -46,8 +58,10 @@ def _gsplat(surfels: Surfels, K: Tensor, pose: Tensor, w: int, h: int) -> tuple[
     return images[0, ..., :3], images[0, ..., 3], normals[0]
 
 
-def _milliseconds(draw: Draw, device: str, width: int, height: int, count: int, repeats: int) -> dict[str, float]:
-    leaves = Surfels(*(x.to(device).requires_grad_() for x in box_surfels(count)))
+def _milliseconds(
+    draw: Draw, splats: Surfels | Gaussians, device: str, width: int, height: int, repeats: int
+) -> dict[str, float]:
+    leaves = type(splats)(*(x.to(device).requires_grad_() for x in splats))
     K, pose = (x.to(device) for x in inside_view(width, height))
     g = torch.Generator().manual_seed(1)
     to = [torch.randn(height, width, *tail, generator=g).to(device) for tail in ((3,), (), (3,))]

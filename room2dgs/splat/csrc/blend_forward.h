@@ -1,5 +1,5 @@
 // Blending over one tile, forward: splat by splat, a vector of pixels at a time, the pixels' state in the first-level cache.
-// `Kind` says what a splat's pixels are: SurfelHits (tile_hits.h) or GaussianHits (gaussian_pixel.h).
+// `Kind` says what a splat's pixels are: SurfelHits (pixel.h) or GaussianHits (gaussian_pixel.h).
 #pragma once
 
 #include "tile_hits.h"

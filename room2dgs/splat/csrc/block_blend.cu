@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "block_frame.h"
+#include "gaussian_pixel.h"
 #include "pixel.h"
 
 namespace R2_ISA {
@@ -65,7 +66,8 @@ R2_HD uint32_t patches_of(const Record& r, int x, int y, int half) {
   return reach;
 }
 
-template <bool kNormal, bool kDistortion>
+// `Hits`: SurfelHits or GaussianHits.
+template <class Hits, bool kNormal, bool kDistortion>
 struct BlendTiles {
   static constexpr int kThreads = kTilePixels, kBatch = 128;
   static_assert(2 * kBatch == kThreads, "two threads find the patches of a record");
@@ -140,7 +142,7 @@ struct BlendTiles {
 
   // One record to one pixel at (dx, dy) from its centre; `j` is its position in the list.
   static R2_KERNEL void add(const Record& r, float floor, int j, float dx, float dy, Pixel& p) {
-    const Hit<float> h = intersect<float>(r, dx, dy);
+    const Hit<float> h = Hits::hit(r, dx, row_terms(r, dy));
     if (!(h.raw >= floor)) return;
     const float alpha = alpha_of<float>(h.raw, true);
     const float weight = p.T * alpha, after = p.T * (1.0f - alpha), in_front = p.covered;
@@ -186,7 +188,7 @@ struct BlendTiles {
 };
 
 // Every entry gets its sums from its own tile's block: those of a warp's pixels first, then of the warps, in one order.
-template <bool kNormal, bool kDistortion>
+template <class Hits, bool kNormal, bool kDistortion>
 struct BlendTilesBackward {
   static constexpr int kThreads = kTilePixels, kBatch = kWarp;  // a bit a record
   static constexpr int kSums = kNormal ? 19 : 16;               // without those of the normal
@@ -267,7 +269,7 @@ struct BlendTilesBackward {
           warp.lanes([&](int lane) {
             const int thread = warp.thread(lane);
             const Place p = place_of(a, tile, thread);
-            hits[lane] = intersect<float>(r, dx_of(p, ox), dy_of(p, oy));
+            hits[lane] = Hits::hit(r, dx_of(p, ox), row_terms(r, dy_of(p, oy)));
             keep[lane] = hits[lane].raw >= a.opacity_floor && pixels[thread].last > begin + j;
           });
           if (!warp.ballot(keep)) continue;
@@ -346,7 +348,7 @@ struct BlendTilesBackward {
     const float galpha = p.T * (worth - p.behind);
     p.behind = fma(alpha, worth - p.behind, p.behind);
     if (p.median_item == j) gz += p.median;
-    const HitGradient<float> grad = hit_backward<float>(hit, true, galpha, gz);
+    const HitGradient<float> grad = Hits::backward(hit, true, galpha, gz);
     sum[kSumU] = grad.u, sum[kSumU + 1] = grad.u * dx, sum[kSumU + 2] = grad.u * dy;
     sum[kSumV] = grad.v, sum[kSumV + 1] = grad.v * dx, sum[kSumV + 2] = grad.v * dy;
     sum[kSumDen] = grad.den, sum[kSumDen + 1] = grad.den * dx, sum[kSumDen + 2] = grad.den * dy;
@@ -404,18 +406,24 @@ BlockTiles BlockFrame::tiles(const Queue& queue) {
 
 void BlockFrame::blend(const Queue& queue, const Images& out) {
   const BlockTiles a = tiles(queue);
-  if (out.distortion) launch(queue, input.tiles(), BlendTiles<true, true>{a, out});
-  else if (out.normal) launch(queue, input.tiles(), BlendTiles<true, false>{a, out});
-  else launch(queue, input.tiles(), BlendTiles<false, false>{a, out});
+  with_kind([&](auto kind) {
+    using Hits = typename decltype(kind)::Hits;
+    if (out.distortion) launch(queue, input.tiles(), BlendTiles<Hits, true, true>{a, out});
+    else if (out.normal) launch(queue, input.tiles(), BlendTiles<Hits, true, false>{a, out});
+    else launch(queue, input.tiles(), BlendTiles<Hits, false, false>{a, out});
+  });
 }
 
 void BlockFrame::blend_backward(const Queue& queue, const Images& out, const ImageGradients& g) {
   const BlockTiles a = tiles(queue);
   float* entries = entry_sums_.grow(queue, static_cast<int64_t>(facts.entries) * kGradients);
-  if (g.normal && g.distortion) launch(queue, input.tiles(), BlendTilesBackward<true, true>{a, out, g, entries});
-  else if (g.normal) launch(queue, input.tiles(), BlendTilesBackward<true, false>{a, out, g, entries});
-  else if (g.distortion) launch(queue, input.tiles(), BlendTilesBackward<false, true>{a, out, g, entries});
-  else launch(queue, input.tiles(), BlendTilesBackward<false, false>{a, out, g, entries});
+  with_kind([&](auto kind) {
+    using Hits = typename decltype(kind)::Hits;
+    if (g.normal && g.distortion) launch(queue, input.tiles(), BlendTilesBackward<Hits, true, true>{a, out, g, entries});
+    else if (g.normal) launch(queue, input.tiles(), BlendTilesBackward<Hits, true, false>{a, out, g, entries});
+    else if (g.distortion) launch(queue, input.tiles(), BlendTilesBackward<Hits, false, true>{a, out, g, entries});
+    else launch(queue, input.tiles(), BlendTilesBackward<Hits, false, false>{a, out, g, entries});
+  });
 }
 
 void BlockFrame::background_backward(const Queue& queue, const float* g_color, double* to) {

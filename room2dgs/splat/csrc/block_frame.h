@@ -1,10 +1,11 @@
 // One view rendered by block code, on a GPU or, for tests, on the CPU: what RasterFrame (raster_frame.h) is to the CPU's
 // own kernels. Its buffers are used again for the next view; everything that depends on numbers stays on the device but
-// for two counts.
+// for two counts. A surfel stands for a 3D Gaussian too, but where a kernel takes `Kind`: SurfelKind or GaussianKind.
 #pragma once
 
 #include <cstdint>
 
+#include "gaussian_stages.h"
 #include "launch.h"
 #include "raster.h"
 #include "sort_scan.h"
@@ -42,6 +43,8 @@ struct ViewInput {
   double near;
   float opacity_floor;
   int width, height;
+  double filter_px2 = 0;  // as Camera has them (raster.h)
+  bool compensated = false;
   int tiles_x() const { return (width + kTile - 1) / kTile; }
   int tiles_y() const { return (height + kTile - 1) / kTile; }
   int64_t tiles() const { return static_cast<int64_t>(tiles_x()) * tiles_y(); }
@@ -66,6 +69,8 @@ struct BlockTiles {
 
 class BlockFrame {
  public:
+  explicit BlockFrame(bool gaussians) : gaussians_(gaussians) {}
+
   uint64_t view = 0, views = 0;  // as RasterFrame's
   bool has_normal = false, has_distortion = false;
   int device = -1;  // whose memory this is; -1: nobody's yet
@@ -96,7 +101,14 @@ class BlockFrame {
   void project_backward(const Queue& queue, const SurfelArrays& surfels, const room2dgs::SurfelGradients& to,
                         double* to_pose, double* to_K);
   BlockTiles tiles(const Queue& queue);
+  // Calls launch_of(Kind{}) with what the frame draws.
+  template <class LaunchOf>
+  void with_kind(const LaunchOf& launch_of) const {
+    if (gaussians_) launch_of(GaussianKind{});
+    else launch_of(SurfelKind{});
+  }
 
+  const bool gaussians_;
   Turn turn_;
   Scratch scratch_;
   DeviceBuffer<BlockView> view_;

@@ -64,6 +64,7 @@ struct ListTiles {
 };
 
 // The rest: a kernel of its own, since so much arithmetic takes many registers.
+template <class Kind>
 struct ListTallTiles {
   static constexpr int kThreads = 128;
   struct Shared {};
@@ -75,9 +76,10 @@ struct ListTallTiles {
       const int64_t k = block.place(thread);
       if (k >= lists.visible || lists.rows[lists.order[k]].count <= kKeptRows) return;
       Writer writer(lists, k);
-      const Standing<double> surfel = stand(surfels, writer.surfel, view->camera);
+      const auto surfel =
+          stand<double>(Kind::load(surfels, writer.surfel), surfels.opacities[writer.surfel], view->camera);
       if (!surfel.seen) return;
-      const Reach<double> reach = reach_of(surfel.disc, view->camera);
+      const Reach<double> reach = reach_of(surfel, view->camera);
       const Box<double> box = box_of(reach, view->camera);
       if (!box.some) return;
       for_tile_rows(surfel.disc, reach, view->camera, range_of(box),
@@ -128,7 +130,10 @@ void BlockFrame::list_tiles(const Queue& queue, const SurfelArrays& surfels) {
   const Lists lists{order_.data(), tiles_.data(), first_entry_.data(), place_.data(), rows_.data(), visible,
                     input.tiles_x(), tile_.data(), unsorted_items_.data()};
   launch(queue, blocks_for(visible, ListTiles::kThreads), ListTiles{lists});
-  launch(queue, blocks_for(visible, ListTallTiles::kThreads), ListTallTiles{lists, view_.data(), surfels});
+  with_kind([&](auto kind) {
+    using Tall = ListTallTiles<decltype(kind)>;
+    launch(queue, blocks_for(visible, Tall::kThreads), Tall{lists, view_.data(), surfels});
+  });
   int bits = 1;
   while ((tiles - 1) >> bits) ++bits;
   sort_pairs(queue, scratch_, tile_.data(), sorted_tile_.data(), unsorted_items_.data(), items_.data(), entries, bits);

@@ -5,6 +5,7 @@ namespace R2_ISA {
 namespace {
 
 // The camera, from the arrays that Python has of it.
+template <class Kind>
 struct ReadView {
   static constexpr int kThreads = kWarp;
   struct Shared {};
@@ -23,7 +24,8 @@ struct ReadView {
       v.camera.fx = k[0], v.camera.fy = k[4], v.camera.cx = k[2], v.camera.cy = k[5];
       v.camera.near = in.near, v.camera.opacity_floor = in.opacity_floor;
       v.camera.width = in.width, v.camera.height = in.height;
-      v.frustum = frustum_of(v.camera);
+      v.camera.filter_px2 = in.filter_px2, v.camera.compensated = in.compensated;
+      v.frustum = Kind::frustum(v.camera);
       for (int i = 0; i < 3; ++i) v.background[i] = in.background[i];
       *view = v;
       for (int i = 0; i < 16; ++i) facts->cam_from_world[i] = m[i];
@@ -34,8 +36,11 @@ struct ReadView {
   }
 };
 
+constexpr int kCounts = 3;  // surfels that are seen, their tiles, centres that are moved
+
+template <class Kind>
 struct ProjectSurfels {
-  static constexpr int kThreads = 128, kCounts = 3;
+  static constexpr int kThreads = 128;
   struct Shared {
     uint64_t parts[kThreads / kWarp][kCounts], sums[kCounts];
   };
@@ -45,7 +50,7 @@ struct ProjectSurfels {
   Record* records;
   uint32_t *tiles, *depth, *number;
   KeptRows* rows;
-  uint64_t* counts;  // of a block: surfels that are seen, their tiles, centres that are moved
+  uint64_t* counts;  // of a block
 
   R2_KERNEL void operator()(const Block<kThreads>& block, Shared& s) const {
     Own<Sums<uint64_t, kCounts>, kThreads> seen;
@@ -75,11 +80,11 @@ struct ProjectSurfels {
   // How many tiles the surfel reaches; fills the record and the rows where there are any.
   R2_KERNEL uint32_t draw(int64_t i, Record& record, KeptRows& kept) const {
     const View& camera = view->camera;
-    const float *c = surfels.centers + 3 * i, *e = surfels.scales + 2 * i;
-    if (!maybe_seen<float>(view->frustum, c[0], c[1], c[2], e[0] > e[1] ? e[0] : e[1], surfels.opacities[i])) return 0;
-    const Standing<double> surfel = stand(surfels, i, camera);
+    const float *c = surfels.centers + 3 * i, *e = surfels.scales + Kind::kScales * i;
+    if (!maybe_seen<float>(view->frustum, c[0], c[1], c[2], Kind::largest(e), surfels.opacities[i])) return 0;
+    const auto surfel = stand<double>(Kind::load(surfels, i), surfels.opacities[i], camera);
     if (!surfel.seen) return 0;
-    const Reach<double> reach = reach_of(surfel.disc, camera);
+    const Reach<double> reach = reach_of(surfel, camera);
     const Box<double> box = box_of(reach, camera);
     if (!box.some) return 0;
     const PixelRange pixels = range_of(box);
@@ -100,7 +105,7 @@ struct ProjectSurfels {
   }
 };
 
-struct CountView : AddParts<uint64_t, ProjectSurfels::kCounts> {
+struct CountView : AddParts<uint64_t, kCounts> {
   ViewFacts* facts;
   R2_KERNEL void operator()(const Block<kThreads>& block, Shared& s) const {
     add(block, s);
@@ -113,6 +118,7 @@ struct CountView : AddParts<uint64_t, ProjectSurfels::kCounts> {
 // The camera's gradient as numbers of one array: R, t, fx, fy, cx, cy.
 constexpr int kCameraNumbers = 16;
 
+template <class Kind>
 struct SurfelsBackward {
   static constexpr int kThreads = 128;
   struct Shared {
@@ -138,10 +144,10 @@ struct SurfelsBackward {
           const auto put = [&](float* array, int numbers, int k, double gradient) {
             array[numbers * i + k] = static_cast<float>(gradient);
           };
-          splat_backward<double>(view->camera, load_surfel(surfels, i), surfels.opacities[i], sum, sh_of(surfels, i),
-                                  surfels.sh_count, to, put, g);
+          splat_backward<double>(view->camera, Kind::load(surfels, i), surfels.opacities[i], sum, sh_of(surfels, i),
+                                 surfels.sh_count, to, put, g);
         } else {
-          zero_gradients(to, i, 2, 3 * surfels.sh_count);
+          zero_gradients(to, i, Kind::kScales, 3 * surfels.sh_count);
         }
       }
       double* all = mine[thread].value;
@@ -176,14 +182,17 @@ struct CameraBackward : AddParts<double, kCameraNumbers> {
 }  // namespace
 
 void BlockFrame::project(const Queue& queue, const SurfelArrays& surfels, const float* center_px) {
-  const int64_t blocks = blocks_for(count, ProjectSurfels::kThreads);
+  const int64_t blocks = blocks_for(count, ProjectSurfels<SurfelKind>::kThreads);
   view_.grow(queue, 1), facts_.grow(queue, 1);
-  counts_.grow(queue, blocks * ProjectSurfels::kCounts);
+  counts_.grow(queue, blocks * kCounts);
   records_.grow(queue, count), rows_.grow(queue, count);
   for (DeviceBuffer<uint32_t>* buffer : {&tiles_, &first_entry_, &depth_, &number_}) buffer->grow(queue, count);
-  launch(queue, 1, ReadView{input, view_.data(), facts_.data()});
-  launch(queue, blocks, ProjectSurfels{view_.data(), surfels, center_px, records_.data(), tiles_.data(), depth_.data(),
-                                       number_.data(), rows_.data(), counts_.data()});
+  with_kind([&](auto kind) {
+    using Kind = decltype(kind);
+    launch(queue, 1, ReadView<Kind>{input, view_.data(), facts_.data()});
+    launch(queue, blocks, ProjectSurfels<Kind>{view_.data(), surfels, center_px, records_.data(), tiles_.data(),
+                                               depth_.data(), number_.data(), rows_.data(), counts_.data()});
+  });
   CountView total;
   total.from = counts_.data(), total.count = blocks, total.facts = facts_.data();
   launch(queue, 1, total);
@@ -191,10 +200,12 @@ void BlockFrame::project(const Queue& queue, const SurfelArrays& surfels, const 
 
 void BlockFrame::project_backward(const Queue& queue, const SurfelArrays& surfels, const room2dgs::SurfelGradients& to,
                                   double* to_pose, double* to_K) {
-  const int64_t blocks = blocks_for(count, SurfelsBackward::kThreads);
+  const int64_t blocks = blocks_for(count, SurfelsBackward<SurfelKind>::kThreads);
   camera_parts_.grow(queue, blocks * kCameraNumbers);
-  launch(queue, blocks, SurfelsBackward{view_.data(), surfels, tiles_.data(), first_entry_.data(), entry_sums_.data(), to,
-                                        camera_parts_.data()});
+  with_kind([&](auto kind) {
+    launch(queue, blocks, SurfelsBackward<decltype(kind)>{view_.data(), surfels, tiles_.data(), first_entry_.data(),
+                                                          entry_sums_.data(), to, camera_parts_.data()});
+  });
   CameraBackward total;
   total.from = camera_parts_.data(), total.count = blocks, total.to_pose = to_pose, total.to_K = to_K;
   launch(queue, 1, total);

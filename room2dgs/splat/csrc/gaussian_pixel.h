@@ -39,7 +39,7 @@ R2_HD HitGradient<F> gaussian_hit_backward(const Hit<F>& hit, Mask<F> keep, F g_
   return g;
 }
 
-// What a Gaussian's pixels are (blend_forward.h).
+// What a Gaussian's pixels are.
 struct GaussianHits {
   template <class F>
   static R2_HD Hit<F> hit(const room2dgs::Record& r, F dx, const RowTerms<F>& row) { return gaussian_hit(r, dx, row); }

@@ -7,14 +7,8 @@
 namespace R2_ISA {
 namespace {
 
-struct GaussianKind {
+struct GaussiansAtOnce : GaussianKind {
   using Splat = Gaussian<Doubles>;
-  static constexpr int kScales = 3;
-  static R2_INLINE float largest(const float* s) {
-    const float two = s[0] > s[1] ? s[0] : s[1];
-    return two > s[2] ? two : s[2];
-  }
-  static R2_INLINE Frustum frustum(const View& view) { return gaussian_frustum(view); }
   template <class Scale>
   static R2_INLINE Splat of(Vec3<Doubles> center, Doubles w, Doubles x, Doubles y, Doubles z, Scale&& scale) {
     return {center, w, x, y, z, {scale(0), scale(1), scale(2)}};
@@ -29,8 +23,8 @@ void set_gaussian_blend_backward(room2dgs::Kernels& k);
 room2dgs::Kernels gaussian_kernels() {
   room2dgs::Kernels k{};
   set_gaussian_blend(k), set_gaussian_blend_backward(k);
-  k.project = &project<GaussianKind>;
-  k.project_backward = &project_backward<GaussianKind>;
+  k.project = &project<GaussiansAtOnce>;
+  k.project_backward = &project_backward<GaussiansAtOnce>;
   return k;
 }
 

@@ -63,6 +63,23 @@ R2_HD Reach<T> reach_before(const GaussianStanding<T>& s, const View&) {
   return r;
 }
 
+R2_HD Reach<double> reach_of(const GaussianStanding<double>& s, const View& view) { return reach_before(s, view); }
+
+struct GaussianHits;  // gaussian_pixel.h
+struct GaussianKind {
+  using Hits = GaussianHits;
+  static constexpr int kScales = 3;
+  static R2_HD float largest(const float* s) {
+    const float two = s[0] > s[1] ? s[0] : s[1];
+    return two > s[2] ? two : s[2];
+  }
+  static R2_HD Frustum frustum(const View& view) { return gaussian_frustum(view); }
+  static R2_HD Gaussian<double> load(const SurfelArrays& s, int64_t i) {
+    const float *c = s.centers + 3 * i, *q = s.rotations + 4 * i, *e = s.scales + 3 * i;
+    return {{c[0], c[1], c[2]}, q[0], q[1], q[2], q[3], {e[0], e[1], e[2]}};
+  }
+};
+
 template <class T, class Coefficients>
 R2_HD RecordNumbers<Narrow<T>> numbers_of(const GaussianStanding<T>& s, const Reach<T>& reach, const View& view,
                                           const Coefficients& sh, int sh_count) {

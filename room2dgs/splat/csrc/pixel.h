@@ -119,4 +119,14 @@ R2_HD HitGradient<F> hit_backward(const Hit<F>& hit, Mask<F> keep, F g_alpha, F 
   return g;
 }
 
+// What a surfel's pixels are, for code that draws 3D Gaussians as well (gaussian_pixel.h).
+struct SurfelHits {
+  template <class F>
+  static R2_HD Hit<F> hit(const room2dgs::Record& r, F dx, const RowTerms<F>& row) { return intersect(r, dx, row); }
+  template <class F>
+  static R2_HD HitGradient<F> backward(const Hit<F>& hit, Mask<F> keep, F g_alpha, F g_z) {
+    return hit_backward(hit, keep, g_alpha, g_z);
+  }
+};
+
 }  // namespace R2_ISA

@@ -2,11 +2,8 @@
 // Several at once, as many as a vector has doubles; which tiles one reaches is found one by one. Below a surfel stands for
 // either kind.
 //
-// What differs is found by `Kind`, of which there is one in each copy, and by the overloads of stand, reach_before,
-// numbers_of and splat_backward:
+// What differs is found by `Kind`: SurfelKind (stages.h) or GaussianKind (gaussian_stages.h) with
 //   Splat                         the parameters of several, Surfel<Doubles> or Gaussian<Doubles>
-//   kScales, largest(scales)      how many scales one has, and the largest of them
-//   frustum(view)                 for the quick test of what may be seen
 //   of(center, w, x, y, z, scale) a Splat; scale(n) gives the n-th scale
 #pragma once
 

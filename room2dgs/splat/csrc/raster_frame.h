@@ -62,6 +62,7 @@ constexpr int kMaxSide = 16384;  // pixels
 constexpr int64_t kMaxSurfels = (int64_t{1} << 26) - 1;
 
 struct RasterFrame {
+  static constexpr int64_t kScales = 2;  // of each that it draws
   const Kernels* table = &kernels();  // of what it draws
   // What a view left here; 0: nothing, or a forward pass that failed. Every forward pass has a number of its own.
   uint64_t view = 0, views = 0;
@@ -111,6 +112,7 @@ struct RasterFrame {
 
 // The same of 3D Gaussians.
 struct GaussianFrame : RasterFrame {
+  static constexpr int64_t kScales = 3;
   GaussianFrame() { table = &gaussian_kernels(); }
 };
 

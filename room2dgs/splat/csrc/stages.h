@@ -98,9 +98,19 @@ R2_HD Standing<T> stand(const Surfel<T>& s, T opacity, const View& view) {
 }
 template <class T>
 R2_HD Reach<T> reach_before(const Standing<T>& s, const View& view) { return reach_before(s.disc, view); }
-R2_HD Standing<double> stand(const SurfelArrays& s, int64_t i, const View& view) {
-  return stand<double>(load_surfel(s, i), s.opacities[i], view);
-}
+R2_HD Reach<double> reach_of(const Standing<double>& s, const View& view) { return reach_of(s.disc, view); }
+
+// What differs between surfels and 3D Gaussians (gaussian_stages.h) besides the overloads of stand, reach_before, reach_of,
+// numbers_of and splat_backward: how many scales one has, the largest of them, the quick test of what may be seen, what its
+// pixels are, and one of an array.
+struct SurfelHits;  // pixel.h
+struct SurfelKind {
+  using Hits = SurfelHits;
+  static constexpr int kScales = 2;
+  static R2_HD float largest(const float* scales) { return scales[0] > scales[1] ? scales[0] : scales[1]; }
+  static R2_HD Frustum frustum(const View& view) { return frustum_of(view); }
+  static R2_HD Surfel<double> load(const SurfelArrays& s, int64_t i) { return load_surfel(s, i); }
+};
 
 template <class T>
 R2_HD T first_pixel(T x) { return vceil(x - T(0.5)); }

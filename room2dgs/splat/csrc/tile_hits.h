@@ -76,14 +76,6 @@ R2_INLINE Hit<fw> hit_at(const Record& r, const InTile& t, int v) {
                                             of_rows(t.rows.filter + row)});
 }
 
-// What a surfel's pixels are.
-struct SurfelHits {
-  static R2_INLINE Hit<fw> hit(const Record& r, fw dx, const RowTerms<fw>& row) { return intersect(r, dx, row); }
-  static R2_INLINE HitGradient<fw> backward(const Hit<fw>& hit, iw keep, fw g_alpha, fw g_z) {
-    return hit_backward(hit, keep, g_alpha, g_z);
-  }
-};
-
 // Calls visit(k, v) for the k-th of the vectors whose bits are set.
 template <class Visit>
 R2_INLINE void for_vectors(uint32_t vectors, const Visit& visit) {

@@ -6,9 +6,10 @@ import torch
 from torch import Tensor
 
 from room2dgs.geometry.camera import NEAR_M
+from room2dgs.splat.api import check_kernels
 from room2dgs.splat.checks import check_filter, check_floor, check_near, check_shapes, switch
 from room2dgs.splat.constants import GAUSSIAN_FILTER_PX2, MIP_FILTER_PX2, OPACITY_FLOOR
-from room2dgs.splat.gaussians.operators import NOT_ON_GPU, Rasterize
+from room2dgs.splat.gaussians.operators import Rasterize
 from room2dgs.splat.types import Gaussians, Rendering
 
 
@@ -46,20 +47,14 @@ def render(
     check_shapes(gaussians, K, cam_from_world, width, height, background, center_px)
     check_near(near_m)
     check_floor(opacity_floor)
-    if gaussians.centers.device.type != "cpu":
-        raise ValueError(NOT_ON_GPU)
-    if gaussians.centers.dtype != torch.float32:
-        raise ValueError(
-            f"the Gaussians are {gaussians.centers.dtype}; the rasterizer takes torch.float32 "
-            "(splat.gaussians.reference.render takes any type)"
-        )
+    check_kernels(gaussians.centers, "Gaussians", "splat.gaussians.reference.render")
     with_normal, with_distortion = switch("with_normal", with_normal), switch("with_distortion", with_distortion)
     antialias = switch("antialias", antialias)
     if filter_px2 is None:
         filter_px2 = MIP_FILTER_PX2 if antialias else GAUSSIAN_FILTER_PX2
     check_filter("filter_px2", filter_px2)
     if background is None:
-        background = torch.zeros(3, dtype=torch.float32)
+        background = torch.zeros(3, dtype=torch.float32, device=gaussians.centers.device)
     *images, _ = Rasterize.apply(
         *gaussians, cam_from_world, K, background, center_px,
         width, height, near_m, opacity_floor, with_normal, with_distortion, filter_px2, antialias,

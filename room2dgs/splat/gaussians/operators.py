@@ -8,10 +8,10 @@ import torch
 from torch import Tensor
 
 from room2dgs import _C
+from room2dgs.kernels.builds import Build
 from room2dgs.kernels.operators import LIBRARY, operator
-from room2dgs.splat import cpu_view, frames
+from room2dgs.splat import block_view, cpu_view, frames
 
-NOT_ON_GPU = "3D Gaussians have no GPU kernels yet; give render.device=cpu, or tensors on the CPU"
 FRAMES = frames.Kind(_C.GaussianFrame, torch.device("cpu"))
 
 _GAUSSIANS = "Tensor centers, Tensor rotations, Tensor scales, Tensor opacities, Tensor sh"
@@ -22,6 +22,7 @@ _OPTIONS = (
 )
 _TO_IMAGES = ", ".join(f"Tensor? to_{name}" for name in ("color", "alpha", "depth", "median", "normal", "distortion"))
 _OPTION_COUNT = 8
+_BY_BLOCKS = "GaussianBlockFrame"
 
 
 def _forward(*inputs: Any) -> tuple[Tensor, ...]:
@@ -35,19 +36,26 @@ def _backward(*inputs: Any) -> tuple[Tensor, ...]:
     return cpu_view.backward(*others, kind=FRAMES, more=(filter_px2, compensated))
 
 
-def _refused(*inputs: Any) -> Any:
-    raise ValueError(NOT_ON_GPU)
+def _forward_by_blocks(build: Build, *inputs: Any) -> tuple[Tensor, ...]:
+    *others, filter_px2, compensated = inputs
+    return block_view.forward(build, *others, frame_class=_BY_BLOCKS, more=(filter_px2, compensated))
+
+
+def _backward_by_blocks(build: Build, *inputs: Any) -> tuple[Tensor, ...]:
+    *others, filter_px2, compensated, with_background = inputs
+    others.append(with_background)
+    return block_view.backward(build, *others, frame_class=_BY_BLOCKS, more=(filter_px2, compensated))
 
 
 rasterize = operator(
     f"rasterize_gaussians({_GAUSSIANS}, {_CAMERA}, Tensor? center_px, {_OPTIONS}) -> ({', '.join(['Tensor'] * 7)})",
-    _refused,
+    _forward_by_blocks,
     _forward,
 )
 rasterize_backward = operator(
     f"rasterize_gaussians_backward({_GAUSSIANS}, {_CAMERA}, Tensor alpha, Tensor depth, Tensor state, {_TO_IMAGES}, "
     f"{_OPTIONS}, bool with_background) -> ({', '.join(['Tensor'] * 9)})",
-    _refused,
+    _backward_by_blocks,
     _backward,
 )
 

@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from room2dgs import _C, splat
-from room2dgs.kernels.emulation import cuda_kernels_on_cpu
 from room2dgs.splat import Gaussians, frames
 from room2dgs.splat.constants import OPACITY_FLOOR
 from room2dgs.splat.gaussians import operators, reference
@@ -177,15 +176,14 @@ def test_what_cannot_be_drawn_is_refused(make_gaussians, make_surfels, make_view
         splat.render_gaussians(gaussians, camera, pose, 8, 8, filter_px2=0.0)
     with pytest.raises(ValueError, match="center_px is not zero"):
         splat.render_gaussians(gaussians, camera, pose, 8, 8, center_px=torch.ones(5, 2))
-    with cuda_kernels_on_cpu(), pytest.raises(ValueError, match="no GPU kernels yet"):
-        splat.render_gaussians(gaussians, camera, pose, 8, 8)
 
 
-def test_a_frame_takes_no_surfels(make_surfels, make_view):
+@pytest.mark.parametrize("frame_class", [_C.GaussianFrame, _C.device.GaussianBlockFrame])
+def test_a_frame_takes_no_surfels(make_surfels, make_view, frame_class):
     """Scales of two would be read as three."""
     camera, pose = make_view()
     surfels = make_surfels(5, 1)
-    frame = _C.GaussianFrame()
+    frame = frame_class()
     images = [torch.zeros(8, 8, *tail).numpy() for tail in ((3,), (), (), (), (3,), ())]
     with pytest.raises(ValueError, match=r"scales has shape \(5, 2\), not \(5, 3\)"):
         frame.forward(
