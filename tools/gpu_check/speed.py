@@ -12,14 +12,14 @@ from torch import Tensor
 
 from room2dgs import splat
 from room2dgs.bench.raster_scene import box_surfels, inside_view
-from room2dgs.splat import Gaussians, Surfels
+from room2dgs.splat import Gaussians, Rendering, Surfels
 from room2dgs.tools.gpu_check.rendering import device_of
 
 NEAR_M = 0.2  # see tools/roofline/scene.py
 Row = dict[str, Any]
 Draw = Callable[[Any, Tensor, Tensor, int, int], tuple[Tensor, Tensor, Tensor]]
 FLAT = 0.1  # a Gaussian's third scale, of the smaller one of its disc
-RENDER = {"surfels": splat.render, "Gaussians": splat.render_gaussians}
+RENDER: dict[str, Callable[..., Rendering]] = {"surfels": splat.render, "Gaussians": splat.render_gaussians}
 
 
 def speed_row(backend: str, width: int, height: int, count: int, kind: str = "surfels", repeats: int = 10) -> Row:
