@@ -18,12 +18,14 @@ HELP = """Runs plain 3DGS, one like RaDe-GS, plain 2DGS, one like PGSR, and room
 captures with ground truth: F-scores, PSNR, minutes and primitives as one table and one picture, published figures
 beside them.
 
-For example: room2dgs bench table room out=table train.seed=0
+For example: room2dgs bench table room out=table
+Rows take 2,000 iterations and make no pages of their own, unless the settings say otherwise.
 Each capture is an ablation (`room2dgs ablate`) in out/<capture>/runs; what is finished is not run again.
 other=NAME:FILE scores a mesh of another program in the capture's world. The files are bench_table.html and
 bench_table.csv.
 """
 OURS = ("out", "other", "scene.path", "resume")
+BRIEF = ("train.seed=0", "train.iterations=2000", "export.textured=false", "report.enabled=false")
 
 
 def main(argv: list[str]) -> int:
@@ -45,7 +47,7 @@ def main(argv: list[str]) -> int:
     folder = Path(out).expanduser().absolute()
     captures, settings = split_scenes([text for text in argv if text.partition("=")[0] not in OURS])
     meshes = [parsed(text) for text in argv if text.startswith("other=")]
-    rows = [f"experiment={','.join((*METHODS, *PARTS))}", "train.seed=0", *settings]
+    rows = [f"experiment={','.join((*METHODS, *PARTS))}", *BRIEF, *settings]
     scoring = [text for text in settings if text.startswith(("scene.", "eval."))]
     threshold = threshold_name(load_config([*scoring, "scene.path=any", "out=any"]).eval.threshold_m)
     command = shlex.join(["room2dgs", "bench", "table", *argv])

@@ -24,6 +24,11 @@ PUBLISHED = {  # F-score at 5 cm on ScanNet and on ScanNet++, as the 2DGS-Room p
     "NeuS": (0.409, 0.251), "Neuralangelo": (0.255, 0.141), "3DGS": (0.085, 0.104), "SuGaR": (0.366, 0.361),
     "2DGS": (0.341, 0.183), "PGSR": (0.426, 0.249), "RaDe-GS": (0.306, 0.166), "2DGS-Room": (0.575, 0.464),
 }  # fmt: skip
+GROUPS = {  # of rows: what they are, and their colour
+    "3D Gaussians, photos alone": "#c2185b",
+    "surfels, photos alone": "#1565c0",
+    "surfels with priors": "#2e7d32",
+}
 NEAR = (0.5, 0.01)  # dB and F: rows whose labels would cover each other
 LABEL_PT = 11  # from a label to the one below it
 FIGURES = ("f_score", FINE, "psnr_db", "run_s", "primitives")
@@ -106,7 +111,10 @@ def picture(lines: Sequence[Line], at: str) -> np.ndarray:
         for line in (line for line in lines if line.capture == capture):
             f_score, psnr = line.values.get("f_score"), line.values.get("psnr_db")
             if f_score is not None and psnr is not None:
-                plot.plot(psnr, f_score, "s" if line.method in METHODS else "o", color=_color(line.method))
+                group = _group(line.method)
+                new = group not in plot.get_legend_handles_labels()[1]
+                mark = "s" if line.method in METHODS else "o"
+                plot.plot(psnr, f_score, mark, color=GROUPS[group], label=group if new else None)
                 place = (5, 4 - LABEL_PT * sum(_near(psnr, f_score, other) for other in labelled))
                 plot.annotate(in_drawing(line.method), (psnr, f_score), textcoords="offset points", xytext=place)
                 labelled.append((psnr, f_score))
@@ -115,6 +123,8 @@ def picture(lines: Sequence[Line], at: str) -> np.ndarray:
                 plot.annotate(in_drawing(line.method), (0.01, f_score), xycoords=("axes fraction", "data"))
         plot.set(xlabel="held-out PSNR, dB (pictures)", ylabel=f"F @ {at} (surface)", title=in_drawing(capture))
         plot.margins(0.2)
+        if labelled:
+            plot.legend(loc="best", fontsize="small")
     names = list(PUBLISHED)
     bars.barh(names, [PUBLISHED[name][0] for name in names], color="#bbbbbb")
     bars.invert_yaxis()
@@ -131,8 +141,9 @@ def _published() -> list[str]:
     return [f"{name}, published: F {a:.3f} on ScanNet, {b:.3f} on ScanNet++" for name, (a, b) in PUBLISHED.items()]
 
 
-def _color(method: str) -> str:
-    return "#c2185b" if "3dgs" in method else ("#1565c0" if "2dgs" in method else "#2e7d32")
+def _group(method: str) -> str:
+    gaussians, photos, priors = GROUPS
+    return gaussians if "3dgs" in method else (photos if "2dgs" in method else priors)
 
 
 def _cell(name: str, form: str, factor: float = 1.0) -> Any:
