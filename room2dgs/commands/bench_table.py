@@ -19,13 +19,13 @@ captures with ground truth: F-scores, PSNR, minutes and primitives as one table 
 beside them.
 
 For example: room2dgs bench table room out=table
-Rows take 2,000 iterations and make no pages of their own, unless the settings say otherwise.
+Rows take 1,500 iterations and make no pages of their own, unless the settings say otherwise.
 Each capture is an ablation (`room2dgs ablate`) in out/<capture>/runs; what is finished is not run again.
 other=NAME:FILE scores a mesh of another program in the capture's world. The files are bench_table.html and
 bench_table.csv.
 """
 OURS = ("out", "other", "scene.path", "resume")
-BRIEF = ("train.seed=0", "train.iterations=2000", "export.textured=false", "report.enabled=false")
+BRIEF = ("train.seed=0", "train.iterations=1500", "export.textured=false", "report.enabled=false")
 
 
 def main(argv: list[str]) -> int:

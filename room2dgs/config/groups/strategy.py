@@ -49,7 +49,11 @@ class StrategyConfig:
         ge=0,
         lt=1,
     )
-    max_surfels: Int | None = public(None, "Number of surfels at which growth ends (null: no limit).", ge=1)
+    max_surfels: Int | None = public(
+        None,
+        "Number of surfels at which growth ends (null: no limit; with strategy=plain one for 16 pixels of the photos).",
+        ge=1,
+    )
     split_size: Float = expert(
         0.01,
         "Size above which strategy=plain splits a surfel instead of cloning it, as a share of the scene's extent.",

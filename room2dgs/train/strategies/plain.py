@@ -22,6 +22,9 @@ from room2dgs.train.strategies.strategy import Adjustment, Strategy, window_of
 CHILDREN = 2  # of a split primitive
 SHRINK = 0.8 * CHILDREN  # of their scales
 RESET_OPACITY = 0.01
+# Of all training photos together, for one primitive: some ten photos see a place, so each has two pixels of theirs. The
+# thresholds of 3DGS alone stop growth at a share of the picture, which in small photos is less than a pixel.
+PIXELS_EACH = 16
 
 
 class PlainStrategy(Strategy):
@@ -33,10 +36,13 @@ class PlainStrategy(Strategy):
     Args:
         config: of the run; seeds.per_seed is 1 and the decoder explicit.
         extent_m: `Scene.extent`, the unit of the size limits.
+        pixels: of all training photos, which bound growth where the settings do not.
     """
 
-    def __init__(self, config: Config, extent_m: float) -> None:
+    def __init__(self, config: Config, extent_m: float, pixels: int) -> None:
         self._config = config
+        most = config.strategy.max_surfels
+        self._most = pixels // PIXELS_EACH if most is None else most
         self._extent_m = max(extent_m, EXTENT_MIN_M)
         self._window = window_of(config.strategy, config.train.iterations)
         self._reset_every = at_iteration(config.strategy.reset_every, config.train.iterations)
@@ -98,8 +104,7 @@ class PlainStrategy(Strategy):
 
     def _within_cap(self, growing: Tensor, means: Tensor, survivors: int) -> Tensor:
         """The largest gradients first; a clone adds one primitive, and so does a split."""
-        cap = self._config.strategy.max_surfels
-        room = int(growing.sum()) if cap is None else max(0, cap - survivors)
+        room = max(0, self._most - survivors)
         if room >= int(growing.sum()):
             return growing
         order = torch.sort(torch.where(growing, means, -1.0), descending=True, stable=True).indices
@@ -117,4 +122,5 @@ class PlainStrategy(Strategy):
 
 def plain_strategy(config: Config, scene: Scene) -> PlainStrategy:
     """strategy.name=plain."""
-    return PlainStrategy(config, scene.extent)
+    cameras = [frame.camera for frame in scene.train]
+    return PlainStrategy(config, scene.extent, sum(camera.width * camera.height for camera in cameras))

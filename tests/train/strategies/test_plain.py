@@ -36,9 +36,9 @@ def model_of(scales, opacities, config) -> Model:
     return model
 
 
-def adjusted(model: Model, gradients, config):
+def adjusted(model: Model, gradients, config, pixels=10**6):
     """One adjustment after one iteration with these gradients, in 2DGS's units."""
-    strategy = PlainStrategy(config, EXTENT_M)
+    strategy = PlainStrategy(config, EXTENT_M, pixels)
     center_px = torch.tensor(gradients)[:, None] * torch.tensor([2 / WIDTH, 0.0])
     color = torch.zeros(HEIGHT, WIDTH, 3)
     opacities = torch.zeros(len(gradients))
@@ -98,11 +98,13 @@ def test_faint_ones_go_and_oversized_ones_only_after_a_reset(plain):
         assert adjustment.pruned == {"faint": 1, "large": 2 - len(left)}
 
 
-def test_under_a_cap_the_largest_gradients_grow(plain):
-    config = plain("strategy.max_surfels=6")
+@pytest.mark.parametrize(("settings", "pixels"), [(["strategy.max_surfels=6"], 10**6), ([], 6 * 16 + 15)])
+def test_under_a_cap_the_largest_gradients_grow(plain, settings, pixels):
+    """Of the settings, or one for so many pixels."""
+    config = plain(*settings)
     model = model_of([SMALL] * 4, [0.5] * 4, config)
     centres = model.splats(0).centers
-    adjusted(model, [3e-4, 5e-4, 4e-4, 2.5e-4], config)
+    adjusted(model, [3e-4, 5e-4, 4e-4, 2.5e-4], config, pixels)
     assert torch.equal(model.splats(0).centers[4:], centres[[1, 2]])
 
 

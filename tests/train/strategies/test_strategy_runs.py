@@ -21,11 +21,12 @@ PLAIN = [
     "strategy.prune_opacity=0.005",
 ]
 LENIENT = ["strategy.prune_opacity=0.005", "strategy.prune_size=9"]  # a reset kills nothing
+AMPLE = "strategy.max_surfels=5000"  # for these few pixels
 OFTEN = ["train.iterations=12", "train.checkpoint_every=1", "strategy.every=3", "strategy.start=0", "strategy.stop=10"]
 EAGER = ["strategy.grow_gradient=1e-6", "strategy.min_visits=1"]
 KINDS = {
     "seeds": [*SEEDS, *OFTEN, *EAGER, "strategy.random_survival=true"],
-    "plain": [*PLAIN, *OFTEN, "strategy.grow_gradient=1e-5", "strategy.split_size=0.2", *LENIENT],
+    "plain": [*PLAIN, *OFTEN, "strategy.grow_gradient=1e-5", "strategy.split_size=0.2", *LENIENT, AMPLE],
 }
 
 
