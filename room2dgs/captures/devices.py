@@ -8,7 +8,9 @@ from __future__ import annotations
 # and models of one name differ by country.
 MAIN_CAMERAS: dict[str, tuple[float, float]] = {
     "iPhone 7": (28, 3.99),
+    "iPhone 7 Plus": (28, 3.99),
     "iPhone 8": (28, 3.99),
+    "iPhone 8 Plus": (28, 3.99),
     "iPhone X": (28, 4.0),
     "iPhone XR": (26, 4.25),
     "iPhone XS": (26, 4.25),
@@ -25,8 +27,17 @@ MAIN_CAMERAS: dict[str, tuple[float, float]] = {
     "iPhone 13 Pro": (26, 5.7),
     "iPhone 13 Pro Max": (26, 5.7),
     "iPhone 14": (26, 5.7),
+    "iPhone 14 Plus": (26, 5.7),
     "iPhone 14 Pro": (24, 6.86),
     "iPhone 14 Pro Max": (24, 6.86),
+    "iPhone 15": (26, 5.96),
+    "iPhone 15 Plus": (26, 5.96),
+    "iPhone 15 Pro": (24, 6.765),
+    "iPhone 15 Pro Max": (24, 6.765),
+    "iPhone 16": (26, 5.96),
+    "iPhone 16 Plus": (26, 5.96),
+    "iPhone 16 Pro": (24, 6.765),
+    "iPhone 16 Pro Max": (24, 6.765),
 }
 SAME_LENS = 1.08  # of focal lengths in mm
 
