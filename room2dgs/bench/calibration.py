@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from room2dgs.bench.matched_surface import matched_views
 from room2dgs.bench.prior_scores import Ranking, ranking
 from room2dgs.errors import InputError
 from room2dgs.mesh.vertex_source import EXPECTED_ERROR, MEASURED, SOURCE, VIEWS, told_by
 from room2dgs.report.table import NOTHING, Table, table
-from room2dgs.runs.folder import MESH, required
+from room2dgs.runs.folder import MESH, TRUST, required
+from room2dgs.runs.trust import read_trust
 
 if TYPE_CHECKING:
     import trimesh
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 FARTHEST_M = 0.5  # from the truth: what is farther off has no truth of its own there
 LEAST = 50  # samples of a part that is listed
 VIEW_BOUNDS = {"1-2 views": (1, 2), "3-5 views": (3, 5), "6+ views": (6, 255)}
+# by the consistent views of stereo's depth; without one, depth is of networks and planes, or of a depth camera
+MATCHED_BOUNDS = {"stereo of 3+ views": (3, 255), "stereo of 1-2 views": (1, 2), "without stereo": (0, 0)}
 
 
 @dataclass(frozen=True)
@@ -35,15 +39,18 @@ class SurfaceErrors:
         true: (N,) metres to the truth.
         views: (N,) how many have seen the place.
         measured: (N,) bool; False: it was inferred from what is around it.
+        matched: (N,) consistent views of stereo's depth there; None: the run does not tell.
     """
 
     expected: np.ndarray
     true: np.ndarray
     views: np.ndarray
     measured: np.ndarray
+    matched: np.ndarray | None = None
 
     def of(self, which: np.ndarray) -> SurfaceErrors:
-        return SurfaceErrors(self.expected[which], self.true[which], self.views[which], self.measured[which])
+        parts = (getattr(self, field.name) for field in fields(self))
+        return SurfaceErrors(*(None if part is None else part[which] for part in parts))
 
 
 @dataclass(frozen=True)
@@ -91,11 +98,14 @@ def run_errors(config: Config) -> SurfaceErrors:
     options = Options(threshold_m=settings.threshold_m, samples=settings.samples, seed=settings.seed)
     truth = truth_in_scene(scene.gt_mesh, scene).surface
     found = compared(mesh, Surface(mesh), truth, truth, [frame.camera for frame in scene.frames], options)
-    return errors_at(mesh, found.samples, found.distance)
+    errors, trust = errors_at(mesh, found.samples, found.distance), read_trust(out / TRUST)
+    if trust:
+        errors = replace(errors, matched=matched_views(found.samples.points, scene.train, trust))
+    return errors.of(errors.true < FARTHEST_M)
 
 
 def errors_at(mesh: trimesh.Trimesh, samples: Samples, distance: np.ndarray) -> SurfaceErrors:
-    """Of samples of a mesh; what the truth has nothing near is left out.
+    """Of samples of a mesh.
 
     Args:
         mesh: with its expected errors.
@@ -110,7 +120,7 @@ def errors_at(mesh: trimesh.Trimesh, samples: Samples, distance: np.ndarray) -> 
     views, source = told_by(mesh, VIEWS), told_by(mesh, SOURCE)
     seen = np.zeros(len(nearest)) if views is None else views[nearest]
     measured = np.ones(len(nearest), bool) if source is None else source[nearest] == MEASURED
-    return SurfaceErrors(expected, distance, seen, measured).of(distance < FARTHEST_M)
+    return SurfaceErrors(expected, distance, seen, measured)
 
 
 def barycentric(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -129,6 +139,9 @@ def parts(errors: SurfaceErrors) -> dict[str, np.ndarray]:
     found = {"all": np.ones(len(errors.true), bool), "measured": errors.measured, "inferred": ~errors.measured}
     for name, (least, most) in VIEW_BOUNDS.items():
         found[name] = errors.measured & (errors.views >= least) & (errors.views <= most)
+    if errors.matched is not None:
+        for name, (least, most) in MATCHED_BOUNDS.items():
+            found[name] = errors.measured & (errors.matched >= least) & (errors.matched <= most)
     return found
 
 
