@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,8 +49,8 @@ class SurfaceErrors:
     matched: np.ndarray | None = None
 
     def of(self, which: np.ndarray) -> SurfaceErrors:
-        parts = (getattr(self, field.name) for field in fields(self))
-        return SurfaceErrors(*(None if part is None else part[which] for part in parts))
+        matched = None if self.matched is None else self.matched[which]
+        return SurfaceErrors(self.expected[which], self.true[which], self.views[which], self.measured[which], matched)
 
 
 @dataclass(frozen=True)
