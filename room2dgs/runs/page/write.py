@@ -94,11 +94,7 @@ def write_report(
         views=view_pictures(scene, rendered, maps, config.report.views),
         kinds=[kind for kind in KINDS if kind[0] != "trust" or maps],
         kind_keys=kind_keys(source),
-        whole=[
-            *mirror_figures(read_mirrors(out / MIRRORS, scene.origin_m), scene.frames, unit),
-            *_boundary(scene, out),
-            *_whole(out, metrics),
-        ],
+        whole=[*_mirrors(scene, out, unit), *_boundary(scene, out), *_whole(out, metrics)],
         spots=[spot.text for spot in wanting],
         advice=places.out_of_all([*boundary_sentences(metrics, unit), *advice(scene, seen)]),
         trusted=trust.sentences(maps, source),
