@@ -38,6 +38,7 @@ def test_the_view_that_knows_most_tells(frames):
     found = matched_views(points, frames, {"a": flat(2), "b": flat(5)})
     # left of a's middle and of b's; of b's alone; right of both; in no picture; behind both
     assert list(found) == [5, 5, 0, 0, 0]
+    assert list(matched_views(points, frames, {"a": flat(5), "b": flat(2)})) == [5, 2, 0, 0, 0]  # in either order
     assert list(matched_views(points, frames, {"a": flat(2)})) == [2, 0, 0, 0, 0]
 
 
