@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from room2dgs.captures.scene import Frame
-from room2dgs.geometry.camera import NEAR_M
 from room2dgs.runs.trust import Trust
 
 SHOWN_M, SHOWN = 0.05, 0.02  # from a view's depth, and as a share of it, within which the view shows a place
@@ -23,7 +22,6 @@ def matched_views(points: np.ndarray, frames: Iterable[Frame], trust: Mapping[st
         frames: training views.
         trust: frame name -> small maps of the run; views without depth in them are passed over.
     """
-    points = np.asarray(points, dtype=np.float64)
     most = np.zeros(len(points), np.int64)
     for frame in frames:
         maps = trust.get(frame.name)
@@ -31,12 +29,8 @@ def matched_views(points: np.ndarray, frames: Iterable[Frame], trust: Mapping[st
             continue
         height, width = maps.depth.shape
         camera = frame.camera.resized(width, height)
-        pixel, z = camera.project(points)
-        inside = np.flatnonzero(camera.inside(pixel) & (z > NEAR_M))
-        column, row = np.floor(pixel[inside]).astype(np.int64).T
-        row, column = np.minimum(row, height - 1), np.minimum(column, width - 1)
+        number, column, row, z = camera.pixels_of(points)
         depth = maps.depth[row, column].astype(np.float64)
-        near = np.abs(depth - z[inside]) < np.maximum(SHOWN_M, SHOWN * z[inside])
-        shown = (depth > 0) & near
-        most[inside[shown]] = np.maximum(most[inside[shown]], maps.num_consistent[row, column][shown])
+        shown = (depth > 0) & (np.abs(depth - z) < np.maximum(SHOWN_M, SHOWN * z))
+        most[number[shown]] = np.maximum(most[number[shown]], maps.num_consistent[row, column][shown])
     return most

@@ -150,3 +150,17 @@ class Camera:
         """(...) bool: points (..., 3) of the world inside the image and at least `near_m` in front, hidden or not."""
         pixel, depth = self.project(xyz)
         return self.inside(pixel) & (depth >= near_m)
+
+    def pixels_of(
+        self, xyz: np.ndarray, near_m: float = NEAR_M
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Which points (N, 3) of the world are in the image and more than `near_m` in front, hidden or not.
+
+        Returns:
+            (M,) int64 each: their numbers, and the columns and rows of the pixels that they fall into; (M,) float64
+            z-depth, metres.
+        """
+        pixel, depth = self.project(xyz)
+        number = np.flatnonzero(self.inside(pixel) & (depth > near_m))
+        column, row = np.floor(pixel[number]).astype(np.int64).T
+        return number, column, row, depth[number]

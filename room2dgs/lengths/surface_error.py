@@ -83,13 +83,10 @@ def _by_view(
     """Indices of the faces that a view shows, and their deviation along the normal as it alone would tell it."""
     height, width = depth.shape
     camera = frame.camera.resized(width, height)
-    pixel, z = camera.project(middle)
-    inside = np.flatnonzero(camera.inside(pixel) & (z > 0))
-    column, row = np.floor(pixel[inside]).astype(int).T
-    column, row = np.clip(column, 0, width - 1), np.clip(row, 0, height - 1)
+    inside, column, row, z = camera.pixels_of(middle, 0.0)
     told, sure = depth[row, column].astype(np.float64), trust.confidence[row, column] / 255
     relative = completed_sigma(np.maximum(sure, 1e-3).astype(np.float32)).astype(np.float64)
-    near = np.abs(told - z[inside]) < NEAR_SIGMAS * relative * z[inside] + NEAR_M
+    near = np.abs(told - z) < NEAR_SIGMAS * relative * z + NEAR_M
     shown = inside[(told > 0) & near]
     along = np.abs(((middle[shown] - camera.centre) * normal[shown]).sum(axis=1))
     return shown, relative[(told > 0) & near] * along

@@ -14,7 +14,6 @@ import trimesh
 from scipy.sparse import coo_matrix
 
 from room2dgs.config import MeshConfig
-from room2dgs.geometry.camera import NEAR_M
 from room2dgs.logs import Log
 from room2dgs.mesh.area import area_m2
 from room2dgs.mesh.edges import edges_and_faces
@@ -60,15 +59,12 @@ def surest_view(points: np.ndarray, normals: np.ndarray, views: Iterable[FusedVi
         told = True
         there = view.on_cpu()
         assert there.expected is not None
-        pixel, z = there.camera.project(points)
-        place = np.flatnonzero(there.camera.inside(pixel) & (z > NEAR_M))
-        column, row = np.floor(pixel[place]).astype(np.int64).T
-        column, row = np.minimum(column, there.camera.width - 1), np.minimum(row, there.camera.height - 1)
+        place, column, row, z = there.camera.pixels_of(points)
         depth, expected = (np.asarray(part)[row, column].astype(np.float64) for part in (there.depth, there.expected))
         # what a metre of depth is along the normal
-        along = ((there.camera.centre - points[place]) * normals[place]).sum(axis=1) / z[place]
-        distance = np.linalg.norm(there.camera.centre - points[place], axis=1) / z[place]
-        shown = (depth > 0) & (expected > 0) & (np.abs(depth - z[place]) < SHOWN_M) & (along > FACING * distance)
+        along = ((there.camera.centre - points[place]) * normals[place]).sum(axis=1) / z
+        distance = np.linalg.norm(there.camera.centre - points[place], axis=1) / z
+        shown = (depth > 0) & (expected > 0) & (np.abs(depth - z) < SHOWN_M) & (along > FACING * distance)
         surest[place[shown]] = np.minimum(surest[place[shown]], (expected * along)[shown])
     return surest if told else None
 

@@ -19,6 +19,7 @@ from room2dgs.mirrors.settle import reflected
 from room2dgs.mirrors.sights import Sights, SmallView
 
 SQUARE = np.ones((3, 3))
+NEAREST_M = 0.1  # of an image to a camera that is asked
 ASKED = 12_000  # sights of a wall that are reflected
 CONSISTENT, VIEWS = 2, 2  # of a depth that says where surface or free air is, and how many views must say so
 SURFACE_M, SURFACE, FREE_M, FREE = 0.05, 0.03, 0.15, 0.08  # from a view's depth: on it, and before it
@@ -186,11 +187,8 @@ def _reflect(grid: WallGrid, sights: Sights, views: Sequence[SmallView]) -> _Ask
     image, color = (reflected(sights.point[grid.number[which]], grid.plane), sights.color[grid.number[which]])
     surface, air = (np.zeros(len(which), np.int64) for _ in range(2))
     for view in views:
-        pixel, z = view.camera.project(image)
-        place = np.flatnonzero(view.camera.inside(pixel) & (z > 0.1))
-        column, row = np.floor(pixel[place]).astype(np.int64).T
-        row, column = (np.minimum(at, size - 1) for at, size in zip((row, column), view.depth.shape, strict=True))
-        depth, z = view.depth[row, column], z[place]
+        place, column, row, z = view.camera.pixels_of(image, NEAREST_M)
+        depth = view.depth[row, column]
         known = (depth > 0) & (view.num_consistent[row, column] >= CONSISTENT)
         same = (np.abs(view.color[row, column] - color[place]) < SAME_COLOR).all(axis=1)
         surface[place] += (

@@ -126,3 +126,17 @@ def test_matrices_of_a_view_are_float32(camera):
     assert K.dtype == cam_from_world.dtype == torch.float32
     np.testing.assert_allclose(K, camera.K, rtol=1e-6)
     np.testing.assert_allclose(cam_from_world, camera.cam_from_world, rtol=1e-6, atol=1e-7)
+
+
+@given(cameras, st.integers(0, 10_000))
+def test_points_fall_into_the_pixels_that_they_project_to(camera, seed):
+    random = np.random.default_rng(seed)
+    pixel = random.uniform(-20, 80, (40, 2))
+    points = camera.unproject(pixel, random.uniform(-1, 3, 40))
+    number, column, row, z = camera.pixels_of(points, 0.5)
+    projected, depth = camera.project(points)
+    assert set(number) == set(np.flatnonzero(camera.inside(projected) & (depth > 0.5)))
+    assert ((column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)).all()
+    off = projected[number] - np.stack([column, row], axis=1)
+    assert ((off >= 0) & (off < 1)).all()
+    np.testing.assert_array_equal(z, depth[number])
