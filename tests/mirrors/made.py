@@ -23,7 +23,8 @@ def room_views(rectangle: str) -> list[SmallView]:
     """Ten views that look at the wall with the rectangle and eight that look away from it.
 
     Args:
-        rectangle: "mirror", "opening" (to another room), or "wall".
+        rectangle: "mirror", "opening" (to another room), "symmetric" (the whole wall is open to the mirror image:
+            there is no wall), or "wall".
     """
     share = np.linspace(0, 1, 10)
     eyes = np.column_stack([0.7 + 2.6 * share, 2.2 - 0.6 * np.sin(3 * share), 1.3 + 0.2 * np.cos(5 * share)])
@@ -69,7 +70,9 @@ def _seen(camera: Camera, rectangle: str) -> tuple[np.ndarray, np.ndarray]:
     color = _texture(place, 0)
     at = place[..., [0, 2]]
     through = (place[..., 1] < 1e-9) & ((at > LOW) & (at < HIGH)).all(axis=-1)
-    if rectangle == "mirror":
+    if rectangle == "symmetric":
+        through = place[..., 1] < 1e-9
+    if rectangle in ("mirror", "symmetric"):
         flipped = ray * [1, -1, 1]
         more = _leaves(place, flipped, np.zeros(3), ROOM)
         seen = _texture(place + flipped * more[..., None], 0)

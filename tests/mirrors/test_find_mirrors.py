@@ -49,8 +49,9 @@ def test_its_pixels_are_those_that_show_the_room_behind_the_wall(mirrored, found
     assert right > 0.85 * true and right > 0.9 * marked
 
 
-def test_an_opening_into_another_room_is_no_mirror():
-    assert find_mirrors(room_views("opening")) == []
+@pytest.mark.parametrize("rectangle", ["opening", "symmetric"])
+def test_an_opening_into_another_room_is_no_mirror(rectangle):
+    assert find_mirrors(room_views(rectangle)) == []
 
 
 def test_a_whole_wall_is_not_asked_further(monkeypatch):
