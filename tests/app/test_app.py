@@ -197,19 +197,17 @@ def test_a_folder_is_dropped_watched_and_looked_at(app, wall, tmp_path):
     shutil.copytree(wall, room)
     with chromium.tab(tmp_path / "profile") as tab:
         tab.call("Page.navigate", url=app.url)
-        tab.run("new Promise((done) => { const look = () => document.getElementById('far') && document.readyState === "
-                "'complete' ? done(1) : setTimeout(look, 50); look(); })")  # fmt: skip
+        tab.until("document.getElementById('far') && document.readyState === 'complete'")
         node = tab.call("DOM.getDocument")["root"]["nodeId"]
         picker = tab.call("DOM.querySelector", nodeId=node, selector="#pick-folder")["nodeId"]
         tab.call("DOM.setFileInputFiles", nodeId=picker, files=[str(room)])
         tab.run("document.querySelector('[name=preset][value=sketch]').click()")
-        assert "wall: " in tab.run("document.getElementById('dropped').textContent")
+        tab.until("document.getElementById('dropped').textContent.startsWith('wall: ')")
         tab.run("document.getElementById('start').click()")
         address = tab.run(WAIT)
         assert tab.run("document.querySelector('#runs a').textContent") == "wall"
         assert tab.said == []
         tab.call("Page.navigate", url=address)
-        tab.run("new Promise((done) => { const look = () => document.getElementById('viewer')?.dataset.drawn "
-                "? done(1) : setTimeout(look, 50); look(); })")  # fmt: skip
+        tab.until("document.getElementById('viewer')?.dataset.drawn")
         assert tab.run("document.querySelector('h1').textContent") == "wall"
     assert (app.out / "captures" / "wall" / "wall" / "color").is_dir()

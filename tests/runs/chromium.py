@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import subprocess
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -48,6 +49,13 @@ class Tab:
         result = self.call("Runtime.evaluate", expression=code, awaitPromise=True, returnByValue=True)
         assert "exceptionDetails" not in result, result
         return result["result"].get("value")
+
+    def until(self, condition: str, seconds: float = 60) -> None:
+        """Waits for an expression to be true: a page acts on an event after the call that caused it has returned."""
+        late = time.monotonic() + seconds
+        while not self.run(condition):
+            assert time.monotonic() < late, f"not after {seconds} s: {condition}"
+            time.sleep(0.05)
 
     def _note(self, event: str | None, params: dict) -> None:
         if event == "Runtime.exceptionThrown":

@@ -15,14 +15,7 @@ chromium = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(chromium)
 
 WITHOUT = "no Chromium here (Debian: apt install chromium); the page's text is tested all the same"
-READY = """
-new Promise((done) => {
-  const look = () => {
-    const state = document.getElementById("viewer")?.dataset ?? {};
-    return state.shown === "LAYER" && state.drawn ? done(true) : setTimeout(look, 20);
-  };
-  look();
-})"""
+READY = "(({ shown, drawn } = {}) => shown === 'LAYER' && drawn)(document.getElementById('viewer')?.dataset)"
 COLORS = """
 new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => {
   const small = document.createElement("canvas");
@@ -66,11 +59,7 @@ WHEEL_MOVES_PAGE = """
   press("pointerleave");
   return [...found, wheel()];
 })()"""
-ARRIVED = """
-new Promise((done) => {
-  const look = () => (document.getElementById("viewer").dataset.photo ? done(true) : setTimeout(look, 20));
-  look();
-})"""
+ARRIVED = "document.getElementById('viewer').dataset.photo"
 # The stage's corner in the window, the photo's width on it, and the first camera
 PHOTO = """
 (() => {
@@ -97,12 +86,12 @@ CHOOSE = """
 def test_the_page_works_in_a_browser(reported, tmp_path):
     with chromium.tab(tmp_path / "profile") as tab:
         tab.call("Page.navigate", url=reported.path.as_uri())
-        tab.run(READY.replace("LAYER", "color"))
+        tab.until(READY.replace("LAYER", "color"))
         tab.run("document.getElementById('viewer-turn').click()")
         seen = {}
         for layer in ("color", "shape", "error", "seen", "discs"):
             tab.run(f"document.querySelector('#viewer-layers [data-layer={layer}]').click()")
-            tab.run(READY.replace("LAYER", layer))
+            tab.until(READY.replace("LAYER", layer))
             seen[layer] = frozenset(tab.run(COLORS))
             assert len(seen[layer]) > 1, f"layer {layer} is blank"
         assert len(set(seen.values())) == len(seen)  # each shows something else
@@ -133,9 +122,9 @@ def drag(tab, x, y, to_x, to_y):
 def test_a_photo_is_flown_to_and_the_tape_measures_the_wall_before_it(reported, tmp_path):
     with chromium.tab(tmp_path / "profile") as tab:
         tab.call("Page.navigate", url=reported.path.as_uri())
-        tab.run(READY.replace("LAYER", "color"))
+        tab.until(READY.replace("LAYER", "color"))
         tab.run("document.querySelector('#viewer-strip button').click()")
-        assert tab.run(ARRIVED)
+        tab.until(ARRIVED)
         assert tab.run(MODE) == "walk"
         camera = min(reported.scene.frames, key=lambda frame: frame.index).camera
         assert tab.run("document.querySelector('#viewer-photo img').src").startswith("data:image/jpeg")
@@ -167,7 +156,7 @@ def test_the_page_fits_a_telephone_and_a_drag_wipes_the_picture(reported, tmp_pa
         tab.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=2, mobile=True)
         tab.call("Emulation.setTouchEmulationEnabled", enabled=True)
         tab.call("Page.navigate", url=reported.path.as_uri())
-        tab.run(READY.replace("LAYER", "color"))
+        tab.until(READY.replace("LAYER", "color"))
         assert tab.run("document.documentElement.scrollWidth") == tab.run("innerWidth") == 390
         assert "wipe" in tab.run("document.getElementById('viewer-said').textContent").lower()  # Swipe: words of touch
         assert tab.run("document.querySelector('#viewer canvas').style.touchAction") == "pan-y"  # the page goes on
