@@ -61,7 +61,7 @@ _SETTINGS = {"up", *(key.name for key in leaf_keys())}
 def _between(run: MeasuredRun, one: Target, other: Target) -> dict[str, Any]:
     from room2dgs.lengths.between import PARALLEL_DEG, angle_deg
 
-    about = {"from": one.text, "to": other.text, "scale": run.scale.words, "errors": run.errors_of}
+    about = {"from": one.text, "to": other.text, "scale": run.scale.words}
     if one.plane and other.plane:
         angle = angle_deg(run.plane(one), run.plane(other))
         if angle > PARALLEL_DEG:
@@ -73,10 +73,10 @@ def _dimensions(run: MeasuredRun, only_height: bool) -> dict[str, Any]:
     from room2dgs.plan.dimensions import dimensions
 
     if not only_height:
-        return {**dimensions(run.plan, run.scale), "errors": run.errors_of}
+        return dimensions(run.plan, run.scale)
     if run.plan.height is None:
         raise InputError("no level ceiling was seen, so there is no height; measure from a point")
-    return {**run.plan.height.as_dict(run.scale.unit), "scale": run.scale.words, "errors": run.errors_of}
+    return {**run.plan.height.as_dict(run.scale.unit), "scale": run.scale.words}
 
 
 def _silent(line: str) -> None:

@@ -20,17 +20,15 @@ class Faces(NamedTuple):
         middle, normal: (F, 3) metres; unit.
         area: (F,) square metres.
         sigma_m: (F,) expected error along the normal.
-        bias_m: standard deviation of what all faces of a surface are off by together, beside that.
     """
 
     middle: np.ndarray
     normal: np.ndarray
     area: np.ndarray
     sigma_m: np.ndarray
-    bias_m: float = 0.0
 
     def of(self, which: np.ndarray) -> Faces:
-        return Faces(self.middle[which], self.normal[which], self.area[which], self.sigma_m[which], self.bias_m)
+        return Faces(self.middle[which], self.normal[which], self.area[which], self.sigma_m[which])
 
 
 class PlaneSigma(NamedTuple):
@@ -75,7 +73,7 @@ def plane_sigma(faces: Faces, normal: np.ndarray, offset_m: float) -> PlaneSigma
     place = np.stack([np.bincount(cell, on.area * part) / area for part in on.middle.T], axis=1)
     sigma_m = np.bincount(cell, on.area * on.sigma_m) / area
     off = np.bincount(cell, on.area * (on.middle @ normal - offset_m)) / area
-    surface_m = float(np.hypot(mean_sigma(place, sigma_m, area), faces.bias_m))
+    surface_m = mean_sigma(place, sigma_m, area)
     fit_m = 0.0
     if len(area) >= LEAST_CELLS:
         spread = float(np.sqrt(np.average(off**2, weights=area)))

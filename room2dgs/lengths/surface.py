@@ -56,13 +56,11 @@ class MeasuredMesh:
         mesh: scene's frame, metres.
         sigma_m: (F,) of its faces, along their normals.
         step_m: how finely it was made (its voxels).
-        bias_m: what all of a surface is off by together, beside that (`Faces.bias_m`).
     """
 
     mesh: trimesh.Trimesh
     sigma_m: np.ndarray
     step_m: float
-    bias_m: float = 0.0
 
     @cached_property
     def faces(self) -> Faces:
@@ -71,7 +69,6 @@ class MeasuredMesh:
             np.asarray(self.mesh.face_normals, np.float64),
             np.asarray(self.mesh.area_faces, np.float64),
             self.sigma_m,
-            self.bias_m,
         )
 
     @cached_property

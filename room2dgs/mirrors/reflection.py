@@ -23,14 +23,12 @@ NEAREST_M = 0.1  # of an image to a camera that is asked
 ASKED = 12_000  # sights of a wall that are reflected
 CONSISTENT, VIEWS = 2, 2  # of a depth that says where surface or free air is, and how many views must say so
 SURFACE_M, SURFACE, FREE_M, FREE = 0.05, 0.03, 0.15, 0.08  # from a view's depth: on it, and before it
-SAME_COLOR = 40.0, 16.0, 16.0  # L*a*b* of a place and its image
+SAME_COLOR = 40.0, 16.0, 16.0  # L*a*b* of a place and its image: where a mirror is looked for
 LEAST_CELLS, LEAST_SIGHTS, LEAST_VIEWS = 8, 60, 4
 SAME_M = 0.06
-MOST_FREE, MOST_FREE_INSIDE = 0.3, 0.45  # of those on surface: in the cells that mirror, in all of the rectangle
-CONFIRMED = 0.35  # of the rectangle's cells, that mirror
-ALIKE, TINTED, GREY = 0.6, 0.5, 2.0  # correlation of lightness, of hue, and deviation of hue of a room without one
-RIM_KNOWN, RIM = 0.4, 0.35  # of the cells around that are known, and of all: where the plane itself is seen
-LEAST_SIDE = 3  # cells
+MOST_FREE = 0.4  # images in free air, of those on surface
+ALIKE = 0.6  # correlation of colours
+RIM = 0.6  # of the cells around, where the plane itself is seen
 SMALLER, LARGER = 3, 6  # cells that a side of a rectangle is moved from the cells that mirror
 DEPTH_M = 1.5  # behind the glass, that something is seen: as deep as a room is before it
 
@@ -51,11 +49,12 @@ class Patch(NamedTuple):
 
 class _Asked(NamedTuple):
     """Those of a wall's B sights that are reflected: their places among them, their images, and which of them lie on
-    surface and which in free air."""
+    surface, on surface of their colour, and in free air."""
 
     which: np.ndarray
     image: np.ndarray
     surface: np.ndarray
+    same: np.ndarray
     air: np.ndarray
 
 
@@ -74,28 +73,29 @@ def gaps(grid: WallGrid, sights: Sights) -> bool:
 def mirroring(grid: WallGrid, sights: Sights, views: Sequence[SmallView]) -> list[Patch]:
     """The parts of a wall that are mirrors."""
     asked = _reflect(grid, sights, views)
-    on, air = grid.counted(asked.which[asked.surface]), grid.counted(asked.which[asked.air])
-    like = (on >= 2) & (on > 2 * air) & (grid.stopped < 2 * grid.crossed)
+    same, air = grid.counted(asked.which[asked.same]), grid.counted(asked.which[asked.air])
+    like = (same >= 2) & (same > 2 * air) & (grid.stopped < 2 * grid.crossed)
     parts, count = label(binary_closing(like, SQUARE), SQUARE)
-    part = parts[tuple(grid.cell[asked.which].T)]
     room: _Room | None = None
     found = []
     for one in range(1, count + 1):
-        cells = _closed(parts == one)
-        surface, free = on[cells].sum(), air[cells].sum()
-        inside = asked.surface & (part == one)
-        which = asked.which[inside]
+        if (parts == one).sum() < LEAST_CELLS:
+            continue
+        frame = framed(grid, _closed(parts == one))
+        within = frame.has(grid.cell[asked.which])
+        surface, free = (within & asked.surface), (within & asked.air).sum()
+        which = asked.which[surface]
         photos = len(np.unique(sights.view[grid.number[which]]))
-        enough = (parts == one).sum() >= LEAST_CELLS and len(which) >= LEAST_SIGHTS and photos >= LEAST_VIEWS
-        if not enough or free > MOST_FREE * surface or np.percentile(grid.past_m[which], 95) < DEPTH_M:
+        large = np.diff(frame.rectangle, axis=0).prod() >= LEAST_CELLS
+        enough = large and len(which) >= LEAST_SIGHTS and photos >= LEAST_VIEWS
+        if not enough or frame.rim < RIM or free > MOST_FREE * len(which):
+            continue
+        if np.percentile(grid.past_m[which], 95) < DEPTH_M:
             continue
         room = room or _Room(grid, sights)
-        frame = framed(grid, cells)
-        alike = room.alike(asked.image[inside], sights.color[grid.number[which]])
-        surface, free = on[frame.inside].sum(), air[frame.inside].sum()
-        whole = cells[frame.inside].mean() > CONFIRMED and free < MOST_FREE_INSIDE * surface
-        if alike is not None and frame.fits and whole:
-            found.append(Patch(frame.rectangle, photos, frame.of_all * alike * surface / (surface + 2 * free)))
+        alike = room.alike(asked.image[surface], sights.color[grid.number[which]])
+        if alike > ALIKE:
+            found.append(Patch(frame.rectangle, photos, frame.rim * alike * len(which) / (len(which) + 2 * free)))
     return found
 
 
@@ -107,17 +107,14 @@ class _Room:
         number = np.flatnonzero(sights.measured & before)[::2]
         self._tree, self._color = KDTree(sights.point[number]), sights.color[number]
 
-    def alike(self, place: np.ndarray, color: np.ndarray) -> float | None:
-        """Correlation of the lightness of places (N, 3) with the room's there; None where they have other colours."""
+    def alike(self, place: np.ndarray, color: np.ndarray) -> float:
+        """Correlation of the colours (N, 3) of places (N, 3) with the room's there; 0 where it has too few there."""
         off, nearest = self._tree.query(place, distance_upper_bound=SAME_M)
         match = np.isfinite(off)
         if match.sum() < LEAST_SIGHTS:
-            return None
+            return 0.0
         one, other = (some - some.mean(axis=0) for some in (color[match], self._color[nearest[match]]))
-        lightness = _correlation(one[:, 0], other[:, 0])
-        grey = min(one[:, 1:].std(), other[:, 1:].std()) < GREY
-        hue = grey or _correlation(one[:, 1:], other[:, 1:]) > TINTED
-        return lightness if hue and lightness > ALIKE else None
+        return float((one * other).sum() / max(np.sqrt((one**2).sum() * (other**2).sum()), 1e-12))
 
 
 def _closed(cells: np.ndarray) -> np.ndarray:
@@ -135,24 +132,16 @@ class Frame(NamedTuple):
 
     Attributes:
         rectangle: (2, 2) int, its first cell and the one past its last.
-        of_known, of_all: of the cells around it, the share where the plane itself is seen.
+        rim: of the cells around it, the share where the plane itself is seen.
     """
 
     rectangle: np.ndarray
-    of_known: float
-    of_all: float
+    rim: float
 
-    @property
-    def inside(self) -> tuple[slice, slice]:
-        """Its cells in the wall's grid."""
-        (left, low), (right, high) = self.rectangle.tolist()
-        return slice(left, right), slice(low, high)
-
-    @property
-    def fits(self) -> bool:
-        """Whether there is a wall around it, and it is large enough for a mirror."""
-        large = np.diff(self.rectangle, axis=0).min() >= LEAST_SIDE
-        return bool(large and self.of_known > RIM_KNOWN and self.of_all > RIM)
+    def has(self, cell: np.ndarray) -> np.ndarray:
+        """Which of cells (N, 2) are in it."""
+        first, past = self.rectangle
+        return ((cell >= first) & (cell < past)).all(axis=1)
 
 
 def framed(grid: WallGrid, cells: np.ndarray) -> Frame:
@@ -169,8 +158,7 @@ def framed(grid: WallGrid, cells: np.ndarray) -> Frame:
     area, around = (high - low).prod(axis=1), (high - low + 2).prod(axis=1) - (high - low).prod(axis=1)
     rim = [many - few for many, few in zip(outer, inner, strict=True)]
     best = int(np.argmax((inner[0] - inner[1]) / area + (rim[1] - rim[0]) / around))
-    known = rim[1][best] / max(rim[0][best] + rim[1][best], 1)
-    return Frame(np.stack([low[best], high[best]]), float(known), float(rim[1][best] / around[best]))
+    return Frame(np.stack([low[best], high[best]]), float(rim[1][best] / around[best]))
 
 
 def _summed(sums: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -185,20 +173,14 @@ def _reflect(grid: WallGrid, sights: Sights, views: Sequence[SmallView]) -> _Ask
         which = np.sort(np.random.default_rng(0).choice(which, ASKED, replace=False))
     far = sights.distance[grid.number[which]]  # what was measured from afar is off by more
     image, color = (reflected(sights.point[grid.number[which]], grid.plane), sights.color[grid.number[which]])
-    surface, air = (np.zeros(len(which), np.int64) for _ in range(2))
+    surface, same, air = (np.zeros(len(which), np.int64) for _ in range(3))
     for view in views:
         place, column, row, z = view.camera.pixels_of(image, NEAREST_M)
         depth = view.depth[row, column]
         known = (depth > 0) & (view.num_consistent[row, column] >= CONSISTENT)
-        same = (np.abs(view.color[row, column] - color[place]) < SAME_COLOR).all(axis=1)
-        surface[place] += (
-            known & same & (np.abs(depth - z) < np.maximum(SURFACE_M, SURFACE * np.maximum(z, far[place])))
-        )
+        on = known & (np.abs(depth - z) < np.maximum(SURFACE_M, SURFACE * np.maximum(z, far[place])))
+        surface[place] += on
+        same[place] += on & (np.abs(view.color[row, column] - color[place]) < SAME_COLOR).all(axis=1)
         air[place] += known & (depth - z > np.maximum(FREE_M, FREE * np.maximum(z, far[place])))
-    on = (surface >= VIEWS) & (surface >= air)
-    return _Asked(which, image, on, (air >= VIEWS) & (air > 2 * surface))
-
-
-def _correlation(one: np.ndarray, other: np.ndarray) -> float:
-    """Of values whose means are 0."""
-    return float((one * other).sum() / max(np.sqrt((one**2).sum() * (other**2).sum()), 1e-12))
+    free = (air >= VIEWS) & (air > 2 * same)
+    return _Asked(which, image, (surface >= VIEWS) & (surface >= air), (same >= VIEWS) & (same >= air), free)

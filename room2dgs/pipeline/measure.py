@@ -43,13 +43,11 @@ class MeasuredRun:
     Attributes:
         source: its parts.
         surface: its mesh with expected errors.
-        errors_of: what these come from, in words.
         scale: what all lengths share.
     """
 
     source: Source
     surface: MeasuredMesh
-    errors_of: str
     scale: ScaleTrust
 
     @cached_property
@@ -146,25 +144,20 @@ def measured_run(
         InputError: it has no mesh.
     """
     from room2dgs.lengths.surface import MeasuredMesh
-    from room2dgs.lengths.surface_error import error_of_file, error_of_views
-    from room2dgs.runs.trust import read_trust
+    from room2dgs.lengths.surface_error import expected_errors
 
     out = Path(config.out)
     path = required(out / MESH, "mesh")
     source = source or source_of(config, log)
-    error = error_of_file(path, source.mesh)
-    if error is None:
-        maps = read_trust(out / TRUST)
-        if not any(trust.depth is not None for trust in maps.values()):
-            raise NotSure(
-                f"{out} does not say how sure its surface is ({TRUST} is missing, old or damaged); run it again with "
-                f"`room2dgs run {config.scene.path} out=ANOTHER`"
-            )
-        error = error_of_views(source.mesh, source.scene.train, maps)
+    sigma_m = expected_errors(path, source.mesh)
+    if sigma_m is None:
+        raise NotSure(
+            f"{path} does not say how sure it is; make it again with `room2dgs mesh {out}`, or, where {out} has no "
+            f"{TRUST}, run it again with `room2dgs run {config.scene.path} out=ANOTHER`"
+        )
     metrics = read_metrics(out)
-    step_m = float(metrics.get("mesh_voxel_m") or STEP_M)
-    surface = MeasuredMesh(source.mesh, error.sigma_m, step_m, error.bias_steps * step_m)
-    return MeasuredRun(source, surface, error.source, scale_of_run(config, metrics, source, scale_sigma))
+    surface = MeasuredMesh(source.mesh, sigma_m, float(metrics.get("mesh_voxel_m") or STEP_M))
+    return MeasuredRun(source, surface, scale_of_run(config, metrics, source, scale_sigma))
 
 
 def level_plan(source: Source, config: Config, log: Log) -> tuple[FloorPlan, ScaleTrust | None]:

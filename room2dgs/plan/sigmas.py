@@ -34,7 +34,7 @@ def with_sigmas(plan: FloorPlan, faces: Faces, scale: ScaleTrust) -> FloorPlan:
         scale: of the run.
     """
     turn = plan.level_from_world.T
-    level = Faces(faces.middle @ turn, faces.normal @ turn, faces.area, faces.sigma_m, faces.bias_m)
+    level = Faces(faces.middle @ turn, faces.normal @ turn, faces.area, faces.sigma_m)
     walls = [plane_sigma(level, wall.normal, wall.offset_m) for wall in plan.walls]
     rooms = tuple(_measured(room, plan.walls, walls, scale.sigma) for room in plan.rooms)
     return replace(plan, rooms=rooms, height=_height(plan, level, scale.sigma), unit=scale.unit)

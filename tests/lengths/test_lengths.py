@@ -8,20 +8,16 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from room2dgs.captures.scene import Frame
-from room2dgs.captures.uncertainty import completed_weight
 from room2dgs.errors import InputError
-from room2dgs.geometry.camera import Camera
 from room2dgs.lengths.between import plane_to_plane, point_to_plane, point_to_point
 from room2dgs.lengths.correlation import SHARED, mean_sigma
 from room2dgs.lengths.length import Length
 from room2dgs.lengths.plane_sigma import Faces, PlaneSigma, plane_sigma
 from room2dgs.lengths.scale import GIVEN_SIGMA, LENGTH_SIGMA, scale_trust
 from room2dgs.lengths.surface import FoundPlane, MeasuredMesh, Spot
-from room2dgs.lengths.surface_error import UNSEEN_M, error_of_file, error_of_views
+from room2dgs.lengths.surface_error import UNSEEN_M, expected_errors
 from room2dgs.lengths.targets import length_of, target_of
 from room2dgs.mesh.io import write_mesh
-from room2dgs.runs.trust import Trust
 
 numbers = st.floats(-1e4, 1e4).map(lambda value: round(value, 4))
 
@@ -81,12 +77,6 @@ def test_the_deviation_of_a_mean_is_that_of_correlated_values():
 
     drawn = rng.multivariate_normal(np.zeros(12), correlation(place) * np.outer(sigma, sigma), 40_000)
     assert mean_sigma(place, sigma, weight) == pytest.approx(np.std(drawn @ (weight / weight.sum())), rel=0.02)
-
-
-def test_what_a_surface_is_off_by_as_a_whole_is_not_averaged():
-    faces = wall_faces(4, 2.5, 0.05, 0.001)
-    bare, biased = (plane_sigma(one, np.array([0, 1.0, 0]), 0.0) for one in (faces, faces._replace(bias_m=0.004)))
-    assert biased.surface_m == pytest.approx(np.hypot(bare.surface_m, 0.004))
 
 
 def test_an_uneven_wall_has_a_fit_part():
@@ -157,34 +147,9 @@ def test_the_mesh_s_own_errors_are_read(tmp_path):
     mesh.vertex_attributes["expected_error"] = np.linspace(0.001, 0.008, 8, dtype=np.float32)
     mesh.vertex_attributes["expected_error"][3] = np.nan
     write_mesh(tmp_path / "mesh.ply", mesh)
-    error = error_of_file(tmp_path / "mesh.ply", mesh)
+    found = expected_errors(tmp_path / "mesh.ply", mesh)
     known = np.linspace(0.001, 0.008, 8)
     known[3] = UNSEEN_M
-    np.testing.assert_allclose(error.sigma_m, known[mesh.faces].mean(axis=1), rtol=1e-6)
+    np.testing.assert_allclose(found, known[mesh.faces].mean(axis=1), rtol=1e-6)
     write_mesh(tmp_path / "bare.ply", trimesh.creation.box())
-    assert error_of_file(tmp_path / "bare.ply", mesh) is None
-
-
-def frame_at(x: float) -> Frame:
-    pose = np.eye(4)
-    pose[0, 3] = -x
-    return Frame(f"at {x}", Camera(np.array([[100.0, 0, 80], [0, 100, 60], [0, 0, 1]]), 160, 120, pose), None)
-
-
-def trust_of(relative: float, depth: float = 2.0) -> Trust:
-    sure = np.full((120, 160), round(255 * float(completed_weight(np.array(relative)))), np.uint8)
-    return Trust(sure, np.zeros((120, 160), np.uint8), np.full((120, 160), depth, np.float16))
-
-
-def test_views_tell_the_error_of_what_they_show_and_share_a_part_of_it():
-    """A wall 2 m before cameras that expect 1 % of error; one sees something nearer, and has no say."""
-    vertices = np.array([[-0.1, -0.1, 2], [0.1, -0.1, 2], [0, 0.1, 2], [9, 9, 2], [9.1, 9, 2], [9, 9.1, 2.0]])
-    mesh = trimesh.Trimesh(vertices, [[0, 2, 1], [3, 5, 4]], process=False)
-    one = error_of_views(mesh, [frame_at(0)], {"at 0": trust_of(0.01)}).sigma_m
-    assert one[0] == pytest.approx(0.02, rel=0.02) and one[1] == UNSEEN_M
-    frames = [frame_at(x) for x in (0, 0.1, 0.2, 0.3)]
-    maps = {frame.name: trust_of(0.01) for frame in frames}
-    four = error_of_views(mesh, frames, maps).sigma_m[0]
-    assert 0.01 < four < 0.8 * one[0]
-    maps["at 0"] = trust_of(0.001, depth=1.0)
-    assert error_of_views(mesh, frames, maps).sigma_m[0] > four
+    assert expected_errors(tmp_path / "bare.ply", mesh) is None

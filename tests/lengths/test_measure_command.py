@@ -88,4 +88,4 @@ def test_what_cannot_be_measured_is_said(run, capsys, make):
         assert words in capsys.readouterr().err
     write_mesh(run / "mesh.ply", make.room(spacing=0.1))
     assert cli.main(["measure", str(run), "up=z", "height"]) == 2
-    assert "trust.npz is missing" in capsys.readouterr().err
+    assert "does not say how sure it is; make it again with `room2dgs mesh" in capsys.readouterr().err

@@ -15,6 +15,7 @@ from room2dgs.mirrors.sights import SmallView
 ROOM = np.array([4.0, 3.2, 2.5])  # metres, from the origin; the rectangle is in the wall y = 0
 LOW, HIGH = np.array([1.2, 0.9]), np.array([2.6, 2.0])  # its corners, x and z
 BEHIND = np.array([3.0, 4.0, 2.5])  # metres of the room behind an opening
+SIDE_M = 2.0
 TEXEL_M, TEXELS = 0.04, 80
 SMALL = 160, 120
 
@@ -23,8 +24,10 @@ def room_views(rectangle: str) -> list[SmallView]:
     """Ten views that look at the wall with the rectangle and eight that look away from it.
 
     Args:
-        rectangle: "mirror", "opening" (to another room), "symmetric" (the whole wall is open to the mirror image:
-            there is no wall), or "wall".
+        rectangle: "mirror"; "wall"; "opening" to another room; "twin", an opening to a room of the mirror image's shape
+            in other colours; "shallow", one to the mirror image with a
+            nearer back wall at one side; or "symmetric" (the whole wall
+            is open to the mirror image: there is no wall).
     """
     share = np.linspace(0, 1, 10)
     eyes = np.column_stack([0.7 + 2.6 * share, 2.2 - 0.6 * np.sin(3 * share), 1.3 + 0.2 * np.cos(5 * share)])
@@ -72,16 +75,19 @@ def _seen(camera: Camera, rectangle: str) -> tuple[np.ndarray, np.ndarray]:
     through = (place[..., 1] < 1e-9) & ((at > LOW) & (at < HIGH)).all(axis=-1)
     if rectangle == "symmetric":
         through = place[..., 1] < 1e-9
-    if rectangle in ("mirror", "symmetric"):
-        flipped = ray * [1, -1, 1]
-        more = _leaves(place, flipped, np.zeros(3), ROOM)
-        seen = _texture(place + flipped * more[..., None], 0)
-    elif rectangle == "opening":
+    if rectangle == "wall":
+        return depth, color
+    if rectangle == "opening":
         low = np.array([0.3, -BEHIND[1], 0.0])
         more = _leaves(place, ray, low, low + BEHIND)
         seen = _texture(place + ray * more[..., None], 1)
     else:
-        return depth, color
+        flipped = ray * [1, -1, 1]
+        more = _leaves(place, flipped, np.zeros(3), ROOM)
+        if rectangle == "shallow":
+            near = _leaves(place, flipped, np.zeros(3), ROOM * [1, 0.7, 1])
+            more = np.where((place + flipped * near[..., None])[..., 0] > SIDE_M, near, more)
+        seen = _texture(place + flipped * more[..., None], 1 if rectangle == "twin" else 0)
     return np.where(through, depth + more, depth), np.where(through[..., None], seen, color)
 
 

@@ -49,9 +49,24 @@ def test_its_pixels_are_those_that_show_the_room_behind_the_wall(mirrored, found
     assert right > 0.85 * true and right > 0.9 * marked
 
 
-@pytest.mark.parametrize("rectangle", ["opening", "symmetric"])
+@pytest.mark.parametrize("rectangle", ["opening", "twin", "shallow", "symmetric"])
 def test_an_opening_into_another_room_is_no_mirror(rectangle):
     assert find_mirrors(room_views(rectangle)) == []
+
+
+def test_a_hole_without_a_wall_around_it_is_no_mirror(mirrored):
+    """The wall is measured only far from the mirror."""
+    hidden = []
+    for view in mirrored:
+        place = view.camera.centre + view.camera.world_rays() * view.depth[..., None]
+        near = (np.abs(place[..., 1]) < 0.01) & (place[..., 0] < HIGH[0] + 0.6)
+        hidden.append(replace(view, depth=np.where(near, 0, view.depth)))
+    assert find_mirrors(hidden) == []
+
+
+def test_what_three_views_show_is_not_enough(mirrored):
+    assert find_mirrors(mirrored[3:6] + mirrored[10:]) == []
+    assert find_mirrors(mirrored[3:7] + mirrored[10:]) != []
 
 
 def test_a_whole_wall_is_not_asked_further(monkeypatch):
