@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from room2dgs.bench.plan_truth import PlanTruth, TrueWall, read_plan_truth
 from room2dgs.config import Config
 from room2dgs.errors import InputError
-from room2dgs.lengths.between import plane_to_plane, point_to_plane
+from room2dgs.lengths.between import plane_to_plane
 from room2dgs.lengths.length import Length
 from room2dgs.lengths.surface import FoundPlane
 from room2dgs.lengths.targets import Target
@@ -22,7 +22,9 @@ from room2dgs.report.table import NOTHING, Table, table
 SAME_DEG, SAME_M = 5.0, 0.15  # a plane of the plan is a true wall within these
 OPPOSITE = -0.999  # cosine of the walls' normals
 FACING_M = 0.3  # of two walls that lie opposite each other, at least
-TOP_INSIDE = 0.7  # of a top's size: the part of it where its height is looked up
+SPREAD = 0.1, 0.3, 0.5, 0.7, 0.9  # along the sides of a top, where it is looked for
+LEVEL_DEG = 30.0  # of the mesh there
+SAME_TOP_M = 0.02  # heights of one plane
 
 
 @dataclass(frozen=True)
@@ -189,17 +191,34 @@ def _tops(run: MeasuredRun, capture: str, truth: PlanTruth) -> Iterator[Row]:
     """Heights of tops over the floor, where the mesh has one."""
     floor = run.plane(Target("floor", name="floor", plane=True))
     for number, (what, corners) in enumerate(truth.tops):
-        middle, height = corners.mean(axis=0), float(corners[0, 2])
-        yield _row(capture, "top", f"{what} {number}", height, _top(run, floor, middle, what))
+        height = float(corners[0, 2])
+        yield _row(capture, "top", f"{what} {number}", height, _top(run, floor, corners, what))
 
 
-def _top(run: MeasuredRun, floor: FoundPlane, middle: np.ndarray, what: str) -> Length | None:
+def _top(run: MeasuredRun, floor: FoundPlane, corners: np.ndarray, what: str) -> Length | None:
+    """Of the level plane that most places of it show: things stand on the others."""
+    planes = [plane for at in _spread(corners) if (plane := _level_plane(run, at, what)) is not None]
+    if not planes:
+        return None
+    height = np.array([plane.middle @ floor.normal for plane in planes])
+    alike = np.abs(height[:, None] - height) < SAME_TOP_M
+    most = np.flatnonzero(alike[alike.sum(axis=1).argmax()])
+    largest = max(most, key=lambda one: planes[one].sigma.area_m2)
+    return plane_to_plane(floor, planes[largest], run.scale.sigma)
+
+
+def _spread(corners: np.ndarray) -> Iterator[np.ndarray]:
+    """Points of a parallelogram, of four corners in order."""
+    for one, other in product(SPREAD, repeat=2):
+        yield corners[0] + one * (corners[1] - corners[0]) + other * (corners[3] - corners[0])
+
+
+def _level_plane(run: MeasuredRun, point: np.ndarray, what: str) -> FoundPlane | None:
     try:
-        spot = run.surface.nearest(middle, what)
+        spot = run.surface.nearest(point, what)
     except InputError:
         return None
-    plane = run.surface.plane_around(spot, what)
-    if plane.normal[2] < np.cos(np.radians(SAME_DEG)):
+    if spot.normal[2] < np.cos(np.radians(LEVEL_DEG)):
         return None
-    length = plane_to_plane(floor, plane, run.scale.sigma)
-    return length if length.value > 0 else point_to_plane(spot, floor, run.scale.sigma)
+    plane = run.surface.plane_around(spot, what)
+    return plane if plane.normal[2] > np.cos(np.radians(SAME_DEG)) else None

@@ -11,7 +11,7 @@ import trimesh
 from room2dgs import cli
 from room2dgs.bench.lengths import Row, summary, tables
 from room2dgs.config import load_config
-from room2dgs.mesh.io import write_mesh
+from room2dgs.mesh.io import read_mesh, write_mesh
 from room2dgs.runs.folder import write_config
 from room2dgs.runs.metrics import record
 
@@ -65,3 +65,23 @@ def test_a_run_is_held_against_its_capture_s_truth(made, tmp_path, capsys):
     (made.parent / "capture/plan_true.json").unlink()
     assert cli.main(["bench", "lengths", str(made)]) == 2
     assert "only made rooms" in capsys.readouterr().err
+
+
+def test_a_top_is_measured_beside_what_stands_on_it(made, tmp_path):
+    """A table of 1.2 x 0.8 m whose middle a box hides; the floor lies 1.25 m below the frame's origin."""
+    parts = [read_mesh(made / "mesh.ply")]
+    for extents, middle in (((1.2, 0.8, 0.04), (0, 0, -0.52)), ((0.7, 0.5, 0.3), (0, 0, -0.35))):
+        box = trimesh.creation.box(extents=extents).subdivide_to_size(0.05)
+        box.apply_translation(middle)
+        parts.append(box)
+    mesh = trimesh.util.concatenate(parts)
+    mesh.vertex_attributes["expected_error"] = np.full(len(mesh.vertices), 0.004, np.float32)
+    write_mesh(made / "mesh.ply", mesh)
+    path = made.parent / "capture/plan_true.json"
+    truth = json.loads(path.read_text())
+    corners = [[-0.6, -0.4, -0.5], [0.6, -0.4, -0.5], [0.6, 0.4, -0.5], [-0.6, 0.4, -0.5]]
+    path.write_text(json.dumps({**truth, "tops": [{"what": "table", "height_m": -0.5, "corners": corners}]}))
+    to = tmp_path / "lengths.json"
+    assert cli.main(["bench", "lengths", str(made), f"to={to}"]) == 0
+    rows = {one["what"]: one for one in json.loads(to.read_text())["lengths"]}
+    assert rows["table 0"]["value"] == pytest.approx(0.75, abs=1e-4)
