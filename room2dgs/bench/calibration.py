@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from room2dgs.bench.matched_surface import matched_views
+from room2dgs.bench.matched_surface import Matched, matched_views
 from room2dgs.bench.prior_scores import Ranking, ranking
 from room2dgs.errors import InputError
 from room2dgs.mesh.vertex_source import EXPECTED_ERROR, MEASURED, SOURCE, VIEWS, told_by
@@ -27,7 +27,7 @@ FARTHEST_M = 0.5  # from the truth: what is farther off has no truth of its own 
 LEAST = 50  # samples of a part that is listed
 VIEW_BOUNDS = {"1-2 views": (1, 2), "3-5 views": (3, 5), "6+ views": (6, 255)}
 # by the consistent views of stereo's depth; without one, depth is of networks and planes, or of a depth camera
-MATCHED_BOUNDS = {"stereo of 3+ views": (3, 255), "stereo of 1-2 views": (1, 2), "without stereo": (0, 0)}
+MATCHED_BOUNDS = {"stereo of 3+ views": (3, 255), "stereo of 1-2 views": (1, 2)}
 
 
 @dataclass(frozen=True)
@@ -39,17 +39,17 @@ class SurfaceErrors:
         true: (N,) metres to the truth.
         views: (N,) how many have seen the place.
         measured: (N,) bool; False: it was inferred from what is around it.
-        matched: (N,) consistent views of stereo's depth there; None: the run does not tell.
+        matched: what the depth there rests on; None: the run does not tell.
     """
 
     expected: np.ndarray
     true: np.ndarray
     views: np.ndarray
     measured: np.ndarray
-    matched: np.ndarray | None = None
+    matched: Matched | None = None
 
     def of(self, which: np.ndarray) -> SurfaceErrors:
-        matched = None if self.matched is None else self.matched[which]
+        matched = None if self.matched is None else Matched(*(one[which] for one in self.matched))
         return SurfaceErrors(self.expected[which], self.true[which], self.views[which], self.measured[which], matched)
 
 
@@ -141,7 +141,10 @@ def parts(errors: SurfaceErrors) -> dict[str, np.ndarray]:
         found[name] = errors.measured & (errors.views >= least) & (errors.views <= most)
     if errors.matched is not None:
         for name, (least, most) in MATCHED_BOUNDS.items():
-            found[name] = errors.measured & (errors.matched >= least) & (errors.matched <= most)
+            found[name] = errors.measured & (errors.matched.views >= least) & (errors.matched.views <= most)
+        bare = errors.measured & (errors.matched.views == 0)
+        found["planes without stereo"] = bare & errors.matched.on_plane
+        found["other without stereo"] = bare & ~errors.matched.on_plane
     return found
 
 

@@ -66,7 +66,7 @@ def find_priors(scene: Scene, points: PointCloud, config: Config, run: RunFolder
     covered = [float((depth > 0).mean()) for depth, _ in priors.stereo.values()]
     share = round(sum(covered) / len(covered), 4) if covered else None
     run.record({"prior_seconds": by_stage(times), "stereo_coverage": share})
-    write_trust(run.path / TRUST, scene.keyframes, priors.by_frame, priors.stereo)
+    write_trust(run.path / TRUST, scene.keyframes, priors.by_frame, priors.stereo, priors.planes)
     check_unit(priors, points, scene, config, run)
     if priors.fits:
         _write_fits(run.path / PRIORS, priors)

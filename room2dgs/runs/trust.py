@@ -11,12 +11,15 @@ import numpy as np
 
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
+from room2dgs.depth.completion.on_planes import FLAT, on_planes
+from room2dgs.depth.completion.planes import Plane
 from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE, whole_file
 from room2dgs.geometry.low_res import low_res_width
 from room2dgs.regular_files import open_regular
 
 FARTHEST_M = 60_000.0  # that the depth's 16 bits can say
+ON_PLANE = 0.5  # least weight of a plane that a depth lies on
 LARGEST = 1 << 20  # bytes of a map, which has 160 columns, and of a name
 
 
@@ -27,11 +30,13 @@ class Trust(NamedTuple):
         confidence: (h, w) uint8, of 255: in the depth that the losses compare with; 0 = no depth.
         num_consistent: (h, w) uint8: how many consistent views stereo's depth counts as; 0 = none.
         depth: (h, w) float16 z-depth, metres, good to a thousandth; 0 = none. None in files that have it not.
+        on_plane: (h, w) uint8, 1 where the depth lies on one of the room's planes. None likewise.
     """
 
     confidence: np.ndarray
     num_consistent: np.ndarray
     depth: np.ndarray | None = None
+    on_plane: np.ndarray | None = None
 
     def sure_depth(self, least: float) -> np.ndarray:
         """(h, w) float32 the depth of a confidence, 0..1, of at least `least`; 0 elsewhere."""
@@ -45,6 +50,7 @@ def write_trust(
     frames: Sequence[Frame],
     maps: Mapping[str, ViewMaps],
     stereo: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    planes: Sequence[Plane] = (),
 ) -> None:
     """Keeps small maps of all views; no file where no view has depth.
 
@@ -52,6 +58,7 @@ def write_trust(
         frames: training views.
         maps: frame name -> priors.
         stereo: frame name -> depth, metres, and how many consistent views it counts as; may be empty.
+        planes: of the room.
     """
     arrays: dict[str, np.ndarray] = {}
     names: list[str] = []
@@ -62,7 +69,8 @@ def write_trust(
         confidence = (found.depth > 0).astype(np.float32)
         if found.depth_confidence is not None:
             confidence = np.clip(found.depth_confidence, 0, 1).astype(np.float32)
-        small = frame.camera.resized_to_width(low_res_width(frame.camera.width)).size
+        camera = frame.camera.resized_to_width(low_res_width(frame.camera.width))
+        small = camera.size
         confidence = cv2.resize(confidence, small, interpolation=cv2.INTER_AREA)
         small_depth = cv2.resize(found.depth.astype(np.float32), small, interpolation=cv2.INTER_NEAREST_EXACT)
         num_consistent = np.zeros(confidence.shape, np.uint8)
@@ -74,6 +82,10 @@ def write_trust(
         arrays[f"{len(names)}/confidence"] = np.maximum(np.round(confidence * 255), least).astype(np.uint8)
         arrays[f"{len(names)}/agreeing"] = num_consistent
         arrays[f"{len(names)}/depth"] = np.minimum(small_depth, FARTHEST_M).astype(np.float16)
+        if found.normal is not None:
+            normal = cv2.resize(found.normal, small, interpolation=cv2.INTER_NEAREST_EXACT)
+            on_plane = on_planes(small_depth, normal, camera, planes, FLAT).weight > ON_PLANE
+            arrays[f"{len(names)}/on_plane"] = on_plane.astype(np.uint8)
         names.append(frame.name)
     path.unlink(missing_ok=True)
     if names:
@@ -95,7 +107,8 @@ def read_trust(path: Path) -> dict[str, Trust]:
 
 
 def _of_view(file: np.lib.npyio.NpzFile, index: int) -> Trust:
-    return Trust(file[f"{index}/confidence"], file[f"{index}/agreeing"], file.get(f"{index}/depth"))
+    optional = (file.get(f"{index}/{name}") for name in ("depth", "on_plane"))
+    return Trust(file[f"{index}/confidence"], file[f"{index}/agreeing"], *optional)
 
 
 def _is_small(file: np.lib.npyio.NpzFile) -> bool:
@@ -110,4 +123,5 @@ def _fits(maps: Trust) -> bool:
     whole = all(one.dtype == np.uint8 and one.ndim == 2 and one.size for one in maps[:2])
     if not whole or maps.confidence.shape != maps.num_consistent.shape:
         return False
-    return maps.depth is None or (maps.depth.dtype == np.float16 and maps.depth.shape == maps.confidence.shape)
+    others = ((maps.depth, np.float16), (maps.on_plane, np.uint8))
+    return all(one is None or (one.dtype == kind and one.shape == maps.confidence.shape) for one, kind in others)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from room2dgs import cli
 from room2dgs.bench.calibration import SurfaceErrors, barycentric, calibration, calibrations, errors_at, tables
+from room2dgs.bench.matched_surface import Matched
 from room2dgs.config import load_config
 from room2dgs.eval.sampling import Samples, sample_by_area
 from room2dgs.mesh.io import write_mesh
@@ -57,12 +58,14 @@ def test_parts_are_by_what_stereo_matched_where_the_run_tells():
     errors = normal_errors()
     assert not any("stereo" in name for name in calibrations(errors))
     matched = np.arange(len(errors.true)) % 4  # 0 to 3 views
-    errors = SurfaceErrors(errors.expected, errors.true, errors.views, errors.measured, matched)
+    on_plane = np.arange(len(errors.true)) % 8 == 4
+    errors = SurfaceErrors(errors.expected, errors.true, errors.views, errors.measured, Matched(matched, on_plane))
     errors.measured[matched == 3] = False
     found = calibrations(errors)
     assert "stereo of 3+ views" not in found  # inferred, all of it
     assert found["stereo of 1-2 views"].share == pytest.approx(0.5)
-    assert found["without stereo"].share == pytest.approx(0.25)
+    assert found["planes without stereo"].share == pytest.approx(0.125)
+    assert found["other without stereo"].share == pytest.approx(0.125)
 
 
 @given(st.integers(0, 10_000))
