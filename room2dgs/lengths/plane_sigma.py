@@ -8,6 +8,7 @@ import numpy as np
 
 from room2dgs.geometry.cells import cell_indices
 from room2dgs.lengths.correlation import CELL_M, mean_sigma
+from room2dgs.lengths.surface_error import face_weight
 
 NORMAL_DEG, BAND_M = 20.0, 0.04  # faces of a plane
 LEAST_CELLS = 4  # fewer do not tell how uneven a surface is
@@ -26,6 +27,11 @@ class Faces(NamedTuple):
     normal: np.ndarray
     area: np.ndarray
     sigma_m: np.ndarray
+
+    @property
+    def weight(self) -> np.ndarray:
+        """(F,) of each in the place of a plane."""
+        return face_weight(self.area, self.sigma_m)
 
     def of(self, which: np.ndarray) -> Faces:
         return Faces(self.middle[which], self.normal[which], self.area[which], self.sigma_m[which])
@@ -59,7 +65,9 @@ def faces_on(faces: Faces, normal: np.ndarray, offset_m: float) -> np.ndarray:
 
 
 def plane_sigma(faces: Faces, normal: np.ndarray, offset_m: float) -> PlaneSigma:
-    """Of a plane whose offset is the mean or median of its faces.
+    """Of a plane whose offset is the median of its faces by their weight.
+
+    It is that of their mean by area, which bounds it: the surest faces share what the whole surface is off by.
 
     Args:
         faces: all of the mesh, or those around the plane.

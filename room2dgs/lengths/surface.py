@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 
 from room2dgs.errors import InputError
+from room2dgs.geometry.weighted_quantile import weighted_quantile
 from room2dgs.lengths.plane_sigma import Faces, PlaneSigma, faces_on, plane_sigma
 from room2dgs.mesh.open3d import o3c_tensor
 
@@ -135,11 +136,10 @@ class MeasuredMesh:
 
 
 def _fitted(on: Faces, normal: np.ndarray) -> tuple[np.ndarray, float]:
-    """Normal and offset of the plane through faces, by weight of their areas."""
-    middle = np.average(on.middle, axis=0, weights=on.area)
-    off = on.middle - middle
+    """Normal and offset of the plane through faces: as it lies over all their area, where they are surest."""
+    off = on.middle - np.average(on.middle, axis=0, weights=on.area)
     found = np.linalg.eigh((off * on.area[:, None]).T @ off)[1][:, 0]
     found = found if found @ normal > 0 else -found
     if found @ normal < np.cos(np.radians(10.0)):  # a narrow strip has no plane of its own
         found = normal
-    return found, float(np.median(on.middle @ found))
+    return found, weighted_quantile(on.middle @ found, on.weight, 0.5)

@@ -149,7 +149,7 @@ def measured_run(
     out = Path(config.out)
     path = required(out / MESH, "mesh")
     source = source or source_of(config, log)
-    sigma_m = expected_errors(path, source.mesh)
+    sigma_m = expected_errors(source.mesh)
     if sigma_m is None:
         raise NotSure(
             f"{path} does not say how sure it is; make it again with `room2dgs mesh {out}`, or, where {out} has no "

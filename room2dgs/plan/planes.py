@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from room2dgs.errors import InputError
+from room2dgs.geometry.weighted_quantile import weighted_quantile
 from room2dgs.plan.surface import LevelSurface
 
 BIN_M = 0.01
@@ -92,13 +94,14 @@ def wall_planes(surface: LevelSurface, floor: Plane, ceiling: Plane | None, snap
     normal = surface.normal[upright, :2]
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     place, area = surface.middle[upright], surface.area[upright]
+    faces = _Upright(normal, place, area, surface.weight[upright])
     left = np.ones(len(upright), bool)
     found: list[Plane] = []
     for _ in range(MAX_PLANES):
         start = _largest(normal[left], place[left], area[left])
         if start is None:
             break
-        direction, offset, on = _fitted(normal, place, area, left, *start, snap)
+        direction, offset, on = _fitted(faces, left, *start, snap)
         near = _near(normal, place, direction, offset, 2 * ANGLE_DEG, 1.5 * BAND_M)
         left &= ~(near | on)
         if area[on].sum() < MIN_WALL_M2:
@@ -106,7 +109,7 @@ def wall_planes(surface: LevelSurface, floor: Plane, ceiling: Plane | None, snap
                 break
             continue
         height = place[on, 2]
-        low, high = _quantile(height, area[on], 0.05), _quantile(height, area[on], 0.95)
+        low, high = weighted_quantile(height, area[on], 0.05), weighted_quantile(height, area[on], 0.95)
         if high >= tall or (roof.any() and _meets(place[on], direction, surface.middle[roof], floor.offset_m)):
             spread = float(np.sqrt(np.average((place[on, :2] @ direction - offset) ** 2, weights=area[on])))
             found.append(Plane("", np.append(direction, 0.0), offset, float(area[on].sum()), spread, low, high))
@@ -114,7 +117,7 @@ def wall_planes(surface: LevelSurface, floor: Plane, ceiling: Plane | None, snap
 
 
 def _level(surface: LevelSurface, which: np.ndarray, name: str, lowest: bool) -> Plane | None:
-    height, area = surface.middle[which, 2], surface.area[which]
+    height, area, weight = surface.middle[which, 2], surface.area[which], surface.weight[which]
     if not len(height):
         return None
     start = height.min()
@@ -126,7 +129,7 @@ def _level(surface: LevelSurface, which: np.ndarray, name: str, lowest: bool) ->
     level = start + (nearby[smooth[nearby].argmax()] + 0.5) * BIN_M
     for _ in range(3):
         on = np.abs(height - level) < BAND_M
-        level = _quantile(height[on], area[on], 0.5)
+        level = weighted_quantile(height[on], weight[on], 0.5)
     spread = float(np.sqrt(np.average((height[on] - level) ** 2, weights=area[on])))
     sign = 1.0 if lowest else -1.0
     return Plane(name, np.array([0, 0, sign]), sign * level, float(area[on].sum()), spread, level, level)
@@ -173,16 +176,20 @@ def _largest(normal: np.ndarray, place: np.ndarray, area: np.ndarray) -> tuple[n
     return directions[which], float(start + (where + 0.5) * OFFSET_M)
 
 
+class _Upright(NamedTuple):
+    """Faces that may be walls', N of them: normals (N, 2), places (N, 3), areas (N,), weights (N,)."""
+
+    normal: np.ndarray
+    place: np.ndarray
+    area: np.ndarray
+    weight: np.ndarray
+
+
 def _fitted(
-    normal: np.ndarray,
-    place: np.ndarray,
-    area: np.ndarray,
-    left: np.ndarray,
-    direction: np.ndarray,
-    offset: float,
-    snap: bool,
+    faces: _Upright, left: np.ndarray, direction: np.ndarray, offset: float, snap: bool
 ) -> tuple[np.ndarray, float, np.ndarray]:
     """Direction (2,), offset and faces of the plane that is nearest to a first guess."""
+    normal, place, area, weight = faces
     on = left
     for band in (2 * BAND_M, BAND_M, BAND_M):
         on = left & _near(normal, place, direction, offset, ANGLE_DEG, band)
@@ -190,19 +197,12 @@ def _fitted(
             break
         direction = _line(place[on, :2], area[on], direction)
         direction = _snapped(direction) if snap else direction
-        offset = _quantile(place[on, :2] @ direction, area[on], 0.5)
-    return _outermost(normal, place, area, left, direction, offset, snap, on)
+        offset = weighted_quantile(place[on, :2] @ direction, weight[on], 0.5)
+    return _outermost(faces, left, direction, offset, snap, on)
 
 
 def _outermost(
-    normal: np.ndarray,
-    place: np.ndarray,
-    area: np.ndarray,
-    left: np.ndarray,
-    direction: np.ndarray,
-    offset: float,
-    snap: bool,
-    on: np.ndarray,
+    faces: _Upright, left: np.ndarray, direction: np.ndarray, offset: float, snap: bool, on: np.ndarray
 ) -> tuple[np.ndarray, float, np.ndarray]:
     """The wall behind what is fixed on it: of the levels near a plane the outermost that is about as full as another.
 
@@ -210,6 +210,7 @@ def _outermost(
     """
     if not on.any():
         return direction, offset, on
+    normal, place, area, weight = faces
     near = np.flatnonzero(left & _near(normal, place, direction, offset, ANGLE_DEG, MODE_REACH_M))
     level = offset + _lowest_mode(place[near, :2] @ direction - offset, area[near])
     for _ in range(3):
@@ -217,7 +218,7 @@ def _outermost(
         if not own.any():
             return direction, offset, on
         direction = direction if snap else _line(place[own, :2], area[own], direction)
-        level = _quantile(place[own, :2] @ direction, area[own], 0.5)
+        level = weighted_quantile(place[own, :2] @ direction, weight[own], 0.5)
     return direction, level, on
 
 
@@ -287,10 +288,3 @@ def _without_hangings(planes: list[Plane], tall: float) -> list[Plane]:
         )
 
     return [one for one in planes if is_wall(one)]
-
-
-def _quantile(values: np.ndarray, weight: np.ndarray, share: float) -> float:
-    """Weighted; between two values in the middle of which the share falls, their mean by weight."""
-    order = np.argsort(values, kind="stable")
-    reached = np.cumsum(weight[order]) - weight[order] / 2
-    return float(np.interp(share * weight.sum(), reached, values[order]))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
 
 from room2dgs.geometry.cells import cell_indices
+from room2dgs.lengths.surface_error import expected_errors, face_weight
 
 SLANTED_DEG = 20.0  # faces of a slanted ceiling lean at least so far, from level and from upright
 UPRIGHT_DEG = 12.0  # faces that lean less are of walls
@@ -25,12 +26,14 @@ class LevelSurface:
         level_from_world: (3, 3) rotation.
         middle, normal: (F, 3) in the level frame; normals point to the side that was seen.
         area: (F,) square metres.
+        weight: (F,) of each in the place of a plane (`face_weight`); the area where the mesh says no errors.
     """
 
     level_from_world: np.ndarray
     middle: np.ndarray
     normal: np.ndarray
     area: np.ndarray
+    weight: np.ndarray
 
     @property
     def upright(self) -> np.ndarray:
@@ -72,7 +75,9 @@ def level_surface(mesh: trimesh.Trimesh, up: np.ndarray) -> LevelSurface:
     right /= np.linalg.norm(right)
     first = np.stack([right, np.cross(up, right), up])
     walls = np.abs(normal @ up) < np.sin(np.radians(UPRIGHT_DEG))
-    surface = LevelSurface(first, middle @ first.T, normal @ first.T, area)
+    sigma_m = expected_errors(mesh)
+    weight = area if sigma_m is None else face_weight(area, sigma_m[good])
+    surface = LevelSurface(first, middle @ first.T, normal @ first.T, area, weight)
     return turned_about_up(surface, heading(surface.normal[walls, :2], area[walls]))
 
 
@@ -98,7 +103,12 @@ def _calm(middle: np.ndarray, cross: np.ndarray) -> np.ndarray:
 def turned_about_up(surface: LevelSurface, angle: float) -> LevelSurface:
     """The surface in a level frame whose x axis lies where `angle` (radians) points in this one."""
     turn = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
-    return LevelSurface(turn @ surface.level_from_world, surface.middle @ turn.T, surface.normal @ turn.T, surface.area)
+    return replace(
+        surface,
+        level_from_world=turn @ surface.level_from_world,
+        middle=surface.middle @ turn.T,
+        normal=surface.normal @ turn.T,
+    )
 
 
 def heading(normals: np.ndarray, weight: np.ndarray) -> float:

@@ -17,7 +17,7 @@ from room2dgs.lengths.scale import GIVEN_SIGMA, LENGTH_SIGMA, scale_trust
 from room2dgs.lengths.surface import FoundPlane, MeasuredMesh, Spot
 from room2dgs.lengths.surface_error import UNSEEN_M, expected_errors
 from room2dgs.lengths.targets import length_of, target_of
-from room2dgs.mesh.io import write_mesh
+from room2dgs.mesh.io import read_mesh, write_mesh
 
 numbers = st.floats(-1e4, 1e4).map(lambda value: round(value, 4))
 
@@ -126,6 +126,19 @@ def test_the_plane_around_a_point_leaves_out_what_stands_before_it():
         surface.nearest(np.array([0, 0, 2.0]), "0,0,2")
 
 
+def test_the_plane_around_a_point_lies_where_its_faces_are_surest():
+    up = np.array([0, 0, 1.0])
+    board = trimesh.creation.box(extents=(1.0, 0.8, 0.02)).subdivide_to_size(0.05)
+    raised = (np.abs(board.vertices[:, 0]) > 0.2) & (board.vertices[:, 2] > 0)
+    board.vertices[raised, 2] += 0.01
+    sigma = np.where(np.abs(board.triangles_center[:, 0]) > 0.2, 0.02, 0.002)
+    at = Spot(np.array([0, 0, 0.01]), up, 0.002)
+    plane, even = (
+        MeasuredMesh(board, one, 0.01).plane_around(at, "the board") for one in (sigma, np.full(len(sigma), 0.01))
+    )
+    assert plane.offset_m == pytest.approx(0.01, abs=1e-3) and even.offset_m > 0.015
+
+
 def test_the_scale_says_where_it_comes_from():
     assert scale_trust(True, {"source": "capture"}, None).sigma == GIVEN_SIGMA
     assert scale_trust(True, {"source": "capture"}, None, 0.0).sigma == 0
@@ -147,9 +160,8 @@ def test_the_mesh_s_own_errors_are_read(tmp_path):
     mesh.vertex_attributes["expected_error"] = np.linspace(0.001, 0.008, 8, dtype=np.float32)
     mesh.vertex_attributes["expected_error"][3] = np.nan
     write_mesh(tmp_path / "mesh.ply", mesh)
-    found = expected_errors(tmp_path / "mesh.ply", mesh)
+    found = expected_errors(read_mesh(tmp_path / "mesh.ply"))
     known = np.linspace(0.001, 0.008, 8)
     known[3] = UNSEEN_M
     np.testing.assert_allclose(found, known[mesh.faces].mean(axis=1), rtol=1e-6)
-    write_mesh(tmp_path / "bare.ply", trimesh.creation.box())
-    assert expected_errors(tmp_path / "bare.ply", mesh) is None
+    assert expected_errors(trimesh.creation.box()) is None

@@ -275,6 +275,20 @@ def test_a_closed_door_before_a_wall_does_not_move_it():
     assert sorted(side.length_m for side in plan.rooms[0].sides) == pytest.approx([3, 3, 4, 4], abs=0.004)
 
 
+def test_planes_lie_where_their_faces_are_surest():
+    """Six tenths of a wall, floor and ceiling stand 15 mm too far in and are known to 20 mm, the rest to 3 mm."""
+    made = room_of([(0, 0), (4.0, 0), (4.0, 3.0), (0, 3.0)], 2.5, [(0, 0, 4.0, 3.0)])
+    unsure = made.vertices[:, 0] < 2.4
+    inward = made.vertex_normals
+    made.vertices[unsure] += 0.015 * np.round(inward[unsure])
+    plain = floor_plan(made.copy(), Z_UP, np.array([[2.0, 1.5, 1.5]]))
+    made.vertex_attributes["expected_error"] = np.where(unsure, 0.02, 0.003).astype(np.float32)
+    found = floor_plan(made, Z_UP, np.array([[2.0, 1.5, 1.5]]))
+    assert plain.height_m == pytest.approx(2.47, abs=1e-3) and found.height_m == pytest.approx(2.5, abs=1e-3)
+    across = [sorted(side.length_m for side in one.rooms[0].sides) for one in (plain, found)]
+    assert across[0][0] == pytest.approx(2.97, abs=2e-3) and across[1][0] == pytest.approx(3.0, abs=2e-3)
+
+
 def test_where_one_stood_is_inside_though_neither_floor_nor_ceiling_was_seen():
     """A corridor with strips of floor along its walls; without the cameras there is no room."""
     strips = [(0, 0, 0.3, 6), (1.4, 0, 1.7, 6)]
