@@ -138,16 +138,16 @@ def _in_cells(xyz: np.ndarray, normals: np.ndarray, rgb: np.ndarray, weight: np.
     # normals that cancel are no surface; a slanted one is cut by cells into slivers, of which the fuller stays
     # the sum of five weights of 0.4 is not 2 to the last bit
     good = (total >= MIN_WEIGHT - 1e-6) & (length > 0.5)
-    good &= ~_suppressed(position, np.where(good, total, 0), MIN_SEPARATION * voxel_m)
+    good &= ~suppressed(position, np.where(good, total, 0), MIN_SEPARATION * voxel_m)
     return Surface(cell_centres(keys, voxel_m)[good], position[good], normal[good] / length[good, None], color[good])
 
 
-def _suppressed(position: np.ndarray, weight: np.ndarray, radius_m: float) -> np.ndarray:
+def suppressed(position: np.ndarray, weight: np.ndarray, radius_m: float) -> np.ndarray:
     """(S,) bool: has a neighbour within the radius with more weight (as much and a lower index) that stays."""
-    suppressed = weight == 0
+    out = weight == 0
     neighbours = cKDTree(position).query_ball_point(position, radius_m) if len(position) else []
     for index in np.lexsort((np.arange(len(position)), -weight)):
-        if not suppressed[index]:
+        if not out[index]:
             for other in neighbours[index]:
-                suppressed[other] |= other != index
-    return suppressed
+                out[other] |= other != index
+    return out

@@ -17,6 +17,7 @@ from room2dgs.captures.view_maps import ViewMaps
 from room2dgs.config import Config
 from room2dgs.primitives.primitive import Primitive, Splats
 from room2dgs.primitives.registry import new_primitive
+from room2dgs.seeds.continued import continued
 from room2dgs.seeds.decoders.decoder import Decoder
 from room2dgs.seeds.decoders.registry import new_decoder, restored_decoder
 from room2dgs.seeds.depth_seeds import away_from, prior_surface
@@ -66,6 +67,8 @@ def new_model(scene: Scene, points: PointCloud, config: Config, priors: Mapping[
     surface = None
     if config.seeds.init == "sfm+depth" and priors:
         surface = prior_surface(scene.train, priors, config.seeds.depth_voxel_m)
+        cameras = [frame.camera for frame in scene.train]
+        surface = continued(surface, cameras, config.seeds.depth_voxel_m, config.seeds.beyond_m)
     if surface is not None and len(surface.xyz) and not len(points):
         seeds = surface_seeds(surface, config.seeds)  # photos that tell no depth have no points
     else:

@@ -124,3 +124,18 @@ def test_a_new_model_has_them_if_asked(frames, tmp_path, init, more):
     model = new_model(scene, points, config, wall(frames))
     assert (model.seeds > len(xyz) + 50) == more
     assert model.seeds == new_model(scene, points, config).seeds or more
+
+
+def test_a_new_model_goes_on_beyond_the_photos_if_asked(frames, tmp_path):
+    scene, none = Scene(tmp_path, tuple(frames), ()), PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+    given = [f"scene.path={tmp_path}", "out=x", "seeds.init=sfm+depth", "seeds.per_seed=1"]
+    seen, more = (
+        new_model(scene, none, load_config([*given, f"seeds.beyond_m={beyond_m}"]), wall(frames)).splats(0).centers
+        for beyond_m in (0.0, 0.3)
+    )
+    new = more[len(seen) :].detach().numpy().astype(np.float64)
+    assert len(new) > 50 and (more[: len(seen)] == seen).all()
+    assert new[:, 0].max() > seen[:, 0].max() + 0.25
+    for frame in frames:
+        pixel, _ = frame.camera.project(new)
+        assert not (np.abs(pixel - (WIDTH / 2, HEIGHT / 2)) < (WIDTH / 2 - 6, HEIGHT / 2 - 6)).all(axis=1).any()

@@ -26,6 +26,9 @@ class SeedsConfig:
     depth_voxel_m: Float = expert(
         0.1, "Side in metres of the voxels that get one seed each from trusted prior depth.", ge=1e-3, le=10
     )
+    beyond_m: Float = expert(
+        0.0, "Metres by which seeds of prior depth go on where no photo looks, for views from elsewhere.", ge=0, le=10
+    )
     # the paper has 10; fewer and larger surfels score the same (docs/studies/training.md)
     per_seed: Int = expert(4, "Number of surfels of a seed (the paper's k).", ge=1, le=64)
     neighbours: Int = expert(36, "Number of nearest points that give a seed its normal and scale.", ge=3, le=256)
