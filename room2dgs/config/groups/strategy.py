@@ -64,4 +64,7 @@ class StrategyConfig:
         "Size above which strategy=plain prunes a surfel once opacities were reset, as a share of the scene's extent.",
         ge=0,
     )
-    reset_every: Time = expert(0, "Iterations between two resets of all opacities by strategy=plain (0: none).")
+    reset_every: Time = expert(
+        0,
+        "Iterations between resets of all opacities by strategy=plain (0: none); growth has as many left after each.",
+    )

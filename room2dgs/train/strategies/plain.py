@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from room2dgs.train.schedule import EXTENT_MIN_M, at_iteration
 from room2dgs.train.step import Step
 from room2dgs.train.strategies.ops import cap_parameter, copied_rows, edit_rows, joined_rows
 from room2dgs.train.strategies.screen_gradients import ScreenGradients
-from room2dgs.train.strategies.strategy import Adjustment, Strategy, window_of
+from room2dgs.train.strategies.strategy import Adjustment, Strategy, Window, window_of
 
 CHILDREN = 2  # of a split primitive
 SHRINK = 0.8 * CHILDREN  # of their scales
@@ -45,7 +46,7 @@ class PlainStrategy(Strategy):
         self._most = pixels // PIXELS_EACH if most is None else most
         self._extent_m = max(extent_m, EXTENT_MIN_M)
         self._window = window_of(config.strategy, config.train.iterations)
-        self._reset_every = at_iteration(config.strategy.reset_every, config.train.iterations)
+        self._resets = resets(self._window, at_iteration(config.strategy.reset_every, config.train.iterations))
         self._gradients: ScreenGradients | None = None
 
     def before_backward(self, iteration: int) -> bool:
@@ -63,7 +64,7 @@ class PlainStrategy(Strategy):
         if self._gradients is not None and self._window.due(model.iteration):
             adjustment = self._adjust(model, self._gradients.means())
             self._gradients = ScreenGradients(model.count, self._gradients.sums.device)
-        if self._resets(model.iteration):
+        if model.iteration in self._resets:
             highest = opacity_logit_of(torch.tensor(RESET_OPACITY, dtype=torch.float32)).item()
             cap_parameter(model, OPACITY_LOGITS, highest)
             adjustment = replace(adjustment or Adjustment(), reset=True)
@@ -76,16 +77,12 @@ class PlainStrategy(Strategy):
         if state:
             self._gradients = ScreenGradients.of(state)
 
-    def _resets(self, done: int) -> bool:
-        every = self._reset_every
-        return every > 0 and done % every == 0 and self._window.first <= done < self._window.last
-
     def _adjust(self, model: Model, means: Tensor) -> Adjustment:
         strategy = self._config.strategy
         splats = mapped(model.splats(0), Tensor.detach)
         size = model.primitive.sizes(splats)
         faint = splats.opacities < strategy.prune_opacity
-        was_reset = 0 < self._reset_every < model.iteration
+        was_reset = any(reset < model.iteration for reset in self._resets)
         large = ~faint & (size > strategy.prune_size * self._extent_m) if was_reset else torch.zeros_like(faint)
         pruned = faint | large
         if pruned.all():
@@ -118,6 +115,17 @@ class PlainStrategy(Strategy):
         draws = np.random.default_rng([self._config.train.seed % 2**63, model.iteration, 0x9117])
         of_parents = mapped(splats, lambda values: values[parents])
         return model.primitive.children(copied_rows(model, parents), of_parents, draws, SHRINK)
+
+
+def resets(window: Window, every: int) -> tuple[int, ...]:
+    """After how many iterations opacities are reset: `every`, twice as many, ..., at the next adjustment.
+
+    They have an interval to come back before the next one prunes what is faint, and growth goes on for another `every`
+    iterations to make good what is lost: a run whose growth ends sooner has no reset.
+    """
+    wanted = range(every, window.last - every + 1, every) if every > 0 else ()
+    steps = (max(0, math.ceil((done - window.first) / window.every)) for done in wanted)
+    return tuple(sorted({window.first + step * window.every for step in steps}))
 
 
 def plain_strategy(config: Config, scene: Scene) -> PlainStrategy:

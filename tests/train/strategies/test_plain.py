@@ -9,8 +9,9 @@ from room2dgs.primitives.registry import new_primitive
 from room2dgs.primitives.spawned import Spawned
 from room2dgs.seeds.decoders.registry import new_decoder
 from room2dgs.train.model import Model, adam_state, make_adam, set_rates
-from room2dgs.train.strategies.plain import PlainStrategy
+from room2dgs.train.strategies.plain import PlainStrategy, resets
 from room2dgs.train.strategies.screen_gradients import ScreenGradients
+from room2dgs.train.strategies.strategy import Window
 
 EXTENT_M = 2.0  # so small is up to 2 cm, oversized is beyond 20 cm
 SMALL, LARGE, HUGE = 0.019, 0.021, 0.21
@@ -88,14 +89,34 @@ def test_children_lie_in_their_parents_plane_spread_like_its_gaussian(plain):
 
 
 def test_faint_ones_go_and_oversized_ones_only_after_a_reset(plain):
-    for reset_every, left in ((0, [0, 2]), (20, [0, 2]), (5, [0])):
+    for reset_every, left in ((0, [0, 2]), (20, [0, 2]), (10, [0])):
         config = plain(f"strategy.reset_every={reset_every}")
         model = model_of([SMALL, SMALL, HUGE], [0.9, 0.049, 0.9], config)
+        model.iteration = 20
         positions = model.decoder.fixed()["positions"]
         adjustment = adjusted(model, [0.0, 1.0, 0.0], config)
         assert torch.equal(model.decoder.fixed()["positions"], positions[left])
         assert adjustment.added == {"cloned": 0, "split": 0}
         assert adjustment.pruned == {"faint": 1, "large": 2 - len(left)}
+
+
+def test_opacities_are_reset_at_adjustments_that_growth_goes_on_after():
+    of_3dgs = Window(first=500, last=15000, every=100)  # in 30,000 iterations
+    assert resets(of_3dgs, 3000) == (3000, 6000, 9000, 12000)
+    assert resets(Window(501, 15000, 100), 3000) == (3001, 6001, 9001, 12001)
+    assert resets(Window(117, 3500, 100), 3000) == ()  # in 7,000 growth would end 500 iterations later
+    assert resets(Window(117, 6000, 100), 3000) == (3017,)
+    assert resets(of_3dgs, 0) == ()
+    assert resets(Window(10, 50, 10), 4) == (10, 20, 30, 40, 50)  # more often than adjustments: at each
+
+
+def test_a_reset_leaves_no_opacity_above_a_hundredth_and_prunes_by_those_before_it(plain):
+    config = plain("strategy.reset_every=20")
+    model = model_of([SMALL, SMALL], [0.9, 0.06], config)
+    model.iteration = 20
+    adjustment = adjusted(model, [0.0, 0.0], config)
+    assert adjustment.reset and adjustment.pruned == {"faint": 0, "large": 0}
+    assert model.splats(0).opacities.max() <= 0.01 + 1e-6
 
 
 @pytest.mark.parametrize(("settings", "pixels"), [(["strategy.max_surfels=6"], 10**6), ([], 6 * 16 + 15)])
