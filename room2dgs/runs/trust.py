@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
 
 from room2dgs.captures.scene import Frame
 from room2dgs.captures.view_maps import ViewMaps
-from room2dgs.depth.completion.on_planes import FLAT, on_planes
-from room2dgs.depth.completion.planes import Plane
 from room2dgs.errors import InputError
 from room2dgs.files import NUMPY_DAMAGE, whole_file
 from room2dgs.geometry.low_res import low_res_width
 from room2dgs.regular_files import open_regular
+
+if TYPE_CHECKING:  # the package of depth takes torch along, and help is told without it
+    from room2dgs.depth.completion.planes import Plane
 
 FARTHEST_M = 60_000.0  # that the depth's 16 bits can say
 ON_PLANE = 0.5  # least weight of a plane that a depth lies on
@@ -60,6 +61,8 @@ def write_trust(
         stereo: frame name -> depth, metres, and how many consistent views it counts as; may be empty.
         planes: of the room.
     """
+    from room2dgs.depth.completion.on_planes import FLAT, on_planes
+
     arrays: dict[str, np.ndarray] = {}
     names: list[str] = []
     for frame in frames:
