@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +27,8 @@ class Counts:
     """Of one capture and kind: how much was found, of the truth and of what was said.
 
     Attributes:
-        kind: "walls" (metres of them), "rooms", "doors" or "windows".
+        kind: "walls" (metres of them), "rooms", "doors" or "windows", and "doors in part" or "doors not seen" of which
+            photos do not show the rim.
         found: of the truth.
         right: of what was said.
     """
@@ -45,6 +46,14 @@ class _Segment(NamedTuple):
     end: np.ndarray
 
 
+class _Asked(NamedTuple):
+    """A true opening: whether it is of the room that was filmed, and the share of its sides that photos show."""
+
+    hole: _Hole
+    own: bool
+    seen: float
+
+
 class _Hole(NamedTuple):
     """An opening by its ends in the plan and its heights, metres."""
 
@@ -54,11 +63,15 @@ class _Hole(NamedTuple):
     high: float
 
 
-def counted(plan: FloorPlan | None, capture: str, truth: PlanTruth) -> list[Counts]:
+def counted(
+    plan: FloorPlan | None, capture: str, truth: PlanTruth, seen: Sequence[float] | None = None
+) -> list[Counts]:
     """What a plan has of the truth: of the main room all is asked for, of those behind its doors nothing is missed.
 
     Args:
         plan: in its level frame; None: there is none.
+        seen: of each true opening, the share of its sides that photos show (`sides_seen`); None: all of them. Openings
+            with less than all count apart, and what is said in their place is not held against the others.
     """
     own = [_Segment(wall.start, wall.end) for wall in truth.walls if wall.room == 0]
     every = [_Segment(wall.start, wall.end) for wall in truth.walls]
@@ -66,14 +79,33 @@ def counted(plan: FloorPlan | None, capture: str, truth: PlanTruth) -> list[Coun
     walls = Counts(capture, "walls", _length(own), _near(own, said), _length(said), _near(said, every))
     holes = [] if plan is None else [_hole(plan, one) for one in plan.openings if one.kind in KINDS]
     counts = [walls, _rooms(plan, capture, truth)]
+    shares = [1.0] * len(truth.openings) if seen is None else seen
+    known = [
+        _Asked(_true_hole(one), one.wall.room == 0, share)
+        for one, share in zip(truth.openings, shares, strict=True)
+        if one.kind in KINDS
+    ]
     for kind in ("doors", "windows"):
-        asked = [_true_hole(one) for one in truth.openings if one.wall.room == 0 and KINDS.get(one.kind) == kind]
-        known = [_true_hole(one) for one in truth.openings if KINDS.get(one.kind) == kind]
         mine = [one for one in holes if KINDS[one.kind] == kind]
-        found = sum(any(_same(one, other) for one in mine) for other in asked)
-        right = sum(any(_same(one, other) for other in known) for one in mine)
-        counts.append(Counts(capture, kind, len(asked), found, len(mine), right))
+        counts += _openings(capture, kind, mine, [one for one in known if KINDS[one.hole.kind] == kind])
     return counts
+
+
+def _openings(capture: str, kind: str, said: Sequence[_Hole], known: Sequence[_Asked]) -> list[Counts]:
+    """Of those that are seen, of those that are seen in part, and of those of which no photo shows a side.
+
+    What lies in no one's place is held against those that are seen.
+    """
+    counts, left = [], list(said)
+    for name, least, most in ((kind, 1.0, 2.0), (f"{kind} in part", 1e-9, 1.0), (f"{kind} not seen", 0.0, 1e-9)):
+        these = [one for one in known if least <= one.seen < most]
+        asked = [one.hole for one in these if one.own]
+        found = sum(any(_same(one, other) for one in said) for other in asked)
+        there = [any(_overlap(one, other.hole) > 0 for other in these) for one in left]
+        right = sum(any(_same(one, other.hole) for other in these) for one in left)
+        counts.append(Counts(capture, name, len(asked), found, sum(there), right))
+        left = [one for one, here in zip(left, there, strict=True) if not here]
+    return [replace(counts[0], said=counts[0].said + len(left)), *counts[1:]]
 
 
 def scores(counts: Iterable[Counts]) -> dict[str, float]:
@@ -99,7 +131,8 @@ def tables(counts: Sequence[Counts]) -> list[Table]:
     kinds = list(dict.fromkeys(one.kind for one in counts))
     figures = [(kind, scores(one for one in counts if one.kind == kind)) for kind in kinds]
     together = {"what": lambda one: one[0], **{key: _figure(key) for key in ("precision", "recall", "f")}}
-    return [table("Plans", columns, counts), table(f"Within {100 * NEAR_M:g} cm", together, figures)]
+    rows = [one for one in counts if one.truth or one.said]
+    return [table("Plans", columns, rows), table(f"Within {100 * NEAR_M:g} cm", together, figures)]
 
 
 def as_json(counts: Sequence[Counts]) -> dict[str, Any]:

@@ -70,13 +70,15 @@ class MeasuredRun:
         """
         from room2dgs.plan.openings import with_openings
         from room2dgs.plan.sight import rays_of
+        from room2dgs.plan.wall_picture import look_of
         from room2dgs.runs.mirrors import trusted_depths
 
         maps = trusted_depths(self.source.folder, self.source.scene)
         if not maps:
             return self.plan
-        rays = rays_of(self.source.scene.train, maps).turned(self.plan.level_from_world)
-        return with_openings(self.plan, rays, self.scale.sigma)
+        frames, level_from_world = self.source.scene.train, self.plan.level_from_world
+        rays, look = rays_of(frames, maps).turned(level_from_world), look_of(frames, maps, level_from_world)
+        return with_openings(self.plan, rays, look, self.scale.sigma)
 
     def spot(self, target: Target) -> Spot:
         """The mesh at a picked point or pixel.

@@ -1,11 +1,10 @@
-"""What views see, ray by ray: from the camera to where the depth of a pixel ends, and how bright it is there."""
+"""What views see, ray by ray: from the camera to where the depth of a pixel ends."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from room2dgs.captures.scene import Frame
@@ -22,17 +21,13 @@ class Rays(NamedTuple):
     Attributes:
         origin, end: (R, 3) metres.
         sigma_m: (R,) expected error of the end, along the ray.
-        bright: (R,) 0..1, grey level of the photo.
         view: (R,) number of the view.
-        pixel: (R,) what a pixel of the small maps is wide, over the distance.
     """
 
     origin: np.ndarray
     end: np.ndarray
     sigma_m: np.ndarray
-    bright: np.ndarray
     view: np.ndarray
-    pixel: np.ndarray
 
     def turned(self, turn: np.ndarray) -> Rays:
         """In another frame; turn (3, 3) is b_from_a."""
@@ -48,15 +43,13 @@ def rays_of(frames: Sequence[Frame], maps: Mapping[str, Trust]) -> Rays:
             parts.append(_of_view(number, frame, trust, trust.depth.astype(np.float64)))
     if not parts:
         none = np.zeros(0)
-        return Rays(np.zeros((0, 3)), np.zeros((0, 3)), none, none, none.astype(int), none)
+        return Rays(np.zeros((0, 3)), np.zeros((0, 3)), none, none.astype(int))
     return Rays(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def _of_view(number: int, frame: Frame, trust: Trust, depth: np.ndarray) -> Rays:
     height, width = depth.shape
     camera = frame.camera.resized(width, height)
-    grey = cv2.cvtColor(frame.levelled_color(), cv2.COLOR_RGB2GRAY)
-    grey = cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA).astype(np.float64) / 255
     sure = trust.confidence / 255
     rows, columns = np.mgrid[STEP // 2 : height : STEP, STEP // 2 : width : STEP]
     keep = (depth[rows, columns] > 0) & (sure[rows, columns] >= LEAST_CONFIDENCE)
@@ -66,6 +59,4 @@ def _of_view(number: int, frame: Frame, trust: Trust, depth: np.ndarray) -> Rays
     relative = completed_sigma(sure[rows, columns].astype(np.float32)).astype(np.float64)
     origin = np.tile(camera.centre, (len(z), 1))
     away = np.linalg.norm(end - origin, axis=1)
-    return Rays(
-        origin, end, relative * away, grey[rows, columns], np.full(len(z), number), np.full(len(z), 1 / camera.K[0, 0])
-    )
+    return Rays(origin, end, relative * away, np.full(len(z), number))
