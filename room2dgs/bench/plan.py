@@ -128,10 +128,10 @@ def tables(counts: Sequence[Counts]) -> list[Table]:
         "said": lambda one: f"{one.said:.3g}",
         "right": lambda one: f"{one.right:.3g}",
     }
-    kinds = list(dict.fromkeys(one.kind for one in counts))
+    rows = [one for one in counts if one.truth or one.said]
+    kinds = list(dict.fromkeys(one.kind for one in rows))
     figures = [(kind, scores(one for one in counts if one.kind == kind)) for kind in kinds]
     together = {"what": lambda one: one[0], **{key: _figure(key) for key in ("precision", "recall", "f")}}
-    rows = [one for one in counts if one.truth or one.said]
     return [table("Plans", columns, rows), table(f"Within {100 * NEAR_M:g} cm", together, figures)]
 
 

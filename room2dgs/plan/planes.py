@@ -19,6 +19,9 @@ LOWEST_ROOM_M = 1.5
 TALL = 0.8  # of the room's height: what a wall reaches, and furniture mostly does not
 BEFORE_WALL_M = 0.4  # in front of a larger wall stand curtains and wardrobes
 TALLER = 0.9  # of the room's height: what a pillar or a chimney reaches there, and they mostly do not
+LOWEST_WALL_M = 1.5  # over the floor: what a wall is seen up to at least
+BEHIND_M = 0.12, 0.7  # behind a plane: where wall or ceiling is seen if it is furniture's
+OWN_M2, BEHIND_M2 = 0.02, 0.06  # of a column of it, 20 cm wide, and behind that: what was seen
 MIN_WALL_M2 = 0.5
 SLANTED_SHARE = 0.2  # of the floor's area: what slanted ceilings have at least
 LOWEST_SLANT_M = 0.9  # over the floor: lower down things stand that lean
@@ -110,10 +113,12 @@ def wall_planes(surface: LevelSurface, floor: Plane, ceiling: Plane | None, snap
             continue
         height = place[on, 2]
         low, high = weighted_quantile(height, area[on], 0.05), weighted_quantile(height, area[on], 0.95)
-        if high >= tall or (roof.any() and _meets(place[on], direction, surface.middle[roof], floor.offset_m)):
+        meets = roof.any() and _meets(place[on], direction, surface.middle[roof], floor.offset_m)
+        last = high >= floor.offset_m + LOWEST_WALL_M and _last(place[on], area[on], direction, offset, surface)
+        if high >= tall or meets or last:
             spread = float(np.sqrt(np.average((place[on, :2] @ direction - offset) ** 2, weights=area[on])))
             found.append(Plane("", np.append(direction, 0.0), offset, float(area[on].sum()), spread, low, high))
-    return _without_hangings(_distinct(found), floor.offset_m + TALLER * (top - floor.offset_m))
+    return _without_hangings(_distinct(found), tall, floor.offset_m + TALLER * (top - floor.offset_m))
 
 
 def _level(surface: LevelSurface, which: np.ndarray, name: str, lowest: bool) -> Plane | None:
@@ -155,6 +160,27 @@ def _meets(place: np.ndarray, direction: np.ndarray, roof: np.ndarray, floor_m: 
     np.minimum.at(ceiling, above, near[:, 2] - floor_m)
     known = np.isfinite(top) & np.isfinite(ceiling)
     return bool(known.any() and (top[known] >= TALL * ceiling[known]).mean() > 0.5 and known.mean() > 0.3)
+
+
+def _last(
+    place: np.ndarray, area: np.ndarray, direction: np.ndarray, offset: float, surface: LevelSurface
+) -> bool:
+    """Whether nothing was seen behind most of a plane whose top was not filmed: behind furniture there is wall or ceiling.
+
+    Args:
+        place, area: (N, 3), (N,) of the plane's faces; direction: (2,) of its normal.
+    """
+    behind = offset - surface.middle[:, :2] @ direction
+    near = (behind > BEHIND_M[0]) & (behind < BEHIND_M[1])
+    along = np.array([-direction[1], direction[0]])
+    start = (place[:, :2] @ along).min()
+    own, other = (((one[:, :2] @ along - start) / ROOF_COLUMN_M) for one in (place, surface.middle[near]))
+    columns = int(own.max()) + 1
+    here = np.bincount(own.astype(np.int64), area, columns)
+    beside = (other >= 0) & (other < columns)
+    there = np.bincount(other[beside].astype(np.int64), surface.area[near][beside], columns)
+    full = here > OWN_M2
+    return bool(full.any() and (there[full] > BEHIND_M2).mean() < 0.5)
 
 
 def _largest(normal: np.ndarray, place: np.ndarray, area: np.ndarray) -> tuple[np.ndarray, float] | None:
@@ -276,15 +302,15 @@ def _distinct(planes: list[Plane]) -> list[Plane]:
     return kept
 
 
-def _without_hangings(planes: list[Plane], tall: float) -> list[Plane]:
-    """Without what hangs or stands close before a larger wall and ends below `tall`."""
+def _without_hangings(planes: list[Plane], tall: float, taller: float) -> list[Plane]:
+    """Without what hangs or stands close before a larger wall and ends below `taller`; below `tall`, before any."""
 
-    def is_wall(one: Plane) -> bool:
-        return one.high_m >= tall or not any(
-            other.area_m2 > one.area_m2
-            and one.normal @ other.normal > np.cos(np.radians(SNAP_DEG))
-            and 0 < one.offset_m - other.offset_m < BEFORE_WALL_M
-            for other in planes
+    def hides(one: Plane, other: Plane) -> bool:
+        low = one.high_m < tall
+        behind = one.offset_m - other.offset_m
+        alike = one.normal @ other.normal > np.cos(np.radians(SNAP_DEG))
+        return bool(
+            alike and 0 < behind < (BEHIND_M[1] if low else BEFORE_WALL_M) and (low or other.area_m2 > one.area_m2)
         )
 
-    return [one for one in planes if is_wall(one)]
+    return [one for one in planes if one.high_m >= taller or not any(hides(one, other) for other in planes)]
