@@ -29,7 +29,8 @@ ROOF_NEAR_M, ROOF_COLUMN_M = 0.3, 0.2  # before a wall, and along it: where its 
 ANGLE_BINS = 180
 ANGLE_DEG = 10.0
 OFFSET_M = 0.03
-SNAP_DEG = 3.0  # walls that nearly stand at right angles to the others are taken to do so
+SQUARE_DEG = 6.0  # walls that nearly stand at right angles to the others are taken to do so
+PARALLEL_DEG = 3.0  # between parallel walls
 MODE_BIN_M, MODE_SMOOTH = 0.005, 3  # offsets of one wall's faces are counted in such bins, smoothed over so many
 MODE_REACH_M = 0.08  # doors, boards and mouldings stand so far before their wall
 MODE_SHARE = 0.15  # of the fullest: how full the outermost level is at least
@@ -162,10 +163,8 @@ def _meets(place: np.ndarray, direction: np.ndarray, roof: np.ndarray, floor_m: 
     return bool(known.any() and (top[known] >= TALL * ceiling[known]).mean() > 0.5 and known.mean() > 0.3)
 
 
-def _last(
-    place: np.ndarray, area: np.ndarray, direction: np.ndarray, offset: float, surface: LevelSurface
-) -> bool:
-    """Whether nothing was seen behind most of a plane whose top was not filmed: behind furniture there is wall or ceiling.
+def _last(place: np.ndarray, area: np.ndarray, direction: np.ndarray, offset: float, surface: LevelSurface) -> bool:
+    """Whether nothing was seen behind most of a plane whose top was not filmed; behind furniture is wall or ceiling.
 
     Args:
         place, area: (N, 3), (N,) of the plane's faces; direction: (2,) of its normal.
@@ -287,7 +286,7 @@ def _line(place: np.ndarray, weight: np.ndarray, direction: np.ndarray) -> np.nd
 def _snapped(direction: np.ndarray) -> np.ndarray:
     axis = np.zeros(2)
     axis[np.abs(direction).argmax()] = np.sign(direction[np.abs(direction).argmax()])
-    return axis if direction @ axis > np.cos(np.radians(SNAP_DEG)) else direction
+    return axis if direction @ axis > np.cos(np.radians(SQUARE_DEG)) else direction
 
 
 def _distinct(planes: list[Plane]) -> list[Plane]:
@@ -295,7 +294,7 @@ def _distinct(planes: list[Plane]) -> list[Plane]:
     kept: list[Plane] = []
     for one in sorted(planes, key=lambda plane: -plane.area_m2):
         if not any(
-            one.normal @ other.normal > np.cos(np.radians(SNAP_DEG)) and abs(one.offset_m - other.offset_m) < SAME_M
+            one.normal @ other.normal > np.cos(np.radians(PARALLEL_DEG)) and abs(one.offset_m - other.offset_m) < SAME_M
             for other in kept
         ):
             kept.append(one)
@@ -308,7 +307,7 @@ def _without_hangings(planes: list[Plane], tall: float, taller: float) -> list[P
     def hides(one: Plane, other: Plane) -> bool:
         low = one.high_m < tall
         behind = one.offset_m - other.offset_m
-        alike = one.normal @ other.normal > np.cos(np.radians(SNAP_DEG))
+        alike = one.normal @ other.normal > np.cos(np.radians(PARALLEL_DEG))
         return bool(
             alike and 0 < behind < (BEHIND_M[1] if low else BEFORE_WALL_M) and (low or other.area_m2 > one.area_m2)
         )

@@ -150,6 +150,31 @@ def test_a_curtain_is_no_wall_and_floor_that_reaches_under_the_walls_no_notch():
     assert all(side.wall is not None for side in room.sides)
 
 
+@pytest.mark.parametrize(("seen_above", "width"), [(False, 4.0), (True, 4.6), (True, 4.8)])
+def test_a_front_that_is_not_seen_up_to_the_ceiling_is_a_wall_where_nothing_was_seen_behind_it(seen_above, width):
+    """The wall x = 4 was filmed up to 1.7 m of 2.5; or it is a row of wardrobes over which one sees the wall behind."""
+    outline = [(0, 0), (width, 0), (width, 3), (0, 3)]
+    middle = (2, 1.5, 1)
+    parts = [room_of(outline, 2.5, [(0, 0, 3.8, 3)], ceiling=False)]
+    walls = parts[0].triangles_center
+    parts[0].update_faces((walls[:, 0] < 3.9) | (seen_above & (walls[:, 2] > 1.7)))
+    parts.append(surface([(4, 0, 0), (4, 3, 0), (4, 0, 1.7)], middle))
+    parts.append(surface([(0, 0, 2.5), (3.2, 0, 2.5), (0, 3, 2.5)], middle))
+    if seen_above:
+        parts.append(surface([(3.2, 0, 2.5), (width, 0, 2.5), (3.2, 3, 2.5)], middle))
+    (room,) = floor_plan(trimesh.util.concatenate(parts), Z_UP).rooms
+    assert sorted(side.length_m for side in room.sides) == pytest.approx([3, 3, width, width], abs=0.01)
+    assert all(side.wall is not None for side in room.sides)
+
+
+def test_walls_within_6_degrees_of_square_are_square():
+    for degrees, turned in ((5, 0), (8, 1)):
+        lean = 3 * np.tan(np.radians(degrees))
+        outline = [(0, 0), (4, 0), (4 - lean, 3), (0, 3)]
+        plan = floor_plan(room_of(outline, 2.5, [(0, 0, 4, 3)]), Z_UP)
+        assert sum(bool(np.abs(wall.normal).max() < 0.999) for wall in plan.walls) == turned
+
+
 def test_a_chimney_before_a_wall_stays():
     outline = [(0, 0), (4.5, 0), (4.5, 1), (4.2, 1), (4.2, 2.4), (4.5, 2.4), (4.5, 3.5), (0, 3.5)]
     tiles = [(0, 0, 4.2, 3.5), (4.2, 0, 4.5, 1), (4.2, 2.4, 4.5, 3.5)]
