@@ -129,7 +129,8 @@ def tables(counts: Sequence[Counts]) -> list[Table]:
         "right": lambda one: f"{one.right:.3g}",
     }
     rows = [one for one in counts if one.truth or one.said]
-    kinds = list(dict.fromkeys(one.kind for one in rows))
+    there = {one.kind for one in rows}
+    kinds = [kind for kind in dict.fromkeys(one.kind for one in counts) if kind in there]
     figures = [(kind, scores(one for one in counts if one.kind == kind)) for kind in kinds]
     together = {"what": lambda one: one[0], **{key: _figure(key) for key in ("precision", "recall", "f")}}
     return [table("Plans", columns, rows), table(f"Within {100 * NEAR_M:g} cm", together, figures)]
