@@ -18,6 +18,7 @@ from room2dgs.plan.wall_map import CELL_M, WallMap, wall_map
 from room2dgs.plan.wall_picture import Look
 
 SHORTEST_WALL_M = 0.35
+LEAST_SCORE = float(np.log(0.6 / 0.4))  # of what is named: likelier than not, and no tie
 LEAST_VIEWS = 2  # of which rays look through an opening
 ROOM_DEEP_M = 0.6  # behind a wall's plane: the back of a niche is nearer, another room's farther
 SHINES = 0.5  # share of a pane in a recess
@@ -89,7 +90,7 @@ def _best(wall: WallMap, kind: Kind, taken: list[Rectangles]) -> _Found | None:
         near = beside(place, wall.shape)
         scores = kind.scores(wall, near)
         place = near.of(np.array([scores.argmax()]))
-    return _Found(kind, rim(wall, place, kind.framed), float(scores.max())) if scores.max() > 0 else None
+    return _Found(kind, rim(wall, place, kind.framed), float(scores.max())) if scores.max() > LEAST_SCORE else None
 
 
 def _shared(these: Rectangles, other: Rectangles) -> np.ndarray:
