@@ -9,7 +9,7 @@ from room2dgs.plan.label import room_label
 from room2dgs.plan.outline import Side
 from room2dgs.plan.svg import opening_ends
 
-LAYERS = {"WALLS": 7, "OPEN": 8, "DIMENSIONS": 5, "TEXT": 3, "DOORS": 30, "WINDOWS": 4, "NICHES": 9}
+LAYERS = {"WALLS": 7, "OPEN": 8, "DIMENSIONS": 5, "TEXT": 3, "DOORS": 30, "WINDOWS": 4, "NICHES": 9, "LOW_WALLS": 8}
 LAYER_OF = {"door": "DOORS", "passage": "DOORS", "window": "WINDOWS", "niche": "NICHES"}
 TEXT_M = 0.12
 DIMENSION_M = 0.35  # between a wall and its dimension
@@ -63,6 +63,8 @@ def dxf(plan: FloorPlan) -> str:
     for one in plan.openings:
         start, end = (tuple(point) for point in opening_ends(plan, one))
         space.add_line(start, end, dxfattribs={"layer": LAYER_OF[one.kind], "lineweight": 50})
+    for wall in plan.low_walls:
+        space.add_lwpolyline([tuple(corner) for corner in wall.corners], close=True, dxfattribs={"layer": "LOW_WALLS"})
     stream = io.StringIO()
     document.write(stream)
     return stream.getvalue()

@@ -10,9 +10,10 @@ import trimesh
 
 from room2dgs.captures.world_offset import AT_ORIGIN, Origin
 from room2dgs.lengths.length import Length, with_sigma
+from room2dgs.plan.low_walls import LowWall, low_walls
 from room2dgs.plan.opening import Opening
 from room2dgs.plan.outline import Outline, Side, outlines
-from room2dgs.plan.planes import Plane, level_planes, wall_planes
+from room2dgs.plan.planes import Plane, level_planes, upright_planes, wall_planes
 from room2dgs.plan.surface import heading, level_surface, turned_about_up
 
 LEAST_SPREAD_M = 0.002
@@ -30,6 +31,7 @@ class FloorPlan:
         height: from floor to ceiling, with its standard deviation; None: no ceiling, or not measured (`with_sigmas`).
         unit: of lengths: "m", or "units" where the scale of the capture is unknown.
         openings: doors, windows, passages and niches; none where the run does not say what its views see.
+        low_walls: that end far below the ceiling.
     """
 
     level_from_world: np.ndarray
@@ -40,6 +42,7 @@ class FloorPlan:
     height: Length | None = None
     unit: str = "m"
     openings: tuple[Opening, ...] = ()
+    low_walls: tuple[LowWall, ...] = ()
 
     @property
     def height_m(self) -> float | None:
@@ -68,21 +71,22 @@ def floor_plan(mesh: trimesh.Trimesh, up: np.ndarray, stood: np.ndarray | None =
     """
     surface = level_surface(mesh, up)
     floor, ceiling = level_planes(surface)
-    first = wall_planes(surface, floor, ceiling, snap=False)
+    first = wall_planes(surface, floor, ceiling, upright_planes(surface, snap=False))
     # The planes know the heading better than single faces, whose normals are rough: a line of length l that is uneven
     # by s tells its direction with a variance of s^2 / (area l^2), and all walls are about as high.
     normals = np.stack([wall.normal[:2] for wall in first]) if first else np.zeros((0, 2))
     sure = np.array([wall.area_m2**3 / (wall.spread_m + LEAST_SPREAD_M) ** 2 for wall in first])
     surface = turned_about_up(surface, heading(normals, sure))
-    found = wall_planes(surface, floor, ceiling)
+    planes = upright_planes(surface)
+    found = wall_planes(surface, floor, ceiling, planes)
     inside = np.zeros((0, 2)) if stood is None else (stood @ surface.level_from_world.T)[:, :2]
     rooms = outlines(surface, floor, ceiling, found, inside)
     used = list(dict.fromkeys(side.wall for room in rooms for side in _sides(room) if side.wall is not None))
     walls = tuple(replace(found[index], name=f"wall_{number}") for number, index in enumerate(used, start=1))
     number = {index: place for place, index in enumerate(used)}
-    return FloorPlan(
-        surface.level_from_world, floor, ceiling, walls, tuple(_renumbered(room, number) for room in rooms)
-    )
+    rooms = [_renumbered(room, number) for room in rooms]
+    low = low_walls(surface, floor, planes)
+    return FloorPlan(surface.level_from_world, floor, ceiling, walls, tuple(rooms), low_walls=low)
 
 
 def plan_in_world(plan: FloorPlan, origin_m: Origin) -> FloorPlan:
@@ -107,6 +111,15 @@ def plan_in_world(plan: FloorPlan, origin_m: Origin) -> FloorPlan:
         floor=plane(plan.floor),
         ceiling=plan.ceiling and plane(plan.ceiling),
         walls=tuple(plane(wall) for wall in plan.walls),
+        low_walls=tuple(
+            replace(
+                wall,
+                start=wall.start + by[:2],
+                end=wall.end + by[:2],
+                faces=(plane(wall.faces[0]), plane(wall.faces[1])),
+            )
+            for wall in plan.low_walls
+        ),
         rooms=tuple(
             replace(room, sides=ring(room.sides), islands=tuple(ring(island) for island in room.islands))
             for room in plan.rooms
@@ -134,6 +147,11 @@ def sentences(plan: FloorPlan) -> list[str]:
             f"{shut}{one.kind} in {wall}: {one.width.text(plan.unit)} wide, {one.height.text(plan.unit)} high, "
             f"{one.low_m:.2f} m over the floor, probability {one.probability:.2f}"
         )
+    lines += [
+        f"low wall: {_text(one.thickness, one.thick_m, plan.unit)} thick, {one.length_m:.2f} {plan.unit} long, "
+        f"{one.high_m:.2f} {plan.unit} high"
+        for one in plan.low_walls
+    ]
     lines += [
         f"{one.name}: {one.area_m2:.1f} {plan.unit}² seen, {one.spread_m * 1000:.1f} mm uneven" for one in plan.planes
     ]
@@ -173,6 +191,7 @@ def as_json(plan: FloorPlan) -> dict[str, Any]:
             }
             for number, room in enumerate(plan.rooms)
         ],
+        "low_walls": [one.as_dict(plan.unit) for one in plan.low_walls],
     }
 
 

@@ -87,6 +87,10 @@ def ifc(plan: FloorPlan, name: str) -> str:
         for index, side in enumerate(room.sides):
             if side.wall is not None:
                 _wall(model, plan, room, number - 1, index, side, floor, height)
+    for number, low in enumerate(plan.low_walls, start=1):
+        wall = model.element("IfcWall", f"low wall {number}", low.corners, floor, low.high_m)
+        wall.PredefinedType = "PARAPET"
+        model.contains(wall)
     return model.file.to_string()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -84,23 +85,31 @@ def _slanted(surface: LevelSurface, floor: Plane) -> np.ndarray:
     return surface.overhanging & (surface.middle[:, 2] > floor.offset_m + LOWEST_SLANT_M)
 
 
-def wall_planes(surface: LevelSurface, floor: Plane, ceiling: Plane | None, snap: bool = True) -> list[Plane]:
-    """Upright planes that reach high enough, largest first; not yet named.
+@dataclass(frozen=True)
+class UprightPlane:
+    """A wall, or something else that is flat and upright.
+
+    Attributes:
+        faces: (K,) numbers of the surface's faces that lie on it.
+    """
+
+    plane: Plane
+    faces: np.ndarray
+
+
+def upright_planes(surface: LevelSurface, snap: bool = True) -> list[UprightPlane]:
+    """Upright planes, roughly the largest first; not named.
 
     Args:
-        snap: walls that nearly lie along x or y do so.
+        snap: those that nearly lie along x or y do so.
     """
-    top = -ceiling.offset_m if ceiling else float(np.quantile(surface.middle[:, 2], 0.995))
-    tall = floor.offset_m + TALL * (top - floor.offset_m)
-    slanted = ceiling is None and surface.area[_slanted(surface, floor)].sum() > SLANTED_SHARE * floor.area_m2
-    roof = _slanted(surface, floor) & slanted
     upright = np.flatnonzero(surface.upright)
     normal = surface.normal[upright, :2]
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     place, area = surface.middle[upright], surface.area[upright]
     faces = _Upright(normal, place, area, surface.weight[upright])
     left = np.ones(len(upright), bool)
-    found: list[Plane] = []
+    found: list[UprightPlane] = []
     for _ in range(MAX_PLANES):
         start = _largest(normal[left], place[left], area[left])
         if start is None:
@@ -112,13 +121,29 @@ def wall_planes(surface: LevelSurface, floor: Plane, ceiling: Plane | None, snap
             if area[on].sum() < MIN_WALL_M2 / 4:
                 break
             continue
-        height = place[on, 2]
-        low, high = weighted_quantile(height, area[on], 0.05), weighted_quantile(height, area[on], 0.95)
-        meets = roof.any() and _meets(place[on], direction, surface.middle[roof], floor.offset_m)
-        last = high >= floor.offset_m + LOWEST_WALL_M and _last(place[on], area[on], direction, offset, surface)
-        if high >= tall or meets or last:
-            spread = float(np.sqrt(np.average((place[on, :2] @ direction - offset) ** 2, weights=area[on])))
-            found.append(Plane("", np.append(direction, 0.0), offset, float(area[on].sum()), spread, low, high))
+        low, high = (weighted_quantile(place[on, 2], area[on], share) for share in (0.05, 0.95))
+        spread = float(np.sqrt(np.average((place[on, :2] @ direction - offset) ** 2, weights=area[on])))
+        plane = Plane("", np.append(direction, 0.0), offset, float(area[on].sum()), spread, low, high)
+        found.append(UprightPlane(plane, upright[on]))
+    return found
+
+
+def wall_planes(
+    surface: LevelSurface, floor: Plane, ceiling: Plane | None, planes: Sequence[UprightPlane]
+) -> list[Plane]:
+    """Those of the upright planes that reach high enough, largest first; not yet named."""
+    top = -ceiling.offset_m if ceiling else float(np.quantile(surface.middle[:, 2], 0.995))
+    tall = floor.offset_m + TALL * (top - floor.offset_m)
+    slanted = ceiling is None and surface.area[_slanted(surface, floor)].sum() > SLANTED_SHARE * floor.area_m2
+    roof = _slanted(surface, floor) & slanted
+    found: list[Plane] = []
+    for one in planes:
+        plane, direction = one.plane, one.plane.normal[:2]
+        place, area = surface.middle[one.faces], surface.area[one.faces]
+        meets = roof.any() and _meets(place, direction, surface.middle[roof], floor.offset_m)
+        seen_up = plane.high_m >= floor.offset_m + LOWEST_WALL_M
+        if plane.high_m >= tall or meets or (seen_up and _last(place, area, direction, plane.offset_m, surface)):
+            found.append(plane)
     return _without_hangings(_distinct(found), tall, floor.offset_m + TALLER * (top - floor.offset_m))
 
 

@@ -12,6 +12,7 @@ from room2dgs.lengths.length import Length
 from room2dgs.lengths.plane_sigma import UNKNOWN, Faces, PlaneSigma, plane_sigma
 from room2dgs.lengths.scale import ScaleTrust
 from room2dgs.plan.floor_plan import FloorPlan
+from room2dgs.plan.low_walls import LowWall
 from room2dgs.plan.outline import Outline, Side
 from room2dgs.plan.planes import Plane
 
@@ -37,7 +38,8 @@ def with_sigmas(plan: FloorPlan, faces: Faces, scale: ScaleTrust) -> FloorPlan:
     level = Faces(faces.middle @ turn, faces.normal @ turn, faces.area, faces.sigma_m)
     walls = [plane_sigma(level, wall.normal, wall.offset_m) for wall in plan.walls]
     rooms = tuple(_measured(room, plan.walls, walls, scale.sigma) for room in plan.rooms)
-    return replace(plan, rooms=rooms, height=_height(plan, level, scale.sigma), unit=scale.unit)
+    low = tuple(_with_thickness(wall, level, scale.sigma) for wall in plan.low_walls)
+    return replace(plan, rooms=rooms, low_walls=low, height=_height(plan, level, scale.sigma), unit=scale.unit)
 
 
 def room_area(room: Outline, scale: float) -> Area:
@@ -54,6 +56,11 @@ def room_area(room: Outline, scale: float) -> Area:
         own = 0.0 if before.measured is None else float(np.hypot(before.measured.surface_m, before.measured.fit_m))
         parts.append(side.length_m * own / np.sqrt(2))  # a length has two ends
     return Area(room.area_m2, float(np.hypot(np.linalg.norm(parts), 2 * scale * room.area_m2)))
+
+
+def _with_thickness(wall: LowWall, level: Faces, scale: float) -> LowWall:
+    one, other = (plane_sigma(level, face.normal, face.offset_m) for face in wall.faces)
+    return replace(wall, thickness=_between(wall.thick_m, (one, 1.0), (other, 1.0), scale, "its two faces"))
 
 
 def _height(plan: FloorPlan, level: Faces, scale: float) -> Length | None:

@@ -74,6 +74,11 @@ def svg(plan: FloorPlan, title: str) -> str:
         label = room_label(room, lines, TEXT_M)
         for text, at in zip(lines, label.lines, strict=True):
             write(at, text, label.size_m)
+    for wall in plan.low_walls:
+        outline = " L ".join("{:.2f} {:.2f}".format(*place(corner)) for corner in wall.corners)
+        item = ET.SubElement(root, "path", d=f"M {outline} Z", fill="#d8d2c4", stroke="#222")
+        item.set("class", "low-wall")
+        ET.SubElement(item, "title").text = f"wall {wall.high_m:.2f} {plan.unit} high"
     _scale(root, height)
     return ET.tostring(root, encoding="unicode") + "\n"
 
