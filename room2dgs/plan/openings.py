@@ -26,7 +26,7 @@ BACK = 0.8  # quantile of what lies behind a wall's plane: its back, and not wha
 DOOR_WIDE_M = 1.25  # wider ones are passages
 APART = 0.1  # of the smaller one's area: what two openings share at most
 SWEEPS = 3  # over the sides of a rectangle, to fit them better
-EDGE_SIGMA_M, LEAST_EDGE = 0.025, 0.25  # of a side that is a clear edge; strength below which it is no worse
+EDGE_SIGMA_M, LEAST_EDGE = 0.05, 0.25  # of a side that is a clear edge; strength below which it is no worse
 
 
 @dataclass(frozen=True)
