@@ -1,7 +1,7 @@
 """How well mirrors are found in runs of made rooms, by pixel of the small maps.
 
     python -m room2dgs.tools.make_captures ROOMS --mirrors 2
-    room2dgs run scene.path=ROOMS/room_00 out=RUN mesh.source=depth
+    room2dgs run scene.path=ROOMS/room_00 out=RUN prior=room_prior mesh.source=depth
     python -m room2dgs.tools.mirror_check RUN ...
 
 Of each run: the mirrors; precision and recall of the marked pixels; the share of the depths behind a mirror's glass

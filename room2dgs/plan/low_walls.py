@@ -19,7 +19,6 @@ OPPOSITE = -0.995  # cosine between the faces' normals
 COLUMN_M = 0.05  # along the wall
 GAP = 3  # columns that things may hide
 FOOT_M, TOP_M = 0.3, 0.15  # over the floor, and below the top: where a face is seen in a column that is the wall's
-ALIKE_M = 0.15  # between the heights up to which both faces are seen
 EDGE_SIGMA_M = 0.03  # of its ends and its top
 
 
@@ -80,8 +79,7 @@ def low_walls(surface: LevelSurface, floor: Plane, planes: Sequence[UprightPlane
 def _between(surface: LevelSurface, floor: Plane, one: UprightPlane, other: UprightPlane) -> Iterator[LowWall]:
     thick = one.plane.offset_m + other.plane.offset_m
     back_to_back = one.plane.normal @ other.plane.normal < OPPOSITE and THICK_M[0] <= thick <= THICK_M[1]
-    high = one.plane.high_m, other.plane.high_m
-    if not back_to_back or abs(high[0] - high[1]) > ALIKE_M:
+    if not back_to_back:
         return
     normal = one.plane.normal[:2]
     along = np.array([normal[1], -normal[0]])  # the normal of the first face points to its left
@@ -93,7 +91,9 @@ def _between(surface: LevelSurface, floor: Plane, one: UprightPlane, other: Upri
         return
     middle = (one.plane.offset_m - thick / 2) * normal
     ends = [middle + (start + column * COLUMN_M) * along for column in (first, last)]
-    yield LowWall(ends[0], ends[1], max(high) - floor.offset_m, thick, (one.plane, other.plane))
+    yield LowWall(
+        ends[0], ends[1], max(one.plane.high_m, other.plane.high_m) - floor.offset_m, thick, (one.plane, other.plane)
+    )
 
 
 def _whole_columns(

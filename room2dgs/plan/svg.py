@@ -78,7 +78,7 @@ def svg(plan: FloorPlan, title: str) -> str:
         outline = " L ".join("{:.2f} {:.2f}".format(*place(corner)) for corner in wall.corners)
         item = ET.SubElement(root, "path", d=f"M {outline} Z", fill="#d8d2c4", stroke="#222")
         item.set("class", "low-wall")
-        ET.SubElement(item, "title").text = f"wall {wall.high_m:.2f} {plan.unit} high"
+        ET.SubElement(item, "title").text = f"low wall, {wall.high_m:.2f} {plan.unit} high"
     _scale(root, height)
     return ET.tostring(root, encoding="unicode") + "\n"
 

@@ -66,5 +66,5 @@ class StrategyConfig:
     )
     reset_every: Time = expert(
         0,
-        "Iterations between resets of all opacities by strategy=plain (0: none); growth has as many left after each.",
+        "Iterations between resets of all opacities by strategy=plain (0: none), and from the last to growth's end.",
     )
